@@ -1,0 +1,36 @@
+"""A Bundle: generated text by relative path, ready to be written or compiled."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class CodegenError(Exception):
+    """A name or a target cannot become C; the message names it, the rule and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """`files`: relative path -> text. `sources` and `headers` name those a user's build needs."""
+
+    name: str
+    program_id: str
+    files: Mapping[str, str]
+    sources: tuple[str, ...]
+    headers: tuple[str, ...]
+
+
+def write_files(files: Mapping[str, str], folder: Path) -> None:
+    """Write every file under `folder`, each one whole or not at all (temporary name, then rename)."""
+    for relative, text in files.items():
+        path = folder / relative
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)

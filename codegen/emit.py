@@ -1,0 +1,88 @@
+"""Print a Program as C99: one header, one source, one support header, and the manifest that describes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+
+from codegen.bundle import Bundle, CodegenError
+from codegen.environment import render, text_of
+from codegen.names import check_identifier
+from codegen.view import c_type, physical, program_view
+from quantize.program import Program, Value
+
+
+def emit(program: Program, command: str) -> Bundle:
+    """Return the C of a program; the same program and command give the same bytes.
+
+    `command` is the command line that makes it again; it is printed in a comment.
+
+    Raises
+    ------
+    CodegenError
+        when a name cannot be a C identifier.
+    """
+    _check_names(program)
+    view = program_view(program, _version(), command)
+    support = str(view["support"])
+    files = {
+        f"{program.name}.h": render("controller.h.j2", view),
+        f"{program.name}.c": render("controller.c.j2", view),
+        support: text_of(f"support/{support}"),
+    }
+    return Bundle(program.name, program.id, files, (f"{program.name}.c",), (f"{program.name}.h", support))
+
+
+def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:
+    """Return manifest.json: what was generated and how its structs are laid out."""
+    return {
+        "schema": 1,
+        "name": program.name,
+        "program_id": program.id,
+        "period_s": program.period,
+        "arithmetic": program.arithmetic,
+        "sources": list(bundle.sources),
+        "headers": list(bundle.headers),
+        "include_dirs": ["."],
+        "inputs": [_entry(v) for v in program.inputs],
+        "outputs": [_entry(v) for v in program.outputs],
+        "state": [_entry(v) for v in program.state],
+        "status": [{"name": b.name, "bit": b.bit, "says": b.says} for b in program.status],
+        "rounding": {
+            r.output: {"bound": r.bound if math.isfinite(r.bound) else None, "unit": r.unit} for r in program.rounding
+        },
+    }
+
+
+def _entry(value: Value) -> dict[str, object]:
+    low, high = physical(value.low, value.number), physical(value.high, value.number)
+    return {
+        "name": value.name,
+        "unit": value.unit,
+        "type": c_type(value.number),
+        "fraction_bits": value.number.fraction if value.number.kind == "fixed" else None,
+        "low": low if math.isfinite(low) else None,
+        "high": high if math.isfinite(high) else None,
+    }
+
+
+def _check_names(program: Program) -> None:
+    check_identifier(program.name, "project name")
+    own = {f"{program.name}{end}" for end in ("_t", "_in_t", "_out_t", "_init", "_step", "_assert_layout")}
+    for value in (*program.inputs, *program.outputs, *program.state):
+        check_identifier(value.name, "signal")
+        if value.name in own:
+            raise CodegenError(f"signal {value.name!r} is a name the generated code uses: choose another name")
+    for kind, values in (("input", program.inputs), ("output", program.outputs)):
+        names = [v.name for v in values]
+        for name in names:
+            if names.count(name) > 1:
+                raise CodegenError(f"{kind} {name!r} appears twice: every signal needs its own name")
+
+
+def _version() -> str:
+    try:
+        return version("firmloop")
+    except PackageNotFoundError:  # run from the tree without an installation
+        return "from source"

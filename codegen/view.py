@@ -1,0 +1,165 @@
+"""Flatten a Program into what the two controller templates may see: strings, ready to print."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from quantize.ops import OPERATIONS
+from quantize.program import Number, Op, Program, Value
+
+View = dict[str, object]
+
+NUMBER_SAYS = {
+    "float32": "single precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)",
+    "float64": "double precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)",
+    "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven",
+    "fixed16": "16-bit fixed point, 32-bit products and state, saturating, rounding to nearest; no overflow, proven",
+}
+PLACES = {"in": "in->", "self": "self->"}
+
+
+def c_type(number: Number) -> str:
+    """Return the C type of a struct member: float, double, int16_t or int32_t."""
+    if number.kind == "float":
+        return "float" if number.bits == 32 else "double"
+    return f"int{number.bits}_t"
+
+
+def literal(value: float, number: Number) -> str:
+    """Return a C constant of exactly this value.
+
+    >>> literal(-5, Number("fixed", 32, 0)), literal(-2**31, Number("fixed", 32, 0))
+    ('(-5)', '(-2147483647 - 1)')
+    >>> literal(np.float32(0.1), Number("float", 32, 0)), literal(2.0, Number("float", 64, 0))
+    ('0.1F', '2.0')
+    """
+    if number.kind == "fixed":
+        raw = int(value)
+        if raw == -(2**31):
+            return "(-2147483647 - 1)"
+        return str(raw) if raw >= 0 else f"({raw})"
+    text = str(np.float32(value)) if number.bits == 32 else repr(float(value))
+    suffix = "F" if number.bits == 32 else ""
+    return f"{text}{suffix}" if not text.startswith("-") else f"({text}{suffix})"
+
+
+def program_view(program: Program, version: str, command: str) -> View:
+    """Return everything the header and the source of a controller print."""
+    macro = program.name.upper()
+    last = len(program.status) - 1
+    state = [_member(v) for v in program.state]
+    start = [
+        {"name": v.name, "literal": literal(x, v.number)} for v, x in zip(program.state, program.start, strict=True)
+    ]
+    if not state:  # C has no empty struct
+        state = [{"name": "unused", "type": "int32_t", "note": "this controller has no state"}]
+        start = [{"name": "unused", "literal": "0"}]
+    floating = program.arithmetic.startswith("float")
+    return {
+        "name": program.name,
+        "says": program.says,
+        "version": version,
+        "command": command,
+        "macro": macro,
+        "program_id": program.id,
+        "period": repr(program.period),
+        "number_says": NUMBER_SAYS[program.arithmetic],
+        "nan_says": ", a NaN to the low end" if floating else "",
+        "support": "fl_float.h" if floating else "fl_fixed.h",
+        "rounding": [
+            {"output": r.output, "bound": f"{r.bound:.3g}", "unit": r.unit}
+            for r in program.rounding
+            if math.isfinite(r.bound)
+        ],
+        "fractions": [
+            {"macro": v.name.upper(), "name": v.name, "fraction": v.number.fraction}
+            for v in (*program.inputs, *program.outputs)
+            if not floating
+        ],
+        "status": [
+            {"macro": b.name.upper(), "mask": 1 << b.bit, "says": b.says, "comma": "," if k < last else ""}
+            for k, b in enumerate(program.status)
+        ],
+        "inputs": [_member(v) for v in program.inputs],
+        "outputs": [_member(v) for v in program.outputs],
+        "state": state,
+        "state_bytes": sum(v.number.bits // 8 for v in program.state) or 4,
+        "start": start,
+        "lines": [_line(op, program) for op in program.body],
+        "stores": _stores(program),
+        "ignored": [] if program.state else ["self"],
+        "status_expression": " | ".join(_status_term(b.source, b.bit) for b in program.status) or "0U",
+    }
+
+
+def statement(op: Op, program: Program) -> str:
+    """Return the C statement of one operation, as the source prints it."""
+    line = _line(op, program)
+    return f"{line['name']} = {line['expression']}"
+
+
+def _member(value: Value) -> dict[str, str]:
+    low, high = physical(value.low, value.number), physical(value.high, value.number)
+    q = f", Q{value.number.fraction}" if value.number.kind == "fixed" else ""
+    span = f", {low:.6g} to {high:.6g}" if math.isfinite(low) and math.isfinite(high) else ""
+    return {"name": value.name, "type": c_type(value.number), "note": f"{value.unit or '1'}{q}{span}"}
+
+
+def physical(raw: float, number: Number) -> float:
+    """Return the physical value of a raw one."""
+    return raw * 2.0**-number.fraction
+
+
+def _line(op: Op, program: Program) -> dict[str, str]:
+    operation = OPERATIONS[op.function]
+    style = "fixed" if program.arithmetic.startswith("fixed") or op.function in ("and", "or", "not") else ""
+    form = operation.c[style or program.arithmetic]
+    number = op.result.number
+    operand = _literal_number(op, program)
+    texts = [_argument(a, operand) for a in op.arguments]
+    if operation.truth:
+        note = "truth"
+    else:
+        low, high = physical(op.result.low, number), physical(op.result.high, number)
+        q = f"Q{number.fraction}, " if number.kind == "fixed" else ""
+        unit = f"{op.result.unit}, " if op.result.unit else ""
+        note = f"{unit}{q}{low:.6g} to {high:.6g}"
+    kind = "int32_t" if number.kind == "fixed" else c_type(number)
+    expression = re.sub(r"(?<=, )\((-[^()]+)\)(?=[,)])|(?<=\()\((-[^()]+)\)(?=[,)])", r"\1\2", form.format(*texts))
+    return {"name": op.result.name, "type": kind, "expression": expression, "note": note}
+
+
+def _literal_number(op: Op, program: Program) -> Number:
+    """Return the type a literal argument of this operation has."""
+    if program.arithmetic.startswith("float") and op.function not in ("and", "or", "not"):
+        return Number("float", int(program.arithmetic[5:]), 0)
+    return Number("fixed", 32, 0)
+
+
+def _argument(argument: str | int | float, number: Number) -> str:
+    if not isinstance(argument, str):
+        return literal(argument, number)
+    place, dot, member = argument.partition(".")
+    return f"{PLACES[place]}{member}" if dot else argument
+
+
+def _stores(program: Program) -> list[dict[str, str]]:
+    types = {v.name: c_type(v.number) for v in program.outputs}
+    states = [{"target": f"self->{a.target}", "source": _argument(a.source, TYPE_INT)} for a in program.next_state]
+    outputs = []
+    for a in program.results:
+        source = _argument(a.source, TYPE_INT)
+        outputs.append(
+            {"target": f"out->{a.target}", "source": f"(int16_t){source}" if types[a.target] == "int16_t" else source}
+        )
+    return outputs + states
+
+
+TYPE_INT = Number("fixed", 32, 0)
+
+
+def _status_term(source: str, bit: int) -> str:
+    return f"(uint32_t){source}" if bit == 0 else f"((uint32_t){source} << {bit}U)"

@@ -1,0 +1,1 @@
+"""Plant in, real-valued law out."""

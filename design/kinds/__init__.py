@@ -1,0 +1,96 @@
+"""Controller kinds: every module of this folder that has a `KIND` is one."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import importlib
+import math
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from design.law import DesignError, Law
+from identify.plant import Plant
+from identify.signal import Signal
+
+SHARED_KEYS = ("kind", "period_s", "outputs")  # of [controller], read before a kind is asked
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a controller kind is given: the [controller] table without the shared keys, the wires, and the plant."""
+
+    name: str
+    table: Mapping[str, object]
+    period: float  # s
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    plant: Plant | None
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A law and the figures it was made from; `tuned_by` names the tuning rule, None where the gains were given."""
+
+    law: Law
+    gains: Mapping[str, float]
+    tuned_by: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One controller kind; `example` is a request that designs well, for the tests that every kind must pass."""
+
+    name: str
+    says: str
+    design: Callable[[Request], Design]
+    example: Request
+
+
+@functools.cache
+def kinds() -> Mapping[str, Kind]:
+    """Every kind of this folder, by name."""
+    modules = (importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__))
+    found = (module.KIND for module in modules if hasattr(module, "KIND"))
+    return {kind.name: kind for kind in sorted(found, key=lambda kind: kind.name)}
+
+
+def design(
+    kind: str,
+    name: str,
+    table: Mapping[str, object],
+    period: float,
+    inputs: tuple[Signal, ...],
+    outputs: tuple[Signal, ...],
+    plant: Plant | None,
+) -> Design:
+    """Design the controller that `table` ([controller] of the project) asks for.
+
+    `period` in s. Raises DesignError where the table, the period, a signal or the plant does not allow it.
+    """
+    known = kinds()
+    if kind not in known:
+        near = difflib.get_close_matches(str(kind), known, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise DesignError(f"controller.kind = '{kind}' is unknown; {hint}known: {', '.join(known)}")
+    if not (math.isfinite(period) and period > 0):
+        raise DesignError(f"controller.period_s = {period:g} is out of range; it must be finite and above 0")
+    own = {key: value for key, value in table.items() if key not in SHARED_KEYS}
+    request = Request(name, own, period, inputs, outputs, plant)
+    check_signals(request)
+    return known[kind].design(request)
+
+
+def check_signals(request: Request) -> None:
+    """Refuse signals without a finite range, and two with one name."""
+    names: set[str] = set()
+    for signal in request.inputs + request.outputs:
+        if signal.name in names:
+            raise DesignError(f"signals.{signal.name} stands twice among the controller's wires; rename one")
+        names.add(signal.name)
+        if not (math.isfinite(signal.low) and math.isfinite(signal.high) and signal.low < signal.high):
+            raise DesignError(
+                f"signals.{signal.name} ranges from {signal.low:g} to {signal.high:g}; "
+                "both must be finite and low below high"
+            )

@@ -1,0 +1,145 @@
+r"""Prove how far each state variable of a PID can go.
+
+The equations and their symbols stand in `pid.py`. For all inputs within their ranges:
+
+- D. Let q = tf/(tf+h) (or Tustin's factor), g = kd/(tf+h) (or Tustin's), X the width of x's range. D[k] = g sum q^j
+  (x[k-j] - x[k-j-1]). For 0 <= q < 1, summing by parts, D[k] = g (x[k] - a convex mean of earlier x), so |D| <= |g| X.
+  For -1 < q < 0, |D| <= |g| X sum |q|^j = |g| X / (1 - |q|).
+- I, back-calculation, upper bound, a = h/tt in (0, 1], w = v - I. Three cases:
+  v > u_max: I+ = (1-a) I + a (u_max - w + ki h e / a). The tracking term lowers I, so I grows only where ki e > 0, and
+  then at most to f(1/a), where f(s) = u_max - w + s ki h e.
+  v within: I+ = I + ki h e grows only where ki e > 0, and I <= u_max - w, hence I+ <= f(1).
+  v < u_min: I+ = (1-a) I + a (u_min - w + ki h e / a), at most the larger of I and g = u_min - w + ki h e / a.
+  Hence I <= max(0, f(1), f(1/a) over all r, y, D with ki e >= 0, g over all r, y, D). These are linear in r, y, D, so
+  their maxima stand at corners of the box or of its part with ki e >= 0.
+- I, clamping, upper bound. I grows only while v <= u_max and ki e > 0; hence I <= max(0, f(1) where ki e >= 0).
+- The lower bounds likewise, with all signs turned.
+- I, no anti-windup: a constant error moves I without end.
+
+Ranges are widened by one percent, so that rounding cannot leave them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from design.law import DesignError
+from identify.signal import Signal
+
+WIDER = 0.01  # far above the rounding of any format that has the resolution to run the law at all
+
+
+@dataclass(frozen=True, slots=True)
+class Pid:
+    """Every constant of one PID; the module docstring names them. Units: those of the wires, seconds."""
+
+    period: float  # s
+    kp: float
+    ki: float
+    kd: float
+    tf: float  # s
+    b: float
+    c: float
+    u_min: float
+    u_max: float
+    tracking: float  # h/tt; 0 without back-calculation
+    anti_windup: str
+    form: str
+
+    @property
+    def integrates(self) -> bool:
+        """Whether there is anything that could move the integral."""
+        return self.ki != 0 or self.tracking != 0
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether there is a derivative."""
+        return self.kd != 0
+
+    @property
+    def forget(self) -> float:
+        """Factor of the previous D."""
+        if self.form == "tustin":
+            return (2 * self.tf - self.period) / (2 * self.tf + self.period)
+        return self.tf / (self.tf + self.period)
+
+    @property
+    def slope(self) -> float:
+        """Factor of x[k] - x[k-1]."""
+        if self.form == "tustin":
+            return 2 * self.kd / (2 * self.tf + self.period)
+        return self.kd / (self.tf + self.period)
+
+    @property
+    def half_step(self) -> float:
+        """Factor of e[k] in the integral that acts at once: ki h/2 in Tustin's form, none in the default one."""
+        return self.ki * self.period / 2 if self.form == "tustin" else 0.0
+
+
+def state_ranges(pid: Pid, reference: Signal, measurement: Signal, output: Signal) -> tuple[tuple[Signal, str], ...]:
+    """List the state variables in the order of the law, each with its range and the argument for it."""
+    x_low, x_high = _span(pid.c * r - y for r, y in itertools.product(_ends(reference), _ends(measurement)))
+    d_high = abs(pid.slope) * (x_high - x_low) / (1 - max(0.0, -pid.forget)) if pid.differentiates else 0.0
+    found: list[tuple[Signal, str]] = []
+    if pid.integrates:
+        low, high = _integral_range(pid, reference, measurement, d_high)
+        found.append((_widened("integral", output.unit, low, high), INTEGRAL_WHY[pid.anti_windup]))
+    if pid.differentiates:
+        if pid.forget != 0:
+            found.append((_widened("derivative", output.unit, -d_high, d_high), DERIVATIVE_WHY))
+        found.append((_widened("last", measurement.unit, x_low, x_high), LAST_WHY))
+        found.append((Signal("started", "1", 0.0, 1.0), "0 before the first sample, 1 after it"))
+    for signal, _ in found:
+        bounded = math.isfinite(signal.low) and math.isfinite(signal.high)
+        if not bounded and not (signal.name == "integral" and pid.anti_windup == "none"):
+            raise DesignError(f"the pid's state '{signal.name}' would leave all numbers; give smaller gains or ranges")
+    return tuple(found)
+
+
+INTEGRAL_WHY = {
+    "back_calculation": "tracking pulls it to where the unlimited output meets a limit, plus ki tt times the error",
+    "clamping": "it moves outward only while the unlimited output is within its limits, at most one step beyond",
+    "none": "no bound: without anti-windup a constant error moves the integral without end",
+}
+DERIVATIVE_WHY = "a gain times the distance of c r - y from a mean of its past, hence at most the gain times its range"
+LAST_WHY = "c r - y of the sample before, from the ranges of reference and measurement"
+
+
+def _integral_range(pid: Pid, reference: Signal, measurement: Signal, d_high: float) -> tuple[float, float]:
+    """Find the extremes of f(1), f(1/a) and g of the module docstring, and of the start, 0."""
+    if pid.anti_windup == "none":
+        return -math.inf, math.inf
+    corners = list(itertools.product(_ends(reference), _ends(measurement)))
+    meeting = max(reference.low, measurement.low), min(reference.high, measurement.high)
+    if meeting[0] <= meeting[1]:
+        corners += [(end, end) for end in meeting]  # where the line e = 0 leaves the box of r and y
+    scales = (1.0, 1 / pid.tracking) if pid.tracking else (1.0,)
+    low = high = 0.0
+    for (r, y), d, scale in itertools.product(corners, (-d_high, d_high), scales):
+        rest = pid.kp * (pid.b * r - y) + pid.half_step * (r - y) + d
+        step = scale * pid.ki * pid.period * (r - y)
+        tracked = pid.tracking != 0 and scale == scales[-1]
+        if not math.isfinite(rest) or not math.isfinite(step):
+            return -math.inf, math.inf
+        if step >= 0 or tracked:
+            high = max(high, (pid.u_max if step >= 0 else pid.u_min) - rest + step)
+        if step <= 0 or tracked:
+            low = min(low, (pid.u_min if step <= 0 else pid.u_max) - rest + step)
+    return low, high
+
+
+def _ends(signal: Signal) -> tuple[float, float]:
+    return signal.low, signal.high
+
+
+def _span(values: Iterable[float]) -> tuple[float, float]:
+    found = tuple(values)
+    return min(found), max(found)
+
+
+def _widened(name: str, unit: str, low: float, high: float) -> Signal:
+    wider = WIDER * max(abs(low), abs(high)) or WIDER  # a state that never moves still needs a range
+    return Signal(name, unit, low - wider, high + wider)

@@ -1,0 +1,63 @@
+"""A Law: what a controller should compute, in real numbers and physical units.
+
+The Law is the seam between design and arithmetic. It knows no controller kind and no number format: a
+controller kind writes a Law, `quantize` turns it into a Program, and neither knows the other.
+
+One sample of a law is
+
+    (x[k+1], u[k], flags[k], named[k]) = stages(x[k], z[k])
+
+with x the state, z the inputs, u the outputs, all in physical units. The only stage type so far is `Scalar`, a CasADi
+SX function; kinds that need long loops add a stage type here and a lowering in `quantize`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from identify.signal import Signal
+
+
+class DesignError(Exception):
+    """The controller asked for cannot be designed; the message names the key, the value, the rule and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """Straight-line arithmetic: `function(x (n,), z (m,)) -> (x_next (n,), u (r,), flags (f,), named (l,))`.
+
+    `named` gives intermediate values that deserve a name in the generated C; it may be empty.
+    """
+
+    function: ca.Function
+    named: tuple[Signal, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """One bit of the status word: true (1) when `says` holds."""
+
+    name: str
+    says: str
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A discrete-time control law in physical units.
+
+    `state` carries for each state variable the range that it provably never leaves while every input stays in its
+    own range (`why` is that argument, one sentence a state); infinite where there is none.
+    """
+
+    name: str
+    says: str
+    period: float  # s
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    state: tuple[Signal, ...]
+    start: tuple[float, ...]  # each in its state's unit
+    why: tuple[str, ...]
+    flags: tuple[Flag, ...]
+    stages: tuple[Scalar, ...]

@@ -1,0 +1,1 @@
+"""Measured data in, plant out: recordings, plant kinds, the compiled simulator, and the fit."""

@@ -1,0 +1,1 @@
+"""Law in, exact program out."""

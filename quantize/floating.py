@@ -1,0 +1,134 @@
+"""Give every value of a law a float type and a bound, and follow what each rounding can do to it.
+
+One operation in round-to-nearest adds at most u |result| plus half the smallest subnormal (Higham, Accuracy and
+Stability of Numerical Algorithms, 2nd ed., 2.2), u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in
+float64, so its own rounding is part of the bound too. Inputs are clamped to their declared range, which also turns a
+NaN into the low end; state is not, its range is the controller's own argument.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from quantize.builder import Builder, Constant, Operand, Term
+from quantize.program import Number
+
+LAW = 2.0**-53  # rounding of the law's own evaluation
+
+
+@dataclass(slots=True)
+class FloatBuilder:
+    """Emits floating-point operations; `bits` is 32 or 64."""
+
+    bits: int
+    ops: Builder = field(default_factory=Builder)
+
+    @property
+    def _unit(self) -> float:
+        return 2.0**-24 if self.bits == 32 else 2.0**-53
+
+    @property
+    def _tiny(self) -> float:
+        return 2.0**-150 if self.bits == 32 else 2.0**-1074
+
+    def signal(self, what: str, low: float, high: float, bits: int) -> Number:
+        """Return the one format of every value."""
+        del what, low, high, bits
+        return Number("float", self.bits, 0)
+
+    def literal(self, value: float, number: Number) -> float:
+        """Return the nearest representable value."""
+        del number
+        return float(np.float32(value)) if self.bits == 32 else float(value)
+
+    def limits(self, low: float, high: float, number: Number) -> tuple[float, float]:
+        """Return the representable limits inside the given ones."""
+        return self._up(low, number), -self._up(-high, number)
+
+    def argument(self, name: str, number: Number, low: float, high: float) -> Term:
+        """Return an input or state as it stands in its struct; it carries no error of its own."""
+        return Term(name, number, low, high, 0.0)
+
+    # -- operations of the law ------------------------------------------------------------------------------------
+
+    def binary(self, function: str, a: Operand, b: Operand) -> Operand:
+        """add, sub, mul, min, max, lt, le, eq, ne of a law."""
+        number = Number("float", self.bits, 0)
+        x, x_error = self._operand(function, a, number)
+        y, y_error = self._operand(function, b, number)
+        if function in ("min", "max"):
+            return self.ops.emit(function, (x, y), number, max(x_error, y_error))
+        if function in ("lt", "le", "eq", "ne"):
+            return self.ops.emit(function, (x, y), number, x_error + y_error)
+        error = x_error + y_error
+        if function == "mul":
+            error = _times(_size(x), y_error) + _times(_size(y) + y_error, x_error)
+        return self._rounded(self.ops.emit(function, (x, y), number, error))
+
+    def unary(self, function: str, a: Operand) -> Operand:
+        """neg, abs, square, twice of a law."""
+        assert isinstance(a, Term)
+        if function in ("square", "twice"):
+            return self.binary("mul" if function == "square" else "add", a, a)
+        return self.ops.emit(function, (a,), a.number, a.error)
+
+    def truth(self, function: str, a: Operand, b: Operand) -> Operand:
+        """And, or of two truth values."""
+        assert isinstance(a, Term) and isinstance(b, Term)
+        return self.ops.emit(function, (a, b), a.number, a.error + b.error)
+
+    def choose(self, condition: Operand, a: Operand) -> Operand:
+        """Take `a` where the condition holds, else zero; near its edge the condition may choose unlike the law's."""
+        assert isinstance(condition, Term)
+        number = Number("float", self.bits, 0)
+        value, error = self._operand("select", a, number)
+        flip = 0.0 if condition.error == 0.0 else _size(value) + error
+        return self.ops.emit("select", (condition, value, 0.0), number, max(error, flip))
+
+    def store(self, a: Operand, number: Number, low: float, high: float, wish: tuple[str, str]) -> Term:
+        """Return the value a state or output takes; a bare constant gets a name first."""
+        del low, high
+        if isinstance(a, Constant):
+            self.ops.wish = wish
+            value = self.literal(a.value, number)
+            return self.ops.emit("copy", (value,), number, abs(value - a.value))
+        return a
+
+    # -- bounds ---------------------------------------------------------------------------------------------------
+
+    def _operand(self, function: str, a: Operand, number: Number) -> tuple[Term | float, float]:
+        if isinstance(a, Term):
+            return a, a.error
+        if function == "min":
+            value = -self._up(-a.value, number)
+        elif function == "max":
+            value = self._up(a.value, number)
+        else:
+            value = self.literal(a.value, number)
+        return value, abs(value - a.value) if math.isfinite(a.value) else 0.0
+
+    def _rounded(self, term: Term) -> Term:
+        """Widen the bound and the error of the operation just emitted by one rounding, and by the law's own."""
+        size = max(abs(term.low), abs(term.high))
+        error = term.error + self._unit * size + LAW * (size + term.error) + self._tiny
+        margin = self._unit * size + self._tiny
+        return self.ops.widen(term, margin, error)
+
+    def _up(self, value: float, number: Number) -> float:
+        """Return the smallest representable number not below `value`."""
+        near = self.literal(value, number)
+        if near >= value:
+            return near
+        kind = np.float32 if self.bits == 32 else np.float64
+        return float(np.nextafter(kind(near), kind(math.inf)))
+
+
+def _size(a: Term | float) -> float:
+    return max(abs(a.low), abs(a.high)) if isinstance(a, Term) else abs(a)
+
+
+def _times(a: float, b: float) -> float:
+    return 0.0 if a == 0.0 or b == 0.0 else a * b

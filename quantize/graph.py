@@ -1,0 +1,135 @@
+"""Read a CasADi SX function as a list of nodes, each computed once from earlier ones.
+
+CasADi's own instruction list reuses its work registers; here every node keeps its number, so that bounds, formats and
+names can be attached to it. Reference: the `instruction_*` functions of `casadi.Function`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from quantize.program import QuantizeError
+
+Array = NDArray[np.float64]
+
+# CasADi operation -> (our name, number of arguments)
+KNOWN = {
+    ca.OP_ADD: ("add", 2),
+    ca.OP_SUB: ("sub", 2),
+    ca.OP_MUL: ("mul", 2),
+    ca.OP_NEG: ("neg", 1),
+    ca.OP_SQ: ("square", 1),
+    ca.OP_TWICE: ("twice", 1),
+    ca.OP_FMIN: ("min", 2),
+    ca.OP_FMAX: ("max", 2),
+    ca.OP_FABS: ("abs", 1),
+    ca.OP_LT: ("lt", 2),
+    ca.OP_LE: ("le", 2),
+    ca.OP_EQ: ("eq", 2),
+    ca.OP_NE: ("ne", 2),
+    ca.OP_AND: ("and", 2),
+    ca.OP_OR: ("or", 2),
+    ca.OP_NOT: ("not", 1),
+    ca.OP_IF_ELSE_ZERO: ("if", 2),
+}
+
+# What each node means, in float64: the law itself.
+MEANING: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "neg": lambda a: -a,
+    "square": lambda a: a * a,
+    "twice": lambda a: a + a,
+    "min": lambda a, b: np.where(a < b, a, b),
+    "max": lambda a, b: np.where(a > b, a, b),
+    "abs": np.abs,
+    "lt": lambda a, b: np.where(a < b, 1.0, 0.0),
+    "le": lambda a, b: np.where(a <= b, 1.0, 0.0),
+    "eq": lambda a, b: np.where(a == b, 1.0, 0.0),
+    "ne": lambda a, b: np.where(a != b, 1.0, 0.0),
+    "and": lambda a, b: np.where((a != 0) & (b != 0), 1.0, 0.0),
+    "or": lambda a, b: np.where((a != 0) | (b != 0), 1.0, 0.0),
+    "not": lambda a: np.where(a == 0, 1.0, 0.0),
+    "if": lambda c, a: np.where(c != 0, a, 0.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """`function` of earlier nodes; "constant" carries `value`, "argument" carries which input and which element."""
+
+    function: str
+    arguments: tuple[int, ...]
+    value: float
+    place: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """Nodes in order; `results[i][j]` is the node of element j of output i."""
+
+    nodes: tuple[Node, ...]
+    results: tuple[tuple[int, ...], ...]
+
+
+def read_graph(function: ca.Function) -> Graph:
+    """Rename CasADi's registers to one node per assignment.
+
+    Raises
+    ------
+    QuantizeError
+        when the function holds an operation that no Program operation stands for.
+    """
+    nodes: list[Node] = []
+    register: dict[int, int] = {}
+    outputs: dict[tuple[int, int], int] = {}
+
+    def add(node: Node) -> int:
+        nodes.append(node)
+        return len(nodes) - 1
+
+    for k in range(function.n_instructions()):
+        code = function.instruction_id(k)
+        source, target = function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_CONST:
+            register[target[0]] = add(Node("constant", (), function.instruction_constant(k), (0, 0)))
+        elif code == ca.OP_INPUT:
+            register[target[0]] = add(Node("argument", (), 0.0, (source[0], source[1])))
+        elif code == ca.OP_OUTPUT:
+            outputs[target[0], target[1]] = register[source[0]]
+        elif code in KNOWN:
+            name, arity = KNOWN[code]
+            register[target[0]] = add(Node(name, tuple(register[s] for s in source[:arity]), 0.0, (0, 0)))
+        else:
+            raise QuantizeError(
+                f"the law uses a CasADi operation (number {code}) that has no bit-exact counterpart; "
+                f"it may use: {', '.join(sorted(name for name, _ in KNOWN.values()))}"
+            )
+    results = []
+    for i in range(function.n_out()):
+        sparsity = function.sparsity_out(i)
+        row = {r: j for j, r in enumerate(sparsity.row())}
+        missing = [r for r in range(sparsity.size1()) if r not in row]
+        zero = add(Node("constant", (), 0.0, (0, 0))) if missing else -1
+        results.append(tuple(outputs[i, row[r]] if r in row else zero for r in range(sparsity.size1())))
+    return Graph(tuple(nodes), tuple(results))
+
+
+def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
+    """Evaluate in float64 on whole arrays at once; `arguments[i][j]` is element j of input i, any shape."""
+    values: list[Array] = []
+    for node in graph.nodes:
+        if node.function == "constant":
+            values.append(np.float64(node.value))  # type: ignore[arg-type]
+        elif node.function == "argument":
+            values.append(arguments[node.place[0]][node.place[1]])
+        else:
+            values.append(MEANING[node.function](*(values[a] for a in node.arguments)))
+    return [[values[n] for n in row] for row in graph.results]

@@ -1,0 +1,128 @@
+"""The operations a Program may hold: each has one meaning, told three times, in Python, in C and as a bound.
+
+`run` works on numpy arrays of one element type (int64 holding 32-bit values in fixed point, float32 or float64 in
+floating point), so one call computes many independent controllers. `c` is the same in C. `bound` gives the interval
+of the result from the intervals of the arguments: exact integers in fixed point; in floating point the true
+interval, which `floating.py` then widens by one rounding. Comparisons return 0 or 1.
+
+Rounding is always to nearest, halves up: floor(x / 2**s + 1/2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Operand = Any  # numpy array, or a literal of the same element type
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One operation."""
+
+    says: str
+    run: Callable[..., Any]
+    bound: Callable[..., Interval]
+    c: Mapping[str, str]  # "fixed", "float32", "float64": a format of the arguments' C text
+    truth: bool = False  # the result is 0 or 1
+
+
+def _both(text: str, f32: str = "", f64: str = "") -> dict[str, str]:
+    return {"fixed": text, "float32": f32 or text, "float64": f64 or f32 or text}
+
+
+def _helper(name: str, arguments: str) -> dict[str, str]:
+    return _both(f"{name}_i32({arguments})", f"{name}_f32({arguments})", f"{name}_f64({arguments})")
+
+
+def shift_right(a: Operand, s: int) -> Operand:
+    """Round a / 2**s to nearest, halves up."""
+    return (a + (1 << (s - 1))) >> s
+
+
+def _multiply_shift(a: Operand, b: Operand, s: int) -> Operand:
+    return (a * b + (1 << (s - 1))) >> s
+
+
+def _minimum(a: Operand, b: Operand) -> Operand:
+    return np.where(a < b, a, b)  # a NaN in `a` yields `b`, as in C
+
+
+def _maximum(a: Operand, b: Operand) -> Operand:
+    return np.where(a > b, a, b)
+
+
+def _truth(value: NDArray[np.bool_]) -> NDArray[np.int64]:
+    return np.asarray(value).astype(np.int64)
+
+
+def _product(a: Interval, b: Interval) -> Interval:
+    corners = [x * y for x in a for y in b]
+    return min(corners), max(corners)
+
+
+def _compared(*_: Interval) -> Interval:
+    return 0, 1
+
+
+def _absolute(a: Interval) -> Interval:
+    low, high = a
+    return (0 if low <= 0 <= high else min(abs(low), abs(high))), max(abs(low), abs(high))
+
+
+OPERATIONS: dict[str, Operation] = {
+    "add": Operation("sum", lambda a, b: a + b, lambda a, b: (a[0] + b[0], a[1] + b[1]), _both("{0} + {1}")),
+    "sub": Operation("difference", lambda a, b: a - b, lambda a, b: (a[0] - b[1], a[1] - b[0]), _both("{0} - {1}")),
+    "mul": Operation("product", lambda a, b: a * b, _product, _both("{0} * {1}")),
+    "copy": Operation("the same", lambda a: a, lambda a: a, _both("{0}")),
+    "neg": Operation("negation", lambda a: -a, lambda a: (-a[1], -a[0]), _both("-{0}")),
+    "mul_shift": Operation(
+        "64-bit product, rounded to nearest",
+        _multiply_shift,
+        lambda a, b, s: tuple(shift_right(int(x), int(s)) for x in _product(a, b)),
+        _both("fl_mul_shift_i32({0}, {1}, {2}U)"),
+    ),
+    "shr": Operation(
+        "divided by a power of two, rounded to nearest",
+        shift_right,
+        lambda a, s: (shift_right(int(a[0]), int(s)), shift_right(int(a[1]), int(s))),
+        _both("fl_shr_i32({0}, {1}U)"),
+    ),
+    "shl": Operation(
+        "multiplied by a power of two",
+        lambda a, s: a << s,
+        lambda a, s: (int(a[0]) << int(s), int(a[1]) << int(s)),
+        _both("{0} * (1 << {1}U)"),
+    ),
+    "min": Operation(
+        "smaller", _minimum, lambda a, b: (min(a[0], b[0]), min(a[1], b[1])), _helper("fl_min", "{0}, {1}")
+    ),
+    "max": Operation(
+        "larger", _maximum, lambda a, b: (max(a[0], b[0]), max(a[1], b[1])), _helper("fl_max", "{0}, {1}")
+    ),
+    "clamp": Operation(
+        "limited to a range",
+        lambda x, low, high: _minimum(_maximum(x, low), high),
+        lambda x, low, high: (min(max(x[0], low), high), min(max(x[1], low), high)),
+        _helper("fl_clamp", "{0}, {1}, {2}"),
+    ),
+    "abs": Operation("magnitude", lambda a: np.where(a < 0, -a, a), _absolute, _helper("fl_abs", "{0}")),
+    "lt": Operation("less", lambda a, b: _truth(a < b), _compared, _both("({0} < {1}) ? 1 : 0"), truth=True),
+    "le": Operation("not more", lambda a, b: _truth(a <= b), _compared, _both("({0} <= {1}) ? 1 : 0"), truth=True),
+    "eq": Operation("equal", lambda a, b: _truth(a == b), _compared, _both("({0} == {1}) ? 1 : 0"), truth=True),
+    "ne": Operation("different", lambda a, b: _truth(a != b), _compared, _both("({0} != {1}) ? 1 : 0"), truth=True),
+    "and": Operation("both", lambda a, b: a & b, _compared, _both("{0} & {1}"), truth=True),
+    "or": Operation("either", lambda a, b: a | b, _compared, _both("{0} | {1}"), truth=True),
+    "not": Operation("negated truth", lambda a: 1 - a, _compared, _both("1 - {0}"), truth=True),
+    "select": Operation(
+        "one of two",
+        lambda c, a, b: np.where(c != 0, a, b),
+        lambda c, a, b: (min(a[0], b[0]), max(a[1], b[1])),
+        _both("({0} != 0) ? {1} : {2}"),
+    ),
+}

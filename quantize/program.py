@@ -1,0 +1,97 @@
+"""A Program: the exact arithmetic of one controller, operation by operation. THE intermediate representation.
+
+Every value is assigned once, carries a unit, a number format and bounds it was proven to stay within. The bit-exact
+reference (`verify/reference.py`) runs it, the templates print it, and nobody downstream needs to know what a PID is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+
+class QuantizeError(Exception):
+    """The law does not fit the number format; the message names the value, its range and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number format. fixed: physical = raw * 2**-fraction in a signed word of `bits`; float: IEEE 754, fraction 0."""
+
+    kind: Literal["fixed", "float"]
+    bits: int
+    fraction: int
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """One named value. `low` and `high` are proven bounds: raw integers in fixed point, physical in float."""
+
+    name: str
+    unit: str
+    number: Number
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Op:
+    """`result = function(arguments)`; an argument is the name of an earlier value or a literal (raw in fixed point)."""
+
+    result: Value
+    function: str
+    arguments: tuple[str | int | float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """After the body has run, value `source` becomes the state or output `target`."""
+
+    target: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class StatusBit:
+    """Bit `bit` of what step() returns: the truth value `source` (0 or 1)."""
+
+    name: str
+    says: str
+    bit: int
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rounding:
+    """Proven bound on |program - law| of one output in one step from the same state and inputs, in its unit."""
+
+    output: str
+    bound: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A controller as single-assignment operations over bounded values."""
+
+    name: str
+    says: str
+    period: float  # s
+    arithmetic: str  # "float32", "float64", "fixed32", "fixed16"
+    inputs: tuple[Value, ...]
+    outputs: tuple[Value, ...]
+    state: tuple[Value, ...]
+    start: tuple[int | float, ...]  # raw, one per state
+    body: tuple[Op, ...]
+    next_state: tuple[Assign, ...]
+    results: tuple[Assign, ...]
+    status: tuple[StatusBit, ...]
+    rounding: tuple[Rounding, ...]
+
+    @property
+    def id(self) -> str:
+        """64 bits of the SHA-256 of everything above, as 16 hexadecimal digits."""
+        text = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,48 @@
+/* fl_float.h -- the few functions floating-point controllers need beside + - * and comparison.
+ *
+ * Each names its operand order, because it decides what happens to a NaN: fl_clamp turns it into `low`.
+ */
+#ifndef FL_FLOAT_H
+#define FL_FLOAT_H
+
+static inline float fl_min_f32(float a, float b)
+{
+    return (a < b) ? a : b;
+}
+
+static inline float fl_max_f32(float a, float b)
+{
+    return (a > b) ? a : b;
+}
+
+static inline float fl_clamp_f32(float x, float low, float high)
+{
+    return fl_min_f32(fl_max_f32(x, low), high);
+}
+
+static inline float fl_abs_f32(float a)
+{
+    return (a < 0.0F) ? -a : a;
+}
+
+static inline double fl_min_f64(double a, double b)
+{
+    return (a < b) ? a : b;
+}
+
+static inline double fl_max_f64(double a, double b)
+{
+    return (a > b) ? a : b;
+}
+
+static inline double fl_clamp_f64(double x, double low, double high)
+{
+    return fl_min_f64(fl_max_f64(x, low), high);
+}
+
+static inline double fl_abs_f64(double a)
+{
+    return (a < 0.0) ? -a : a;
+}
+
+#endif

@@ -1,0 +1,30 @@
+"""Skip with a sentence what this machine cannot run."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+RECORDINGS = Path(os.environ.get("FIRMLOOP_RECORDINGS", Path(__file__).parent.parent.parent / "shared" / "recordings"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--regold", action="store_true", help="write tests/golden anew; then read the difference")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    cross = "" if shutil.which("arm-none-eabi-gcc") else "arm-none-eabi-gcc is not installed"
+    qemu = cross or ("" if shutil.which("qemu-system-arm") else "qemu-system-arm is not installed")
+    recordings = "" if RECORDINGS.is_dir() else f"no bench recordings at {RECORDINGS.name}; set FIRMLOOP_RECORDINGS"
+    slow = "" if "slow" in (config.option.markexpr or "") else "slow; run with -m slow"
+    for mark, reason in (("cross", cross), ("qemu", qemu), ("recordings", recordings), ("slow", slow)):
+        for item in items:
+            if reason and mark in item.keywords:
+                item.add_marker(pytest.mark.skip(reason=reason))
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """Folder of the bench recordings; ask for it together with the mark `recordings`."""
+    return RECORDINGS

@@ -1,0 +1,112 @@
+"""A Program keeps its proven bounds and stays within its printed distance of the law."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.signal import Signal
+from quantize.lower import ARITHMETICS, lower
+from quantize.program import Program, QuantizeError
+from tests.laws import FULL, SPEED, TABLES, VOLTS, pid, random_law
+from verify.reference import Machine, run, start_state, working_type
+from verify.rounding import measure_rounding
+from verify.stimuli import Block, stimuli
+
+
+def leaves_bounds(program: Program, blocks: list[Block]) -> list[str]:
+    """Run the blocks and name every value that leaves its proven bounds."""
+    machine = Machine(program)
+    length = max(b.inputs.shape[1] for b in blocks)
+    inputs = np.concatenate([b.inputs for b in blocks if b.inputs.shape[1] == length])
+    lanes, steps, _ = inputs.shape
+    state = start_state(program, lanes)
+    wrong: set[str] = set()
+    with np.errstate(all="ignore"):
+        for k in range(steps):
+            row = [inputs[:, k, j].astype(working_type(program)) for j in range(len(program.inputs))]
+            values = machine.step(row, state)
+            state = [np.broadcast_to(values[s], lanes) for s in machine.next]
+            if k % 4:
+                continue  # every fourth step is enough: lanes are many
+            named = machine.named(values)
+            checked = [(op.result, named[op.result.name]) for op in program.body]
+            for value, got in [*checked, *zip(program.state, state, strict=True)]:
+                if np.min(got) < value.low or np.max(got) > value.high:
+                    wrong.add(value.name)
+    return sorted(wrong)
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+@pytest.mark.parametrize("table", sorted(TABLES))
+def test_pid_keeps_bounds_and_distance(table: str, arithmetic: str) -> None:
+    law = pid(TABLES[table])
+    program = lower(law, arithmetic)
+    blocks = stimuli(program, [], 20_000, 5)
+    assert leaves_bounds(program, blocks) == []
+    (rounded,) = measure_rounding(law, program, blocks, [run(program, b.inputs) for b in blocks])
+    assert rounded.worst <= rounded.bound
+    assert np.isfinite(rounded.bound) and rounded.bound < 0.05
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_random_laws_keep_bounds_and_distance(arithmetic: str) -> None:
+    for seed in range(10):
+        law = random_law(np.random.default_rng(seed))
+        program = lower(law, arithmetic)
+        blocks = stimuli(program, [], 300, seed)
+        assert leaves_bounds(program, blocks) == [], seed
+        for rounded in measure_rounding(law, program, blocks, [run(program, b.inputs) for b in blocks]):
+            assert rounded.worst <= rounded.bound, seed
+
+
+@pytest.mark.parametrize("arithmetic", ["fixed32", "fixed16"])
+def test_fixed_formats_are_words_of_their_width(arithmetic: str) -> None:
+    program = lower(pid(FULL), arithmetic)
+    bits = int(arithmetic[5:])
+    for value in (*program.inputs, *program.outputs):
+        assert value.number.bits == bits
+        assert -(2 ** (bits - 1)) <= value.low < value.high < 2 ** (bits - 1)
+    for op in program.body:
+        assert -(2**31) <= op.result.low <= op.result.high < 2**31
+
+
+@pytest.mark.parametrize("arithmetic", ["fixed32", "fixed16"])
+def test_unbounded_state_is_refused_in_fixed_point(arithmetic: str) -> None:
+    with pytest.raises(QuantizeError, match=r"integral has no finite proven range.*float32"):
+        lower(pid({**FULL, "anti_windup": "none"}), arithmetic)
+    lower(pid({**FULL, "anti_windup": "none"}), "float32")
+
+
+def test_coefficients_beyond_the_word_are_refused() -> None:
+    law = pid({"kp": 1e-25})
+    with pytest.raises(QuantizeError, match="1e-25 cannot be held"):
+        lower(law, "fixed32")
+
+
+def test_ranges_beyond_the_word_are_refused() -> None:
+    wide = tuple(Signal(s.name, s.unit, -1e15, 1e15) for s in SPEED)
+    law = replace(pid({"kp": 0.05}), inputs=wide)
+    with pytest.raises(QuantizeError, match="range of a signal or a gain is too large"):
+        lower(law, "fixed32")
+
+
+def test_unknown_arithmetic_is_named() -> None:
+    with pytest.raises(QuantizeError, match="fixed8"):
+        lower(pid(FULL), "fixed8")
+
+
+def test_program_id_depends_on_every_gain_and_range() -> None:
+    base = lower(pid(FULL), "fixed32").id
+    assert base == lower(pid(FULL), "fixed32").id
+    assert base != lower(pid({**FULL, "kp": 0.0500001}), "fixed32").id
+    assert base != lower(replace(pid(FULL), outputs=(replace(VOLTS[0], unit="A"),)), "fixed32").id
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_limits_are_never_exceeded_even_by_a_rounding(arithmetic: str) -> None:
+    program = lower(pid(TABLES["narrow"]), arithmetic)
+    scale = 2.0 ** -program.outputs[0].number.fraction
+    for block in stimuli(program, [], 30_000, 6):
+        got = run(program, block.inputs).outputs.astype(float) * scale
+        assert got.min() >= -3.3 and got.max() <= 11.7

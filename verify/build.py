@@ -1,0 +1,126 @@
+"""Build the image of a controller, and measure what it occupies."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from codegen.bundle import write_files
+from codegen.firmware import LINK_FLAGS, compile_flags
+from codegen.target import Target
+from identify.compiler import compiler_version, run_compiler
+
+ELF = "image.elf"
+CONTROLLER = "controller/"  # where firmware() puts the controller's own files
+DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|\w+2d)")  # run-time ABI for Arm (IHI 0043), section 4.1.2: double precision
+
+_NODE = re.compile(r'node: \{ title: "([^"]*)" label: "([^"]*)"')
+_EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
+_FRAME = re.compile(r"(\d+) bytes \(static\)")
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """Bytes of code and constants, of initialized data, and of zeroed data."""
+
+    text_bytes: int
+    data_bytes: int
+    bss_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """A built image."""
+
+    elf: Path
+    compiler: str  # what it says of its version
+    flags: tuple[str, ...]  # compile and link
+    controller: Size  # of the controller's own object files, without instance memory, which is the caller's
+    whole: Size
+    stack_bytes: int | None  # of step() and all it calls; None where a callee's is not known, as with soft float
+    double_helpers: tuple[str, ...]  # run-time functions for double precision that were linked
+
+
+def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image:
+    """Write the files of one image into `folder`, compile and link them there.
+
+    Raises
+    ------
+    ToolError
+        when the cross compiler is missing or refuses the code.
+    """
+    write_files(files, folder)
+    sources = sorted(name for name in files if name.endswith(".c"))
+    flags = compile_flags(target)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        objects = list(pool.map(lambda source: _compile(target.compiler, flags, source, folder), sources))
+    run_compiler([target.compiler, *flags, *objects, *LINK_FLAGS, "-o", ELF], folder)
+    own = [name for name in objects if name.startswith(CONTROLLER)]
+    graph = "\n".join((folder / name).with_suffix(".ci").read_text() for name in own)
+    return Image(
+        elf=folder / ELF,
+        compiler=compiler_version(target.compiler),
+        flags=(*flags, *LINK_FLAGS),
+        controller=_sum(_sizes(target.compiler, own, folder)),
+        whole=_sum(_sizes(target.compiler, [ELF], folder)),
+        stack_bytes=stack_of(graph, "_step"),
+        double_helpers=_double_helpers(target.compiler, folder),
+    )
+
+
+def stack_of(graph: str, suffix: str) -> int | None:
+    """Return the deepest stack in bytes below the function whose name ends in `suffix`.
+
+    `graph` is what gcc's -fcallgraph-info=su writes. The answer is None where it cannot be known from there: a callee
+    that was compiled elsewhere, a frame whose size is not fixed, or recursion.
+    """
+    frames = {title: _FRAME.search(label) for title, label in _NODE.findall(graph)}
+    calls: dict[str, list[str]] = {}
+    for caller, callee in _EDGE.findall(graph):
+        calls.setdefault(caller, []).append(callee)
+
+    def depth(function: str, above: tuple[str, ...]) -> int | None:
+        frame = frames.get(function)
+        if frame is None or function in above:
+            return None
+        below = [depth(callee, (*above, function)) for callee in calls.get(function, [])]
+        if any(bytes_below is None for bytes_below in below):
+            return None
+        return int(frame.group(1)) + max((b for b in below if b is not None), default=0)
+
+    entries = [title for title in frames if title.endswith(suffix)]
+    return depth(entries[0], ()) if len(entries) == 1 else None
+
+
+def _compile(compiler: str, flags: Sequence[str], source: str, folder: Path) -> str:
+    output = f"{source.removesuffix('.c')}.o"
+    run_compiler([compiler, *flags, "-fcallgraph-info=su", "-c", source, "-o", output], folder)
+    return output
+
+
+def _binutil(compiler: str, tool: str) -> str:
+    """Return the name of a tool of the same toolchain: arm-none-eabi-gcc has arm-none-eabi-size."""
+    return f"{compiler.rpartition('gcc')[0]}{tool}"
+
+
+def _sizes(compiler: str, names: Sequence[str], folder: Path) -> list[Size]:
+    # Berkeley format: text data bss dec hex filename
+    lines = run_compiler([_binutil(compiler, "size"), "-B", *names], folder).splitlines()[1:]
+    return [Size(*(int(field) for field in line.split()[:3])) for line in lines]
+
+
+def _sum(sizes: Sequence[Size]) -> Size:
+    return Size(
+        sum(size.text_bytes for size in sizes),
+        sum(size.data_bytes for size in sizes),
+        sum(size.bss_bytes for size in sizes),
+    )
+
+
+def _double_helpers(compiler: str, folder: Path) -> tuple[str, ...]:
+    lines = run_compiler([_binutil(compiler, "nm"), ELF], folder).splitlines()
+    return tuple(sorted({line.split()[-1] for line in lines if line and DOUBLE_HELPER.fullmatch(line.split()[-1])}))

@@ -1,0 +1,109 @@
+"""Explain a difference: which operation of the C first departs from the reference, with the values it read."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from codegen.bundle import Bundle
+from codegen.host import trace_files
+from codegen.view import physical, statement
+from identify.compiler import ToolError, shared_library
+from quantize.program import Op, Program
+from verify.reference import Machine, Raw, element_type, start_state
+
+TRACE_FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-w")
+
+
+def explain(program: Program, bundle: Bundle, lane: Raw, step: int, output: str) -> str:
+    """Return one sentence about the first operation that differs while `lane` (steps, m) runs up to `step`.
+
+    The C is built once more for the host with every value kept. Where its values are all right there, the fault
+    is not in the text: compiler, flags or core are left.
+    """
+    try:
+        files, places = trace_files(bundle)
+        library = ctypes.CDLL(str(shared_library(files, (f"{bundle.name}.c", "trace.c"), TRACE_FLAGS)))
+    except (ToolError, OSError):
+        return f"{_writer(program, output)}: could not be traced on the host"
+    return _walk(program, library, places, lane[: step + 1]) or (
+        f"{_writer(program, output)}: every operation of the same C is right on the host, "
+        "so the target's compiler, its flags or the core make the difference"
+    )
+
+
+def _walk(program: Program, library: ctypes.CDLL, places: dict[str, int] | Any, lane: Raw) -> str | None:
+    machine = Machine(program)
+    values = (ctypes.c_double * max(1, len(places))).in_dll(library, "fl_trace")
+    memory = ctypes.create_string_buffer(4096 + 8 * len(program.state))
+    out = ctypes.create_string_buffer(64 * max(1, len(program.outputs)))
+    library.trace_init(memory)
+    problem = _state_problem(program, memory, start_state(program, 1), "init()")
+    if problem:
+        return problem
+    state = start_state(program, 1)
+    kind = np.dtype({"float32": "f4", "float64": "f8"}.get(program.arithmetic, "i8"))
+    with np.errstate(all="ignore"):
+        for k, row in enumerate(lane):
+            library.trace_step(memory, np.ascontiguousarray(row).tobytes(), out)
+            slots = machine.step([np.array([x]).astype(kind) for x in row], state)
+            named = machine.named(slots)
+            for op in program.body:
+                place = places.get(op.result.name)
+                if place is None:
+                    return f"step {k}: the operation {statement(op, program)} is missing from the C"
+                expected = float(np.asarray(named[op.result.name]).ravel()[0])
+                if not _same(expected, values[place]):
+                    return _sentence(program, op, k, expected, values[place], named)
+            state = [np.broadcast_to(np.asarray(slots[s]), 1) for s in machine.next]
+            problem = _state_problem(program, memory, state, f"step {k}") or _output_problem(program, out, named, k)
+            if problem:
+                return problem
+    return None
+
+
+def _sentence(program: Program, op: Op, step: int, expected: float, got: float, named: Any) -> str:
+    reads = [a for a in op.arguments if isinstance(a, str)]
+    values = ", ".join(f"{a} = {float(np.asarray(named[a]).ravel()[0]):.9g}" for a in reads)
+    number = op.result.number
+    unit = f" ({physical(expected, number):.9g} {op.result.unit})" if op.result.unit else ""
+    return f"step {step}: {statement(op, program)} should be {expected:.9g}{unit}, is {got:.9g}; {values}"
+
+
+def _state_problem(program: Program, memory: Any, state: list[Raw], when: str) -> str | None:
+    offset = 0
+    for value, expected in zip(program.state, state, strict=True):
+        kind = element_type(value.number)
+        got = np.frombuffer(memory, dtype=kind, count=1, offset=offset)[0]
+        offset += kind.itemsize
+        if not _same(float(expected[0]), float(got)):
+            return f"{when}: state {value.name} should be {float(expected[0]):.9g}, is {float(got):.9g}"
+    return None
+
+
+def _output_problem(program: Program, out: Any, named: Any, step: int) -> str | None:
+    offset = 0
+    for value, assign in zip(program.outputs, program.results, strict=True):
+        kind = element_type(value.number)
+        got = np.frombuffer(out, dtype=kind, count=1, offset=offset)[0]
+        offset += kind.itemsize
+        expected = float(np.asarray(named[assign.source]).ravel()[0])
+        if not _same(expected, float(got)):
+            return (
+                f"step {step}: out->{value.name} = {assign.source} should store {expected:.9g}, stores {float(got):.9g}"
+            )
+    return None
+
+
+def _same(a: float, b: float) -> bool:
+    return a == b or (a != a and b != b)
+
+
+def _writer(program: Program, output: str) -> str:
+    sources = {a.target: a.source for a in program.results}
+    for op in program.body:
+        if op.result.name == sources.get(output):
+            return statement(op, program)
+    return output

@@ -1,0 +1,190 @@
+"""Inputs that make a controller show its differences: corners, noise, tracking, long saturation, recorded signals.
+
+Everything is drawn from one seed. A lane is one controller started afresh. Wide noise keeps most controllers at their
+limits, where a wrong gain cannot be seen; so a part of the lanes moves all inputs together and apart by amounts drawn
+evenly over the decades, down to one unit in the last place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quantize.program import Program, Value
+from verify.reference import Raw, element_type
+
+Array = NDArray[np.float64]
+LANE_STEPS = 1000
+FRESH_STEPS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Raw inputs (lanes, steps, m) of one character."""
+
+    name: str
+    inputs: Raw
+
+
+def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: int, seed: int) -> list[Block]:
+    """Return blocks that hold `steps` steps, and what fits of the recorded signals on top.
+
+    Parameters
+    ----------
+    recorded
+        physical signals by input name, one sample a controller period; an input that is missing follows a step.
+    """
+    random = np.random.default_rng(seed)
+    length = min(LANE_STEPS, max(1, steps))
+    blocks = []
+    for name, make, share, span in MAKERS:
+        span = min(span, length)
+        count = max(1, round(share * steps / span))
+        blocks.append(Block(name, make(program, random, count, span)))
+    blocks = _cut(blocks, max(1, steps))
+    return blocks + [Block("recorded", _recorded(program, signals, random)) for signals in recorded]
+
+
+def _cut(blocks: list[Block], steps: int) -> list[Block]:
+    """Keep `steps` steps in all; the last lane kept may be a short one."""
+    kept, left = [], steps
+    for block in blocks:
+        lanes, length, _ = block.inputs.shape
+        whole = min(lanes, left // length)
+        if whole:
+            kept.append(Block(block.name, block.inputs[:whole]))
+            left -= whole * length
+        if whole < lanes and 0 < left < length:
+            kept.append(Block(block.name, block.inputs[whole : whole + 1, :left]))
+            left = 0
+    if left:  # the shares were rounded down: a last short lane of noise-like tracking fills the count
+        name, inputs = kept[0].name, kept[0].inputs
+        again = np.tile(inputs[:1], (1, -(-left // inputs.shape[1]), 1))[:, :left]
+        kept.append(Block(name, again))
+    return kept
+
+
+def to_raw(value: Value, physical: Array) -> Raw:
+    """Round physical samples into the type of one input, saturating at what the type holds."""
+    kind = element_type(value.number)
+    if value.number.kind == "float":
+        with np.errstate(over="ignore"):
+            return physical.astype(kind)
+    limits = np.iinfo(kind)
+    return np.clip(np.floor(physical * 2.0**value.number.fraction + 0.5), limits.min, limits.max).astype(kind)
+
+
+def to_physical(value: Value, raw: Raw) -> Array:
+    """Return raw samples in the input's or output's unit."""
+    if value.number.kind == "float":
+        return raw.astype(np.float64)
+    return raw.astype(np.float64) * 2.0**-value.number.fraction
+
+
+def _stack(program: Program, columns: Sequence[Array]) -> Raw:
+    return np.stack([to_raw(v, c) for v, c in zip(program.inputs, columns, strict=True)], axis=-1)
+
+
+def _range(value: Value) -> tuple[float, float]:
+    scale = 2.0**-value.number.fraction
+    return value.low * scale, value.high * scale
+
+
+def _resolution(value: Value) -> float:
+    low, high = _range(value)
+    return 2.0**-value.number.fraction if value.number.kind == "fixed" else max(abs(low), abs(high)) * 2.0**-22
+
+
+def _noise(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    return _stack(program, [random.uniform(*_range(v), size=(lanes, length)) for v in program.inputs])
+
+
+def _tracking(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """All inputs follow one slow walk across their ranges; each departs from it by a lane's own amplitude."""
+    walk = np.cumsum(random.normal(size=(lanes, length)), axis=1)
+    walk *= 10.0 ** random.uniform(-3.5, -1.0, size=(lanes, 1))
+    place = 0.5 + 0.5 * np.sin(walk + random.uniform(0, 2 * np.pi, size=(lanes, 1)))
+    columns = []
+    for value in program.inputs:
+        low, high = _range(value)
+        smallest = np.log10(_resolution(value) / (high - low))
+        size = (high - low) * 10.0 ** random.uniform(smallest, 0.0, size=(lanes, 1))
+        noise = random.normal(size=(lanes, length))
+        drift = np.cumsum(noise, axis=1) / np.sqrt(length)
+        away = np.where(random.random((lanes, 1)) < 0.5, noise, drift) * size * 0.3
+        columns.append(np.clip(low + (high - low) * place + away, low, high))
+    return _stack(program, columns)
+
+
+def _saturation(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """One corner held for most of a lane, then the opposite one, then small noise about the middle."""
+    columns = []
+    first = int(length * 0.6)
+    second = int(length * 0.25)
+    for value in program.inputs:
+        low, high = _range(value)
+        up = random.random((lanes, 1)) < 0.5
+        held = np.broadcast_to(np.where(up, high, low), (lanes, first))
+        back = np.broadcast_to(np.where(up, low, high), (lanes, second))
+        rest = (low + high) / 2 + (high - low) * 0.001 * random.normal(size=(lanes, length - first - second))
+        columns.append(np.concatenate([held, back, np.clip(rest, low, high)], axis=1))
+    return _stack(program, columns)
+
+
+def _corners(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """Hold special values of range and type for one to thirty steps each."""
+    columns: list[Any] = []
+    for value in program.inputs:
+        special = _special(value)
+        new = random.random((lanes, length)) < random.uniform(1 / 30, 1.0, size=(lanes, 1))
+        new[:, 0] = True
+        picks = random.integers(len(special), size=(lanes, length))
+        last = np.maximum.accumulate(np.where(new, np.arange(length), 0), axis=1)
+        columns.append(special[np.take_along_axis(picks, last, axis=1)])
+    return np.stack(columns, axis=-1)
+
+
+def _special(value: Value) -> Raw:
+    kind = element_type(value.number)
+    low, high = value.low, value.high
+    if value.number.kind == "fixed":
+        limits = np.iinfo(kind)
+        raw = [0, 1, -1, low, high, low + 1, high - 1, low - 1, high + 1, limits.min, limits.max, (low + high) / 2]
+        whole: Raw = np.clip(np.array(raw), limits.min, limits.max).astype(kind)
+        return whole
+    tiny = float(np.finfo(kind).smallest_subnormal)
+    inner = [0.0, -0.0, tiny, -tiny, low, high, (low + high) / 2, low / 3, high / 3]
+    outer = [np.inf, -np.inf, np.nan, float(np.finfo(kind).max), low * 2, high * 2, np.finfo(kind).tiny]
+    with np.errstate(over="ignore"):
+        special = np.array(inner * 2 + outer, dtype=np.float64)
+        return special.astype(kind)
+
+
+def _recorded(program: Program, signals: Mapping[str, Array], random: np.random.Generator) -> Raw:
+    length = min((len(s) for s in signals.values()), default=0)
+    columns = []
+    for value in program.inputs:
+        low, high = _range(value)
+        if value.name in signals:
+            columns.append(np.clip(np.asarray(signals[value.name], dtype=np.float64)[None, :length], low, high))
+            continue
+        others = [np.asarray(s, dtype=np.float64)[:length] for s in signals.values()]
+        middle = float(np.mean(others[0])) if others and length else 0.0
+        spread = float(np.std(others[0])) if others and length else 0.0
+        held = np.repeat(random.choice([-1.0, 0.0, 1.0], size=length // 200 + 1), 200)[:length]
+        columns.append(np.clip(middle + spread * held, low, high)[None, :])
+    return _stack(program, columns)
+
+
+# name, maker, share of the steps, steps of a lane
+MAKERS = (
+    ("tracking", _tracking, 0.42, LANE_STEPS),
+    ("corners", _corners, 0.25, LANE_STEPS),
+    ("noise", _noise, 0.14, LANE_STEPS),
+    ("long saturation", _saturation, 0.14, LANE_STEPS),
+    ("fresh starts", _tracking, 0.05, FRESH_STEPS),
+)

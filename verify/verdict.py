@@ -1,0 +1,127 @@
+"""A Verdict: what was compared, on what, and whether every bit agreed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first step at which an output or the status word differs; values as the C holds them, and in `unit`."""
+
+    step: int
+    lane: str
+    output: str
+    expected: float
+    got: float
+    unit: str
+    operation: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rounded:
+    """How far the program stood from the law: worst |program - law| of one output in one step, and its proven bound."""
+
+    output: str
+    worst: float
+    bound: float
+    unit: str
+    drift: float  # worst |program - law| where the law ran on its own state through whole lanes
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What one step costs; None where it was not measured."""
+
+    instructions_max: float | None
+    instructions_mean: float | None
+    instructions_min: float | None
+    text_bytes: int | None
+    data_bytes: int | None
+    bss_bytes: int | None
+    stack_bytes: int | None
+
+
+NO_COST = Cost(None, None, None, None, None, None, None)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One target's comparison against the bit-exact reference."""
+
+    program_id: str
+    target: str
+    link: str
+    compiler: str
+    flags: tuple[str, ...]
+    steps: int
+    lanes: int
+    seed: int
+    stimuli: Mapping[str, int]  # steps of each kind
+    saturated: float  # share of the steps with a status bit set
+    differences: int
+    first: Difference | None
+    rounding: tuple[Rounded, ...]
+    cost: Cost
+    sanitized: int  # steps repeated under the undefined-behavior and address sanitizers; 0 where not done
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every output and status word of every step was the same."""
+        return self.differences == 0
+
+    def as_dict(self) -> dict[str, object]:
+        """Return verdict.json."""
+        first = self.first
+        return {
+            "schema": 1,
+            "program_id": self.program_id,
+            "target": self.target,
+            "link": self.link,
+            "compiler": self.compiler,
+            "flags": list(self.flags),
+            "steps": self.steps,
+            "lanes": self.lanes,
+            "seed": self.seed,
+            "stimuli": dict(self.stimuli),
+            "status_share": self.saturated,
+            "sanitized_steps": self.sanitized,
+            "differences": self.differences,
+            "first_difference": None
+            if first is None
+            else {
+                "step": first.step,
+                "lane": first.lane,
+                "output": first.output,
+                "expected": _finite(first.expected),
+                "got": _finite(first.got),
+                "unit": first.unit,
+                "operation": first.operation,
+            },
+            "rounding": {
+                r.output: {
+                    "worst": _finite(r.worst),
+                    "bound": _finite(r.bound),
+                    "unit": r.unit,
+                    "free_running_worst": _finite(r.drift),
+                }
+                for r in self.rounding
+            },
+            "cost": {
+                "instructions_max": self.cost.instructions_max,
+                "instructions_mean": self.cost.instructions_mean,
+                "instructions_min": self.cost.instructions_min,
+                "cycles_max": None,
+                "text_bytes": self.cost.text_bytes,
+                "data_bytes": self.cost.data_bytes,
+                "bss_bytes": self.cost.bss_bytes,
+                "stack_bytes": self.cost.stack_bytes,
+            },
+            "verdict": "agrees" if self.agrees else "differs",
+        }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
