@@ -1,0 +1,139 @@
+"""An Experiment: one recording, or one window of it, made ready to be compared with a simulation of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.condition import (
+    Conditioning,
+    check_conditioning,
+    condition_input,
+    condition_output,
+    find_lag,
+    interpolate,
+    windows,
+)
+from identify.least_squares import triangle
+from identify.plant import IdentifyError, Plant
+from identify.recording import Recording
+from identify.simulate import Course, Simulator, course_of, measured
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What drives the simulation, and what its outputs are compared with after conditioning."""
+
+    source: str
+    course: Course
+    measured: Array  # (n, r) as recorded
+    target: Array  # (q, r) conditioned
+    names: tuple[str, ...]  # of the r outputs
+    conditioning: Conditioning
+    lags: Mapping[str, float]  # s by which an output's clock is late
+
+
+def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) -> tuple[Experiment, ...]:
+    """Take the plant's signals out of a recording; one experiment per window."""
+    names = tuple(signal.name for signal in plant.outputs)
+    inputs = tuple(signal.name for signal in plant.inputs)
+    course = course_of(plant, recording)
+    drive = np.column_stack([condition_input(conditioning, n, c) for n, c in zip(inputs, course.drive.T, strict=True)])
+    course = replace(course, drive=np.ascontiguousarray(drive))
+    values = measured(plant, recording)
+    made = []
+    for first, end in windows(conditioning, course.time, 2 * len(plant.states) + 2):
+        check_conditioning(conditioning, (*inputs, *names), recording.source, course.time[first:end])
+        part = values[first:end]
+        bare = Experiment(
+            recording.source, replace(course, first=first, end=end), part, part, names, conditioning, lags={}
+        )
+        made.append(replace(bare, target=conditioned(bare, part)))
+    return tuple(made)
+
+
+def rows_time(made: Experiment) -> Array:
+    """Return the time stamps (n,) in s of the experiment's own rows."""
+    return made.course.time[made.course.first : made.course.end]
+
+
+def conditioned(made: Experiment, outputs: Array) -> Array:
+    """Condition values (n, r, ...) of all outputs, measured or simulated or a derivative, into (q, r, ...)."""
+    parts = [
+        condition_output(made.conditioning, name, rows_time(made), outputs[:, index])
+        for index, name in enumerate(made.names)
+    ]
+    return np.stack(parts, axis=1)
+
+
+def delayed(made: Experiment, outputs: Array) -> Array:
+    """Show simulated values (n, r, ...) by the late clock of each output."""
+    if not made.lags:
+        return outputs
+    late = outputs.copy()
+    for index, name in enumerate(made.names):
+        if made.lags.get(name):
+            moments = rows_time(made) - made.lags[name]
+            late[:, index] = interpolate(rows_time(made), outputs[:, index], moments)
+    return late
+
+
+def aligned(parts: Sequence[Experiment], runs: Sequence[Array]) -> tuple[Experiment, ...]:
+    """Find the clock difference of every output to be aligned, over all windows of one recording.
+
+    `runs` are the simulated outputs (n, r) of each window.
+    """
+    time = np.concatenate([rows_time(made) for made in parts])
+    real, ours = np.concatenate([made.measured for made in parts]), np.concatenate(list(runs))
+    conditioning = parts[0].conditioning
+    lags = {
+        name: find_lag(time, real[:, index], ours[:, index], conditioning.align_max_lag_s)
+        for index, name in enumerate(parts[0].names)
+        if name in conditioning.align
+    }
+    return tuple(replace(made, lags=lags) for made in parts)
+
+
+def misfit(
+    made: Experiment, simulator: Simulator, constants: Array, start: Array, which: Sequence[int]
+) -> tuple[Array, Array]:
+    """Residual measured - simulated (q, r) and its slopes (q, r, d) for constants[which] and the initial state."""
+    outputs, slopes = simulator.run_with_slopes(made.course, constants, start, which)
+    residual = made.target - conditioned(made, delayed(made, outputs))
+    return residual, -conditioned(made, delayed(made, slopes))
+
+
+def best_start(made: Experiment, simulator: Simulator, constants: Array, guess: Array, weights: Array) -> Array:
+    """Fit the initial state (n,) alone, by Gauss-Newton from `guess`; weights (r,) are 1/noise of each output.
+
+    Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed.
+    """
+    start = guess
+    for _ in range(3):
+        residual, slopes = misfit(made, simulator, constants, start, ())
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+            return start
+        tall = (slopes * weights[:, None]).reshape(-1, slopes.shape[2])
+        small = triangle(np.column_stack([tall, (residual * weights).reshape(-1)]))
+        reach = np.linalg.norm(small[:, :-1], axis=0)
+        reach[reach == 0.0] = 1.0
+        step, *_ = np.linalg.lstsq(small[:, :-1] / reach, -small[:, -1], rcond=1e-9)
+        start = start + step / reach
+        if np.linalg.norm(step) <= 1e-9 * np.linalg.norm(start * reach):
+            break
+    return start
+
+
+def check_moving(parts: Sequence[Experiment]) -> None:
+    """Raise IdentifyError where a recording cannot teach anything: no input at all, or an output that never moves."""
+    source = parts[0].source
+    if not np.any(parts[0].course.drive):
+        raise IdentifyError(f"{source}: the input is zero in every row; record the plant while it is driven")
+    for name, values in zip(parts[0].names, np.concatenate([made.target for made in parts]).T, strict=True):
+        if np.ptp(values) == 0.0:
+            raise IdentifyError(f"{source}: column {name} never changes; record the plant while it moves")

@@ -1,0 +1,50 @@
+"""A Kind: how one family of plants is described by a user and turned into equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from identify.plant import Parameter, Plant
+from identify.signal import Signal
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One parameter of a kind: physical range `low`..`high` in `unit`.
+
+    `guessable`: may be left out of a project, because `Kind.shapes` proposes values for it. `open_low`: the value
+    `low` itself is impossible (a time constant of zero), so that the fit works with the logarithm.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    open_low: bool
+    guessable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """`build(input, outputs, parameters)` writes the equations.
+
+    `shapes(step, span)` proposes starting values of every guessable constant but `scale`, for a recording of typical
+    sample time `step` and length `span`, both in s; `scale` names the constant the output is proportional to, which
+    then follows from the data by linear least squares.
+    """
+
+    name: str
+    constants: tuple[Constant, ...]
+    inputs: tuple[str, ...]  # names it insists on, empty: any one
+    outputs: tuple[str, ...]  # names it insists on, empty: any one
+    build: Callable[[Signal, tuple[Signal, ...], tuple[Parameter, ...]], Plant]
+    shapes: Callable[[float, float], tuple[Mapping[str, float], ...]]
+    scale: str | None
+
+
+def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:
+    """Wrap expressions as the `rate` or `reading` of a Plant."""
+    return ca.Function(name, [state, drive, constants], [ca.densify(result)], ["x", "u", "p"], ["result"])

@@ -1,0 +1,113 @@
+"""Make a Plant of a named kind; every file of this folder that has a KIND is one kind."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import pkgutil
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+from identify.kind import Constant, Kind
+from identify.plant import IdentifyError, Parameter, Plant
+from identify.signal import Signal
+from identify.units import unit_of
+
+_ENTRY_KEYS = ("value", "free", "low", "high", "ci95")
+_NORMAL_95 = 1.959963984540054  # 97.5 % point of the standard normal distribution
+
+
+@cache
+def kinds() -> Mapping[str, Kind]:
+    """Every kind of this folder by name."""
+    modules = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
+    return {module.KIND.name: module.KIND for module in modules}
+
+
+def find_kind(name: str) -> Kind:
+    """Return the kind called `name`; IdentifyError lists those there are."""
+    if name not in kinds():
+        raise IdentifyError(f"plant.kind {name!r} is unknown; known: {', '.join(sorted(kinds()))}")
+    return kinds()[name]
+
+
+def make_plant(
+    kind: str, input: str, outputs: Sequence[str], parameters: Mapping[str, Mapping[str, object] | float]
+) -> Plant:
+    """Build the equations of `kind` between named signals.
+
+    A parameter is `{value, free, low, high, ci95}` (only `value` is needed, `free` defaults to true; `ci95` is what
+    an earlier fit wrote) or a bare number. One that is left out and that the kind can guess gets the value NaN:
+    it has to be fitted before the plant can be simulated.
+    """
+    found = find_kind(kind)
+    if found.inputs and input not in found.inputs:
+        raise IdentifyError(
+            f"plant.input {input!r}: {kind} is driven by {' or '.join(found.inputs)}; "
+            f"map your column in [recordings.rename]"
+        )
+    _check_outputs(found, outputs)
+    known = {constant.name for constant in found.constants}
+    for name in parameters:
+        if name not in known:
+            raise IdentifyError(f"plant.parameters.{name}: {kind} has no such parameter; it has {', '.join(known)}")
+    made = tuple(_parameter(kind, constant, parameters) for constant in found.constants)
+    return found.build(_signal(input), tuple(_signal(name) for name in outputs), made)
+
+
+def _signal(name: str) -> Signal:
+    return Signal(name, unit_of(name), -math.inf, math.inf)
+
+
+def _check_outputs(kind: Kind, outputs: Sequence[str]) -> None:
+    choice = f"any of {', '.join(kind.outputs)}" if kind.outputs else "exactly one, of any name"
+    if not outputs or (not kind.outputs and len(outputs) != 1):
+        raise IdentifyError(f"plant.outputs {list(outputs)}: {kind.name} has {choice}")
+    for position, name in enumerate(outputs):
+        if name in outputs[:position]:
+            raise IdentifyError(f"plant.outputs: {name} stands twice; name every output once")
+        if kind.outputs and name not in kind.outputs:
+            raise IdentifyError(f"plant.outputs: {name!r} is unknown to {kind.name}, which has {choice}")
+
+
+def _parameter(kind: str, constant: Constant, parameters: Mapping[str, Mapping[str, object] | float]) -> Parameter:
+    key = f"plant.parameters.{constant.name}"
+    if constant.name not in parameters:
+        if not constant.guessable:
+            raise IdentifyError(f"{key} is missing; {kind} needs it: {constant.name} = {{ value = ..., free = true }}")
+        return Parameter(constant.name, constant.unit, math.nan, True, constant.low, constant.high, None)
+    given = parameters[constant.name]
+    entry: Mapping[str, object] = given if isinstance(given, Mapping) else {"value": given}
+    for name in entry:
+        if name not in _ENTRY_KEYS:
+            raise IdentifyError(f"{key}.{name} is unknown; a parameter has {', '.join(_ENTRY_KEYS)}")
+    if "value" not in entry:
+        raise IdentifyError(f"{key}.value is missing; write {constant.name} = {{ value = ..., free = true }}")
+    free = entry.get("free", True)
+    if not isinstance(free, bool):
+        raise IdentifyError(f"{key}.free is {free!r}; it is true (the fit may change it) or false")
+    low = max(_number(f"{key}.low", entry.get("low", constant.low)), constant.low)
+    high = min(_number(f"{key}.high", entry.get("high", constant.high)), constant.high)
+    value = _number(f"{key}.value", entry["value"])
+    if not low <= value <= high or math.isinf(value):
+        raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must lie within {low:g} and {high:g}")
+    if constant.open_low and value <= constant.low:
+        raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must be above {constant.low:g}")
+    return Parameter(constant.name, constant.unit, value, free, low, high, _deviation(key, entry.get("ci95")))
+
+
+def _number(key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise IdentifyError(f"{key} is {value!r}; it must be a number")
+    return float(value)
+
+
+def _deviation(key: str, interval: object) -> float | None:
+    if interval is None:
+        return None
+    if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:
+        raise IdentifyError(f"{key}.ci95 is {interval!r}; it must be [low, high]")
+    low, high = (_number(f"{key}.ci95", bound) for bound in interval)
+    if low > high:
+        raise IdentifyError(f"{key}.ci95 is [{low:g}, {high:g}]; its first bound must be the smaller one")
+    return (high - low) / (2.0 * _NORMAL_95)

@@ -1,0 +1,51 @@
+"""First-order lag with delay: T dx/dt = gain u(t - delay) - x, the output is x."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+
+import casadi as ca
+
+from identify.kind import Constant, Kind, equations
+from identify.plant import Parameter, Plant
+from identify.signal import Signal
+
+
+def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+    """Write the equations; `gain` is in output units per input unit."""
+    state, command, constants = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 3)
+    gain, lag, _ = ca.vertsplit(constants)
+    return Plant(
+        kind=KIND.name,
+        states=outputs,
+        inputs=(drive,),
+        outputs=outputs,
+        parameters=parameters,
+        rate=equations("rate", state, command, constants, (gain * command - state) / lag),
+        reading=equations("reading", state, command, constants, state),
+        delay="delay_s",
+    )
+
+
+def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
+    """Propose time constants from a fraction of a sample to the whole recording, delays up to 64 samples."""
+    lags = [0.5 * step * (span / step) ** (k / 11) for k in range(12)]
+    delays = [0.0, *(step * 2.0**k for k in range(7))]
+    return tuple({"time_constant_s": lag, "delay_s": delay} for lag, delay in itertools.product(lags, delays))
+
+
+KIND = Kind(
+    name="first_order",
+    constants=(
+        Constant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
+        Constant("time_constant_s", "s", 0.0, math.inf, open_low=True, guessable=True),
+        Constant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
+    ),
+    inputs=(),
+    outputs=(),
+    build=build,
+    shapes=shapes,
+    scale="gain",
+)

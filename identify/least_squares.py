@@ -1,0 +1,150 @@
+"""Minimize a sum of squares whose unknowns are shared by all blocks of residuals, or belong to one block alone.
+
+Levenberg-Marquardt with exact slopes. The shared unknowns are the parameters of a plant, the own ones the initial
+state of each recording or window. A block is reduced to a small triangle as soon as it is computed (QR by blocks of
+rows), and its own unknowns are eliminated from that triangle, so that a step costs little beside the simulation,
+however many windows there are. SciPy's least_squares would decompose the whole Jacobian in every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_ROWS = 512  # small enough that LAPACK stays in one thread and in the cache
+_ENOUGH = 1e-11  # relative decrease of the cost that is no longer worth a step
+_SMALLEST = 1e-15  # relative step that no longer changes the unknowns
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """`shared` (k,) by all blocks, `own` (w, n) of each of w blocks."""
+
+    shared: Array
+    own: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """Triangles (w, m, m) of [own slopes, shared slopes, residual], m = n + k + 1, one per block.
+
+    `tether` (t, k + 1) are further rows [shared slopes, residual].
+    """
+
+    blocks: Array
+    tether: Array
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of all residuals."""
+        return float(np.sum(self.blocks[:, :, -1] ** 2) + np.sum(self.tether[:, -1] ** 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Minimum:
+    """Where the search ended, the sum of squares there, and how many evaluations it took."""
+
+    place: Unknowns
+    cost: float
+    evaluations: int
+
+
+def triangle(tall: Array) -> Array:
+    """Return R (m, m) of a QR decomposition of `tall` (rows, m), without forming Q."""
+    width = tall.shape[1]
+    if width == 0:
+        return np.zeros((0, 0))
+    rows = max(_ROWS, 2 * width)
+    if len(tall) <= rows:
+        top: Array = np.zeros((max(len(tall), width), width))
+        top[: len(tall)] = tall
+    else:
+        padded = np.zeros((-(-len(tall) // rows), rows, width))
+        padded.reshape(-1, width)[: len(tall)] = tall
+        top = np.asarray(np.linalg.qr(padded, mode="r")).reshape(-1, width)
+    return np.asarray(np.linalg.qr(top, mode="r"))
+
+
+def minimize(
+    evaluate: Callable[[Unknowns], Reduced], start: Unknowns, low: Array, high: Array, evaluations: int
+) -> Minimum:
+    """Minimize the sum of squares over low <= shared <= high, the own unknowns being unbounded.
+
+    Damping follows Nielsen (1999); an unknown at a bound that wants to leave stays there for that step.
+    """
+    place = Unknowns(np.clip(start.shared, low, high), start.own)
+    reduced, done, damping, growth = evaluate(place), 1, 1e-3, 2.0
+    while done < evaluations:
+        pull = _pull(reduced)
+        held = ((place.shared <= low) & (pull > 0.0)) | ((place.shared >= high) & (pull < 0.0))
+        while done < evaluations:
+            step = _damped_step(reduced, held, damping)
+            trial = Unknowns(np.clip(place.shared + step.shared, low, high), place.own + step.own)
+            moved = Unknowns(trial.shared - place.shared, step.own)
+            gain = reduced.cost - _predicted(reduced, moved)
+            if _still(moved, place) or 0.0 <= gain <= _ENOUGH * reduced.cost:
+                return Minimum(place, reduced.cost, done)
+            found = evaluate(trial)
+            done += 1
+            ratio = (reduced.cost - found.cost) / gain if gain > 0.0 else -1.0
+            if found.cost < reduced.cost and ratio > 1e-4:
+                place, reduced = trial, found
+                damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-14)
+                growth = 2.0
+                break
+            damping *= growth
+            growth *= 2.0
+            if damping > 1e20:
+                return Minimum(place, reduced.cost, done)
+    return Minimum(place, reduced.cost, done)
+
+
+def _pull(reduced: Reduced) -> Array:
+    """Gradient (k,) of half the cost for the shared unknowns."""
+    count = reduced.tether.shape[1] - 1
+    own = reduced.blocks.shape[2] - count - 1
+    blocks = np.einsum("wrk,wr->k", reduced.blocks[:, :, own:-1], reduced.blocks[:, :, -1])
+    return np.asarray(blocks + reduced.tether[:, :-1].T @ reduced.tether[:, -1])
+
+
+def _predicted(reduced: Reduced, moved: Unknowns) -> float:
+    """Cost after a step, by the linear model."""
+    steps = np.concatenate([moved.own, np.broadcast_to(moved.shared, (len(moved.own), len(moved.shared)))], axis=1)
+    blocks = np.einsum("wrm,wm->wr", reduced.blocks[:, :, :-1], steps) + reduced.blocks[:, :, -1]
+    tether = reduced.tether[:, :-1] @ moved.shared + reduced.tether[:, -1]
+    return float(np.sum(blocks**2) + np.sum(tether**2))
+
+
+def _still(moved: Unknowns, place: Unknowns) -> bool:
+    shared = np.abs(moved.shared) <= _SMALLEST * np.abs(place.shared)
+    own = np.abs(moved.own) <= _SMALLEST * np.abs(place.own)
+    return bool(np.all(shared) and np.all(own))
+
+
+def _damped_step(reduced: Reduced, held: NDArray[np.bool_], damping: float) -> Unknowns:
+    """Solve the damped linear problem: own unknowns are eliminated block by block, then follow from the shared ones."""
+    count = reduced.tether.shape[1] - 1
+    windows, _, width = reduced.blocks.shape
+    own = width - count - 1
+    sizes = np.linalg.norm(reduced.blocks[:, :, :own], axis=1)
+    sizes[sizes == 0.0] = 1.0
+    rows = np.zeros((windows, own, width))
+    rows[:, np.arange(own), np.arange(own)] = np.sqrt(damping) * sizes
+    triangles = np.asarray(np.linalg.qr(np.concatenate([reduced.blocks, rows], axis=1), mode="r"))
+    rest = np.concatenate([triangles[:, own:, own:].reshape(-1, count + 1), reduced.tether])
+    scale = np.linalg.norm(
+        np.concatenate([reduced.blocks[:, :, own:-1].reshape(windows * width, count), reduced.tether[:, :-1]]), axis=0
+    )
+    free = np.flatnonzero(~held & (scale > 0.0))
+    shared = np.zeros(count)
+    tall = np.concatenate([rest[:, free] / scale[free], np.sqrt(damping) * np.eye(len(free))])
+    aim = np.concatenate([-rest[:, -1], np.zeros(len(free))])
+    answer, *_ = np.linalg.lstsq(tall, aim, rcond=None)
+    shared[free] = answer / scale[free]
+    target = -triangles[:, :own, -1] - triangles[:, :own, own:-1] @ shared
+    return Unknowns(shared, np.linalg.solve(triangles[:, :own, :own], target[..., None])[..., 0])

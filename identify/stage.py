@@ -1,0 +1,47 @@
+"""Write the equations of one inertia moved by one effort: m dv/dt = F - b v, dx/dt = v; linear and rotary alike."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+
+from identify.kind import Constant, Kind, equations
+from identify.plant import Parameter, Plant
+from identify.signal import Signal
+
+
+def stage_kind(name: str, effort: str, position: Signal, speed: Signal, inertia: Constant, friction: Constant) -> Kind:
+    """Return a kind driven by `effort` whose position is a state only where it is an output."""
+
+    def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+        states = (speed, position) if position.name in {o.name for o in outputs} else (speed,)
+        state, force, constants = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+        mass, damping = ca.vertsplit(constants)
+        known = dict(zip((signal.name for signal in states), ca.vertsplit(state), strict=True))
+        rates = {speed.name: (force - damping * state[0]) / mass, position.name: state[0]}
+        return Plant(
+            kind=name,
+            states=states,
+            inputs=(drive,),
+            outputs=outputs,
+            parameters=parameters,
+            rate=equations("rate", state, force, constants, ca.vertcat(*(rates[s.name] for s in states))),
+            reading=equations("reading", state, force, constants, ca.vertcat(*(known[o.name] for o in outputs))),
+            delay=None,
+        )
+
+    return Kind(
+        name=name,
+        constants=(inertia, friction),
+        inputs=(effort,),
+        outputs=(position.name, speed.name),
+        build=build,
+        shapes=lambda step, span: (),
+        scale=None,
+    )
+
+
+def wide(name: str, unit: str) -> Signal:
+    """Return a signal of the stage without limits."""
+    return Signal(name, unit, -math.inf, math.inf)

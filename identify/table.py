@@ -1,0 +1,46 @@
+"""A Table: named columns as a file holds them, before anything is known about their meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of equal length. `places[k]` is where row k stands in the file, counted in `place` (line, row)."""
+
+    names: tuple[str, ...]
+    columns: tuple[Array, ...]
+    place: str
+    places: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Misread:
+    """A file that cannot be a table: `where` (row, column or empty), what is `wrong`, and the way out (`remedy`)."""
+
+    where: str
+    wrong: str
+    remedy: str
+
+
+def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> Table | Misread:
+    """Check arrays of a binary file (one per column) and count their rows from 1."""
+    columns = []
+    for name, array in arrays:
+        if array.ndim != 1:
+            shape = "x".join(str(size) for size in array.shape) or "scalar"
+            return Misread(f"column {name}", f"is a {shape} array", "store every signal as one 1-D array")
+        if array.dtype.kind not in "fiub":
+            return Misread(f"column {name}", f"holds {array.dtype} instead of numbers", "store it as float64")
+        columns.append(np.asarray(array, dtype=np.float64))
+        if len(columns[-1]) != len(columns[0]):
+            wrong = f"has {len(columns[-1])} rows where {arrays[0][0]} has {len(columns[0])}"
+            return Misread(f"column {name}", wrong, "store every signal with one value per row of time_s")
+    rows = len(columns[0]) if columns else 0
+    return Table(tuple(name for name, _ in arrays), tuple(columns), "row", np.arange(1, rows + 1))

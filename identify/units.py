@@ -1,0 +1,31 @@
+"""Read the unit of a quantity out of the end of its name."""
+
+from __future__ import annotations
+
+# Longest ending first, so that torque_N_m is not read as metres.
+_ENDINGS = (
+    ("_N_m_s_rad", "N*m*s/rad"),
+    ("_V_s_rad", "V*s/rad"),
+    ("_N_m_A", "N*m/A"),
+    ("_N_s_m", "N*s/m"),
+    ("_kg_m2", "kg*m^2"),
+    ("_rad_s", "rad/s"),
+    ("_N_m", "N*m"),
+    ("_m_s", "m/s"),
+    ("_ohm", "ohm"),
+    ("_rad", "rad"),
+    ("_kg", "kg"),
+    ("_Hz", "Hz"),
+    ("_V", "V"),
+    ("_A", "A"),
+    ("_N", "N"),
+    ("_H", "H"),
+    ("_m", "m"),
+    ("_C", "degC"),
+    ("_s", "s"),
+)
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that `name` ends in (`speed_rad_s` -> `rad/s`), empty where the ending is none we know."""
+    return next((unit for ending, unit in _ENDINGS if name.endswith(ending)), "")
