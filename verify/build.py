@@ -9,13 +9,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from codegen.bundle import write_files
+from codegen.bundle import CodegenError, write_files
 from codegen.firmware import LINK_FLAGS, compile_flags
 from codegen.target import Target
 from identify.compiler import compiler_version, run_compiler
 
 ELF = "image.elf"
 CONTROLLER = "controller/"  # where firmware() puts the controller's own files
+OWN_STACK = 512  # bytes, what the image takes above step(), with room to spare
 DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|\w+2d)")  # run-time ABI for Arm (IHI 0043), section 4.1.2: double precision
 
 _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "([^"]*)"')
@@ -52,22 +53,30 @@ def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image
     ------
     ToolError
         when the cross compiler is missing or refuses the code.
+    CodegenError
+        when the target's stack cannot hold what step() needs.
     """
     write_files(files, folder)
-    sources = sorted(name for name in files if name.endswith(".c"))
+    sources = [name for name in files if name.endswith(".c")]
     flags = compile_flags(target)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         objects = list(pool.map(lambda source: _compile(target.compiler, flags, source, folder), sources))
     run_compiler([target.compiler, *flags, *objects, *LINK_FLAGS, "-o", ELF], folder)
     own = [name for name in objects if name.startswith(CONTROLLER)]
     graph = "\n".join((folder / name).with_suffix(".ci").read_text() for name in own)
+    stack = stack_of(graph, "_step")
+    if stack is not None and target.stack_bytes is not None and stack + OWN_STACK > target.stack_bytes:
+        raise CodegenError(
+            f"target {target.name}: step() needs {stack} bytes of stack and the image {OWN_STACK} more, "
+            f"but stack_bytes = {target.stack_bytes}: raise it in the target's file or choose a larger part"
+        )
     return Image(
         elf=folder / ELF,
         compiler=compiler_version(target.compiler),
         flags=(*flags, *LINK_FLAGS),
         controller=_sum(_sizes(target.compiler, own, folder)),
         whole=_sum(_sizes(target.compiler, [ELF], folder)),
-        stack_bytes=stack_of(graph, "_step"),
+        stack_bytes=stack,
         double_helpers=_double_helpers(target.compiler, folder),
     )
 

@@ -20,6 +20,7 @@ from verify.reference import Raw, element_type
 Array = NDArray[np.float64]
 LANE_STEPS = 1000
 FRESH_STEPS = 8
+RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,18 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
         count = max(1, round(share * steps / span))
         blocks.append(Block(name, make(program, random, count, span)))
     blocks = _cut(blocks, max(1, steps))
-    return blocks + [Block("recorded", _recorded(program, signals, random)) for signals in recorded]
+    for signals in recorded:
+        blocks += _lanes(_recorded(program, signals, random))
+    return blocks
+
+
+def _lanes(inputs: Raw) -> list[Block]:
+    """Cut one long recorded lane (1, steps, m) into lanes of at most RECORDED_STEPS and a rest."""
+    _, steps, width = inputs.shape
+    whole = steps // RECORDED_STEPS
+    cut = inputs[:, : whole * RECORDED_STEPS].reshape(whole, RECORDED_STEPS, width)
+    rest = inputs[:, whole * RECORDED_STEPS :]
+    return [Block("recorded", part) for part in (cut, rest) if part.size]
 
 
 def _cut(blocks: list[Block], steps: int) -> list[Block]:

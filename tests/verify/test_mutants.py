@@ -8,7 +8,9 @@ from bench.mutants import bench, example_law, mutants, planted
 
 # Lines whose faults cannot reach an output: `started` only has to be told from 0.5, and the state's own limits lie
 # outside what the state can reach (design/kinds/pid_range.py), so that moving or removing them changes nothing.
-WITHOUT_EFFECT = re.compile(r"started|const \w+ (integral_next|derivative_next|t\d+) = fl_clamp_i32\((integral_new|deriv)")
+WITHOUT_EFFECT = re.compile(
+    r"started|const \w+ (integral_next|derivative_next|t\d+) = fl_clamp_i32\((integral_new|deriv)"
+)
 
 
 @pytest.mark.parametrize("arithmetic", ["fixed32", "float32"])

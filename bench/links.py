@@ -1,0 +1,61 @@
+"""Measure how fast the lines to a controller in QEMU are: `python bench/links.py`."""
+
+from __future__ import annotations
+
+import os
+import struct
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from codegen.firmware import firmware
+from codegen.target import Target, load_target
+from tests.verify.tiny import tiny
+from verify.build import build_image
+from verify.links.framed import FramedLink
+from verify.links.semihosting import open_semihosting
+from verify.links.uart import open_qemu_uart
+
+TARGET = load_target("qemu_mps2_an386")
+OPENERS: dict[str, Callable[[Target, Path, str], FramedLink]] = {
+    "semihosting": open_semihosting,
+    "uart": open_qemu_uart,
+}
+ROUNDS = 5  # the best one is told beside the median: the others shared the machine with something else
+SECONDS = 1.0  # per round
+ONE = struct.pack("<2f", 1.2345, -0.777)
+
+
+def exchanges_per_second(link: FramedLink, steps: int) -> float:
+    inputs = ONE * steps
+    count = 0
+    begin = time.perf_counter()
+    while (elapsed := time.perf_counter() - begin) < SECONDS:
+        for _ in range(10):
+            link.step(inputs, steps)
+        count += 10
+    return count / elapsed
+
+
+def measure(name: str) -> None:
+    program, bundle = tiny(2.0)
+    with tempfile.TemporaryDirectory() as folder:
+        image = build_image(firmware(program, bundle, TARGET, name), TARGET, Path(folder))
+        for steps in (1, 64):
+            rates = []
+            for _ in range(ROUNDS):
+                with OPENERS[name](TARGET, image.elf, program.id) as link:
+                    rates.append(exchanges_per_second(link, steps))
+            rates.sort()
+            best, median = rates[-1], rates[ROUNDS // 2]
+            print(
+                f"{name:12} frames of {steps:2}: {median:9,.0f} exchanges/s median, {best:9,.0f} best; "
+                f"{median * steps:11,.0f} steps/s median, {best * steps:11,.0f} best"
+            )
+
+
+if __name__ == "__main__":
+    print(f"load average {os.getloadavg()[0]:.2f} on {os.cpu_count()} processors")
+    for link_name in OPENERS:
+        measure(link_name)

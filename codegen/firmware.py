@@ -1,0 +1,168 @@
+"""Put a controller, a board and a transport together into all the files of one image."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from codegen.bundle import Bundle, CodegenError
+from codegen.environment import render, text_of
+from codegen.target import Region, Target, board_parts
+from quantize.program import Program, Value
+
+PROTOCOL_VERSION = 1
+STEPS_MOST = 64  # per frame; more gains little and delays the answer to a repeated request
+RAM_SHARE = 4  # the line's two buffers may take one part in so many of the board's memory
+
+WARNINGS = (
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wshadow",
+    "-Wdouble-promotion",
+    "-Werror",
+)
+IMAGE_FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-ffreestanding",
+    "-fbuiltin",  # -ffreestanding would call a function for sqrtf where the core has an instruction
+    "-fno-math-errno",  # the same: no call to set an errno that nobody reads
+    "-ffunction-sections",
+    "-fdata-sections",
+    "-ffp-contract=off",  # the reference rounds after every operation
+    "-fno-move-loop-stores",  # gcc 12 repeats stores to device registers at the end of a loop
+)
+LINK_FLAGS = ("-nostdlib", "-T", "link.ld", "-Wl,--gc-sections")
+
+
+def firmware(program: Program, bundle: Bundle, target: Target, transport: str) -> Mapping[str, str]:
+    """Return every file of the image that serves this controller on `target` over `transport`, by relative path.
+
+    The controller's own files are under controller/, unchanged.
+
+    Raises
+    ------
+    CodegenError
+        when the target has no such link or its memory cannot hold the line's buffers.
+    """
+    if transport == "library" or transport not in target.links:
+        raise CodegenError(
+            f"target {target.name} has no link {transport!r} for an image; it has: {', '.join(target.links)}"
+        )
+    parts = _board_parts(target, transport)
+    heading = {"name": program.name, "program_id": program.id, "target": target.name}
+    sources = {
+        "main.c": render("main.c.j2", heading | _main_view(program, target)),
+        "support/frame.c": text_of("support/frame.c"),
+        **{f"board/{part}.c": text_of(f"board/{part}.c") for part in parts},
+        **{f"controller/{name}": bundle.files[name] for name in bundle.sources},
+    }
+    headers = {
+        "support/frame.h": text_of("support/frame.h"),
+        "board/board.h": text_of("board/board.h"),
+        "board/board_config.h": render("board/board_config.h.j2", heading | {"figures": _figures(target)}),
+        **{f"controller/{name}": bundle.files[name] for name in bundle.headers},
+    }
+    makefile = heading | _makefile_view(target, tuple(sources), tuple(headers))
+    return {
+        **sources,
+        **headers,
+        "link.ld": render("link.ld.j2", heading | _link_view(program, target)),
+        "Makefile": render("board/Makefile.j2", makefile),
+    }
+
+
+def compile_flags(target: Target) -> tuple[str, ...]:
+    """Return the flags every file of the image is compiled and linked with."""
+    return (*IMAGE_FLAGS, *WARNINGS, *target.flags)
+
+
+def _board_parts(target: Target, transport: str) -> tuple[str, ...]:
+    assert target.timer is not None and target.startup is not None and transport in board_parts("transport")
+    parts = [f"startup_{target.startup}", f"timer_{target.timer.driver}", f"transport_{transport}"]
+    if target.uart is not None and transport == "uart":
+        parts.append(f"uart_{target.uart.driver}")
+    return tuple(parts)
+
+
+def _main_view(program: Program, target: Target) -> dict[str, object]:
+    name = program.name
+    return {
+        "protocol": PROTOCOL_VERSION,
+        "steps_max": _steps_max(program, target),
+        "header": f"{name}.h",
+        "state_type": f"{name}_t",
+        "in_type": f"{name}_in_t",
+        "out_type": f"{name}_out_t",
+        "init": f"{name}_init",
+        "step": f"{name}_step",
+        "program_id_macro": f"{name.upper()}_PROGRAM_ID",
+        "setup": [
+            {
+                "address": f"{w.address:#010x}U",
+                "cleared": f"{w.clear:#010x}U",
+                "added": f"{w.set:#010x}U",
+                "says": w.says,
+            }
+            for w in target.setup
+        ],
+    }
+
+
+def _bytes(values: tuple[Value, ...]) -> int:
+    return sum(value.number.bits // 8 for value in values)
+
+
+def _steps_max(program: Program, target: Target) -> int:
+    ram = next(region.size for region in target.memory if region.name == "ram")
+    step = _bytes(program.inputs) + _bytes(program.outputs) + 8  # and status and ticks
+    room = min(ram // RAM_SHARE, 2**16)  # a message's length is 16 bits
+    if room < step + 256:
+        raise CodegenError(
+            f"target {target.name}: a quarter of its {ram} bytes of RAM cannot hold one step of {program.name} "
+            f"({step} bytes): give the region 'ram' its true size or choose a larger part"
+        )
+    return min(STEPS_MOST, (room - 256) // step)
+
+
+def _figures(target: Target) -> list[dict[str, str]]:
+    assert target.timer is not None
+    figures = [
+        ("BOARD_CLOCK_HZ", f"{target.clock_hz}U", "Hz"),
+        ("BOARD_TIMER_BASE", f"{target.timer.base:#010x}U", "address of the timer"),
+        ("BOARD_TIMER_MASK", f"{2**target.timer.bits - 1:#010x}U", f"the timer is {target.timer.bits} bits wide"),
+    ]
+    if target.uart is not None:
+        figures += [
+            ("BOARD_UART_BASE", f"{target.uart.base:#010x}U", "address of the UART"),
+            ("BOARD_UART_CLOCK_HZ", f"{target.uart.clock_hz}U", "Hz, what the baud rate is divided from"),
+            ("BOARD_UART_BAUD", f"{target.uart.baud}U", "bit/s"),
+        ]
+    return [{"name": name, "value": value, "says": says} for name, value, says in figures]
+
+
+def _link_view(program: Program, target: Target) -> dict[str, object]:
+    # The C library is asked for one thing only: the square root of a core that has no instruction for it.
+    square_root = any("sqrt" in op.function for op in program.body)
+    return {
+        "libraries": "-lm -lc -lgcc" if square_root else "-lgcc",
+        "memory": [_region_view(region) for region in target.memory],
+        "stack_bytes": target.stack_bytes,
+    }
+
+
+def _region_view(region: Region) -> dict[str, str]:
+    access = "rx" if region.name == "flash" else "rwx"
+    return {"name": region.name, "access": access, "start": f"{region.start:#010x}", "size": str(region.size)}
+
+
+def _makefile_view(target: Target, sources: tuple[str, ...], headers: tuple[str, ...]) -> dict[str, object]:
+    return {
+        "compiler": target.compiler,
+        "compile_flags": " ".join(compile_flags(target)),
+        "link_flags": " ".join(LINK_FLAGS),
+        "objects": " ".join(f"{source.removesuffix('.c')}.o" for source in sources),
+        "headers": " ".join(headers),
+    }

@@ -1,0 +1,212 @@
+"""A Target: what one board, emulator or host is, read from one TOML file and checked."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from codegen.bundle import CodegenError
+from codegen.toml_table import TomlTable
+
+FLOAT_UNITS = ("float32", "float64")
+TESTED = ("run", "built")  # its images run in the test suite; they are only compiled, linked and measured there
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A stretch of memory; `start` is an address, `size` in bytes."""
+
+    name: str
+    start: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Uart:
+    """A UART; `driver` names templates_c/board/uart_<driver>.c."""
+
+    driver: str
+    base: int
+    baud: int
+    clock_hz: int
+
+
+@dataclass(frozen=True, slots=True)
+class Timer:
+    """A counter of the board's clock, `bits` wide; `driver` names templates_c/board/timer_<driver>.c."""
+
+    driver: str
+    base: int
+    bits: int
+
+
+@dataclass(frozen=True, slots=True)
+class Qemu:
+    """How QEMU stands in for the board; one instruction takes 2**icount_shift ns of its virtual time."""
+
+    machine: str
+    icount_shift: int
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterWrite:
+    """A register to change before anything else runs, such as a clock gate: value = value & ~clear | set."""
+
+    address: int
+    clear: int
+    set: int
+    says: str
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where a controller can run. Fields that only an image needs are None on a host, which links a library."""
+
+    name: str
+    says: str
+    core: str
+    compiler: str
+    flags: tuple[str, ...]
+    float_units: tuple[str, ...]  # number types the hardware computes in
+    links: tuple[str, ...]  # the first is the default
+    tested: str
+    clock_hz: int | None
+    stack_bytes: int | None
+    startup: str | None
+    memory: tuple[Region, ...]
+    uart: Uart | None
+    timer: Timer | None
+    qemu: Qemu | None
+    setup: tuple[RegisterWrite, ...]
+
+
+def target_names() -> tuple[str, ...]:
+    """Names of the targets that come with firmloop, sorted."""
+    files = resources.files("targets").iterdir()
+    return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
+
+
+def load_target(name: str) -> Target:
+    """Read the target `name`, or the file that `name` is the path of when it ends in `.toml`.
+
+    Raises
+    ------
+    CodegenError
+        when there is none, or its file is not a correct description of a target.
+    """
+    if name.endswith(".toml"):
+        path = Path(name)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise CodegenError(f"target file {name} cannot be read: {error}") from None
+        return parse_target(text, path.name)
+    if name not in target_names():
+        raise CodegenError(
+            f"target {name!r} is unknown; known: {', '.join(target_names())}; or give the path of a .toml file"
+        )
+    return parse_target(resources.files("targets").joinpath(f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
+
+
+def board_parts(kind: str) -> tuple[str, ...]:
+    """Names for which a C file templates_c/board/<kind>_<name>.c exists, sorted."""
+    files = [file.name for file in resources.files("templates_c").joinpath("board").iterdir()]
+    found = (re.fullmatch(rf"{kind}_(\w+)\.c", file) for file in files)
+    return tuple(sorted(match.group(1) for match in found if match))
+
+
+def parse_target(text: str, file: str) -> Target:
+    """Check the text of a target's file; `file` is its name, whose stem must be the target's."""
+    try:
+        table = TomlTable(tomllib.loads(text), file, "")
+    except tomllib.TOMLDecodeError as error:
+        raise CodegenError(f"{file}: not TOML: {error}") from None
+    links = table.choices("links", ("library", *board_parts("transport")))
+    if not links:
+        raise table.wrong("links", [], "names at least one link")
+    hosted = links == ("library",)
+    if "library" in links and not hosted:
+        raise table.wrong("links", list(links), "is ['library'] alone on a host, or does not name 'library'")
+    name = table.word("name")
+    if name != Path(file).stem:
+        raise table.wrong("name", name, f"must be the name of its file, {Path(file).stem!r}")
+    clock = None if hosted else table.integer("clock_hz", 1, 2**32 - 1)
+    target = Target(
+        name=name,
+        says=table.phrase("says"),
+        core=table.word("core"),
+        compiler=table.word("compiler"),
+        flags=table.compiler_flags("flags"),
+        float_units=table.choices("float_units", FLOAT_UNITS),
+        links=links,
+        tested=table.choice("tested", TESTED),
+        clock_hz=clock,
+        stack_bytes=None if hosted else table.integer("stack_bytes", 256, 2**24),
+        startup=None if hosted else table.choice("startup", board_parts("startup")),
+        memory=() if hosted else tuple(_region(entry) for entry in table.tables("memory")),
+        uart=_uart(table.table("uart"), clock) if clock and (table.has("uart") or "uart" in links) else None,
+        timer=None if hosted else _timer(table.table("timer")),
+        qemu=_qemu(table.table("qemu")) if table.has("qemu") or "semihosting" in links else None,
+        setup=tuple(_register_write(entry) for entry in table.tables("setup")) if table.has("setup") else (),
+    )
+    table.finish()
+    _check_memory(target, table)
+    return target
+
+
+def _region(table: TomlTable) -> Region:
+    region = Region(table.word("name"), table.integer("start", 0, 2**32 - 1), table.integer("bytes", 64, 2**32 - 1))
+    table.finish()
+    return region
+
+
+def _uart(table: TomlTable, board_clock: int) -> Uart:
+    uart = Uart(
+        driver=table.choice("driver", board_parts("uart")),
+        base=table.integer("base", 0, 2**32 - 1),
+        baud=table.integer("baud", 1200, 12_000_000),
+        clock_hz=table.integer("clock_hz", 1, 2**32 - 1) if table.has("clock_hz") else board_clock,
+    )
+    table.finish()
+    return uart
+
+
+def _timer(table: TomlTable) -> Timer:
+    timer = Timer(
+        driver=table.choice("driver", board_parts("timer")),
+        base=table.integer("base", 0, 2**32 - 1),
+        bits=table.integer("bits", 16, 32),
+    )
+    table.finish()
+    return timer
+
+
+def _qemu(table: TomlTable) -> Qemu:
+    # QEMU takes shifts up to 10; below 0 there are none.
+    qemu = Qemu(machine=table.word("machine"), icount_shift=table.integer("icount_shift", 0, 10))
+    table.finish()
+    return qemu
+
+
+def _register_write(table: TomlTable) -> RegisterWrite:
+    write = RegisterWrite(
+        address=table.integer("address", 0, 2**32 - 4),
+        clear=table.integer("clear", 0, 2**32 - 1) if table.has("clear") else 0,
+        set=table.integer("set", 0, 2**32 - 1) if table.has("set") else 0,
+        says=table.phrase("says"),
+    )
+    table.finish()
+    return write
+
+
+def _check_memory(target: Target, table: TomlTable) -> None:
+    if target.stack_bytes is None:
+        return
+    regions = {region.name: region for region in target.memory}
+    if len(regions) != len(target.memory) or not {"flash", "ram"} <= set(regions):
+        raise table.wrong("memory", [region.name for region in target.memory], "names 'flash' and 'ram', each once")
+    if target.stack_bytes % 8 or target.stack_bytes >= regions["ram"].size:
+        raise table.wrong("stack_bytes", target.stack_bytes, "is a multiple of 8 and smaller than the region 'ram'")

@@ -1,0 +1,47 @@
+/* board.h -- what main.c needs of a board: one startup, one timer, one transport, and a UART if the transport is one
+ *
+ * A new UART family is one file that defines the three uart_ functions; a new board is one TOML file of firmloop.
+ */
+#ifndef FIRMLOOP_BOARD_H
+#define FIRMLOOP_BOARD_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/** One register of the board to change before anything else: value = (value & ~clear) | set. */
+typedef struct {
+    uint32_t address;
+    uint32_t clear;
+    uint32_t set;
+} fl_write_t;
+
+/* transport_*.c */
+void transport_open(void);
+/** Waits until bytes are there; returns how many it took, at most `room`. Ends the image when the host has gone. */
+size_t transport_read(uint8_t *bytes, size_t room);
+void transport_write(const uint8_t *bytes, size_t count);
+/** A text for a person who watches the line; used by the fault report only. */
+void transport_text(const char *text);
+/** Ends the image as a failure, or stays still where nothing can end it. */
+void transport_fail(void);
+
+/* timer_*.c */
+void timer_start(void);
+/** Counts up, BOARD_TIMER_MASK wide. */
+uint32_t timer_now(void);
+
+/* uart_*.c */
+void uart_start(void);
+void uart_put(uint8_t byte);
+/** The next byte, or -1 if none has come. */
+int32_t uart_get(void);
+
+/* startup_*.c */
+/** Fills the stack below the caller with a pattern. */
+void stack_paint(void);
+/** Bytes below the caller that were written since stack_paint(). */
+uint32_t stack_depth(void);
+void *memcpy(void *to, const void *from, size_t count);
+void *memset(void *to, int value, size_t count);
+
+#endif

@@ -1,0 +1,159 @@
+/* startup_cortex_m.c -- reset, faults and stack of any Cortex-M
+ *
+ * Register addresses: ARMv7-M Architecture Reference Manual (DDI 0403), B3.2 "System Control Space".
+ */
+#include <stdint.h>
+
+#include "board.h"
+
+#define STACK_PATTERN 0xA5C35A3CUL
+
+/* Places given by the linker script; only their addresses mean anything. */
+extern uint32_t stack_bottom[];
+extern uint32_t stack_top[];
+extern uint32_t data_start[];
+extern uint32_t data_end[];
+extern const uint32_t data_image[];
+extern uint32_t bss_start[];
+extern uint32_t bss_end[];
+
+typedef void (*handler_t)(void);
+
+int main(void);
+void reset_handler(void);
+void fault_handler(void);
+void start_c(void);
+void fault_report(const uint32_t *frame, uint32_t exc_return);
+
+typedef struct {
+    const uint32_t *stack;
+    handler_t handlers[15];
+} vector_table_t;
+
+__attribute__((section(".vectors"), used)) const vector_table_t vector_table = {
+    stack_top,
+    {
+        reset_handler, fault_handler, /* NMI */
+        fault_handler,                /* HardFault */
+        fault_handler,                /* MemManage */
+        fault_handler,                /* BusFault */
+        fault_handler,                /* UsageFault */
+        0, 0, 0, 0,                   /* reserved */
+        fault_handler,                /* SVCall */
+        fault_handler,                /* DebugMonitor */
+        0,                            /* reserved */
+        fault_handler,                /* PendSV */
+        fault_handler,                /* SysTick */
+    },
+};
+
+/* The compiler may use floating-point registers in any C function, so the unit is switched on before the first one. */
+__attribute__((naked, used)) void reset_handler(void) {
+#if defined(__ARM_FP)
+    __asm__ volatile("ldr r0, =0xE000ED88\n" /* CPACR: full access to CP10 and CP11 */
+                     "ldr r1, [r0]\n"
+                     "orr r1, r1, #0x00F00000\n"
+                     "str r1, [r0]\n"
+                     "dsb\n"
+                     "isb\n");
+#endif
+    __asm__ volatile("ldr r0, =stack_top\n"
+                     "mov sp, r0\n"
+                     "bl start_c\n");
+}
+
+__attribute__((used, noreturn)) void start_c(void) {
+    const uint32_t *from = data_image;
+    for (uint32_t *to = data_start; to < data_end; to++) {
+        *to = *from;
+        from++;
+    }
+    for (uint32_t *to = bss_start; to < bss_end; to++) {
+        *to = 0U;
+    }
+    (void)main();
+    for (;;) {
+    }
+}
+
+/* A stack that ran over cannot carry the report, so the report starts on a fresh one. */
+__attribute__((naked, used)) void fault_handler(void) {
+    __asm__ volatile("mov r0, sp\n"
+                     "mov r1, lr\n"
+                     "ldr r2, =stack_top\n"
+                     "mov sp, r2\n"
+                     "bl fault_report\n");
+}
+
+static void say_register(const char *name, uint32_t value) {
+    char text[9];
+    for (uint32_t i = 0; i < 8U; i++) {
+        text[i] = "0123456789abcdef"[(value >> (28U - 4U * i)) & 15U];
+    }
+    text[8] = '\0';
+    transport_text(name);
+    transport_text(text);
+}
+
+__attribute__((used, noreturn)) void fault_report(const uint32_t *frame, uint32_t exc_return) {
+    const volatile uint32_t *const scb = (const volatile uint32_t *)0xE000ED00UL;
+    say_register("FAULT icsr=", scb[1]);
+    say_register(" cfsr=", scb[10]);
+    say_register(" hfsr=", scb[11]);
+    say_register(" mmfar=", scb[13]);
+    say_register(" bfar=", scb[14]);
+    say_register(" exc_return=", exc_return);
+    say_register(" sp=", (uint32_t)(uintptr_t)frame);
+    if (frame >= stack_bottom && frame + 8 <= stack_top) {
+        say_register(" r0=", frame[0]);
+        say_register(" r1=", frame[1]);
+        say_register(" r2=", frame[2]);
+        say_register(" r3=", frame[3]);
+        say_register(" r12=", frame[4]);
+        say_register(" lr=", frame[5]);
+        say_register(" pc=", frame[6]);
+        say_register(" xpsr=", frame[7]);
+    } else {
+        transport_text(" stack=overrun");
+    }
+    transport_text("\n");
+    transport_fail();
+    for (;;) {
+    }
+}
+
+/* Both are leaves without a frame of their own, so the caller's stack pointer is where the painted stack begins. */
+void stack_paint(void) {
+    const uint32_t *const top = (const uint32_t *)__builtin_dwarf_cfa();
+    for (volatile uint32_t *word = stack_bottom; word < top; word++) {
+        *word = STACK_PATTERN;
+    }
+}
+
+uint32_t stack_depth(void) {
+    const uint32_t *const top = (const uint32_t *)__builtin_dwarf_cfa();
+    const volatile uint32_t *word = stack_bottom;
+    while (word < top && *word == STACK_PATTERN) {
+        word++;
+    }
+    return (uint32_t)((uintptr_t)top - (uintptr_t)word);
+}
+
+/* The compiler calls these two by name for structures and buffers; there is no C library to take them from. Volatile
+ * keeps it from recognizing a loop as what the function is, and calling the function from within itself. */
+void *memcpy(void *to, const void *from, size_t count) {
+    volatile uint8_t *bytes = to;
+    const uint8_t *source = from;
+    for (size_t i = 0; i < count; i++) {
+        bytes[i] = source[i];
+    }
+    return to;
+}
+
+void *memset(void *to, int value, size_t count) {
+    volatile uint8_t *bytes = to;
+    for (size_t i = 0; i < count; i++) {
+        bytes[i] = (uint8_t)value;
+    }
+    return to;
+}

@@ -1,0 +1,204 @@
+"""The host's half of the line: one request, one reply, repeated in bounded time until both are whole."""
+
+from __future__ import annotations
+
+import os
+import struct
+import time
+from types import TracebackType
+from typing import Self
+
+from verify.frame import (
+    HELLO,
+    NAK,
+    NAK_DAMAGED,
+    NAK_SEQUENCE,
+    PROTOCOL_VERSION,
+    REASONS,
+    REPLY,
+    RESET,
+    STACK,
+    STEP,
+    FrameError,
+    seal,
+    unseal,
+)
+from verify.links import Hello, LinkError
+from verify.links.stream import Stream
+
+_HELLO = struct.Struct("<IHHHHI16s")
+_DEPTH = struct.Struct("<I")
+COST_BYTES = 8  # status and ticks of one step
+NOISE_MOST = 1 << 18  # bytes without a zero byte that are kept; longer than any frame
+REPEATS_MOST = 16  # of one request when the far end says at once that it came damaged
+
+
+class FramedLink:
+    """A controller behind a byte stream that may lose, damage or repeat bytes."""
+
+    def __init__(self, stream: Stream, where: str, program_id: str, timeout: float, attempts: int) -> None:
+        """Greet the far end and check that it runs the program `program_id`; close the stream if that fails.
+
+        Parameters
+        ----------
+        where
+            names the link in messages, such as "UART socket://127.0.0.1:4000"
+        timeout
+            s, for the reply to one attempt
+        attempts
+            how often a request without a reply is sent
+        """
+        self._stream = stream
+        self._where = where
+        self._timeout = timeout
+        self._attempts = attempts
+        self._pending = b""  # what came after the last zero byte
+        self._blocks: list[bytes] = []  # complete blocks nobody looked at yet
+        self._sequence = os.urandom(1)[0]
+        self._session = os.urandom(4)
+        try:
+            self._hello = self._greet(program_id)
+        except BaseException:
+            stream.close()
+            raise
+
+    def hello(self) -> Hello:
+        """Return what the far end said of itself when the link was opened."""
+        return self._hello
+
+    def reset(self) -> None:
+        """Put the controller into its first state."""
+        self._exchange(RESET, b"")
+
+    def step(self, inputs: bytes, count: int) -> bytes:
+        """Run `count` steps over packed input structs; return (output struct, status u32, ticks u32) of each."""
+        hello = self._hello
+        if len(inputs) != count * hello.in_bytes:
+            raise ValueError(f"{count} steps take {count * hello.in_bytes} bytes of inputs, not {len(inputs)}")
+        if 0 < count <= hello.steps_max:
+            return self._steps(inputs, count)
+        frame = hello.steps_max * hello.in_bytes
+        return b"".join(
+            self._steps(inputs[at : at + frame], len(inputs[at : at + frame]) // hello.in_bytes)
+            for at in range(0, len(inputs), frame)
+        )
+
+    def _steps(self, inputs: bytes, count: int) -> bytes:
+        results = self._exchange(STEP, inputs)
+        if len(results) != count * (self._hello.out_bytes + COST_BYTES):
+            raise LinkError(f"{self._where}: the reply to {count} steps has {len(results)} bytes: rebuild the image")
+        return results
+
+    def stack(self, inputs: bytes) -> int:
+        """Return the deepest stack in bytes of one step, over packed input structs from a fresh start.
+
+        The controller is in its first state afterwards. The depth begins at the call of step() and is what the step
+        really wrote, so a path that these inputs do not take is not in it.
+        """
+        frame = self._hello.steps_max * self._hello.in_bytes
+        replies = [self._exchange(STACK, inputs[at : at + frame]) for at in range(0, len(inputs), frame)]
+        return max(int(_DEPTH.unpack(reply)[0]) for reply in replies)
+
+    def close(self) -> None:
+        """Let go of the line and of what was started for it; a second call does nothing."""
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _greet(self, program_id: str) -> Hello:
+        payload = self._exchange(HELLO, self._session)
+        if len(payload) < 6 or payload[4:6] != PROTOCOL_VERSION.to_bytes(2, "little") or len(payload) != _HELLO.size:
+            raise LinkError(
+                f"{self._where}: the image speaks another version of the line's protocol: rebuild the image"
+            )
+        _, _, in_bytes, out_bytes, steps_max, overhead, found = _HELLO.unpack(payload)
+        found_id = found.decode("ascii", "replace")
+        if found_id != program_id:
+            raise LinkError(
+                f"{self._where}: the image runs program {found_id}, this project's is {program_id}: "
+                "rebuild the image, and flash it if it is on a board"
+            )
+        return Hello(found_id, in_bytes, out_bytes, steps_max, overhead)
+
+    def _exchange(self, kind: int, payload: bytes) -> bytes:
+        self._sequence = sequence = (self._sequence + 1) & 0xFF
+        frame = seal(kind, sequence, payload)
+        self._stream.write(frame)
+        begin = time.monotonic()
+        data = self._stream.read(self._timeout)
+        # Nearly always one whole frame comes at once: spare it the general way, which costs as much as all the rest.
+        if data.count(0) == 2 and data[0] == 0 == data[-1] and not self._blocks and not self._pending:
+            try:
+                found, number, reply = unseal(data[1:-1])
+            except FrameError:
+                found = NAK
+            if found == kind | REPLY and number == sequence and kind != HELLO:
+                return reply
+        self._take(data)
+        return self._converse(kind, sequence, frame, begin)
+
+    def _converse(self, kind: int, sequence: int, frame: bytes, begin: float) -> bytes:
+        """Wait for the reply to a request first sent at `begin`, sending it again as often as allowed."""
+        repeats = 0
+        for attempt in range(self._attempts):
+            if attempt:
+                self._stream.write(frame)
+                begin = time.monotonic()
+            deadline = begin + self._timeout
+            while (message := self._receive(deadline)) is not None:
+                found, number, reply = message
+                if found == kind | REPLY and number == sequence and self._is_ours(kind, reply):
+                    return reply
+                if found != NAK:
+                    continue  # a late reply to an earlier request
+                reason = reply[0] if reply else 0
+                if reason == NAK_DAMAGED:
+                    if repeats < REPEATS_MOST:
+                        repeats += 1
+                        self._stream.write(frame)
+                elif number == sequence:
+                    raise LinkError(self._refusal(reason))
+        raise LinkError(
+            f"{self._where}: no reply within {self._attempts} attempts of {self._timeout:g} s: check that the image "
+            "runs, the baud rate and the wiring"
+        )
+
+    def _is_ours(self, kind: int, reply: bytes) -> bool:
+        """Tell the reply to our HELLO from one to a host before us."""
+        return kind != HELLO or reply[:4] == self._session
+
+    def _refusal(self, reason: int) -> str:
+        if reason == NAK_SEQUENCE:
+            return f"{self._where}: the image knows nothing of this session: it was reset on the way; run again"
+        return f"{self._where}: the image refused a request ({REASONS.get(reason, reason)}): rebuild the image"
+
+    def _receive(self, deadline: float) -> tuple[int, int, bytes] | None:
+        """Return the next whole message, or None at the deadline; what is damaged is passed over."""
+        while True:
+            while self._blocks:
+                block = self._blocks.pop(0)
+                try:
+                    return unseal(block)
+                except FrameError:
+                    if block.startswith(b"FAULT "):
+                        raise LinkError(f"{self._where}: the image faulted: {_printable(block)}") from None
+            left = deadline - time.monotonic()
+            if left <= 0:
+                return None
+            self._take(self._stream.read(left))
+
+    def _take(self, data: bytes) -> None:
+        if data:
+            blocks = (self._pending + data).split(b"\0")
+            self._pending = blocks.pop()[-NOISE_MOST:]
+            self._blocks += [block for block in blocks if block]
+
+
+def _printable(block: bytes) -> str:
+    return "".join(chr(byte) if 32 <= byte < 127 else "?" for byte in block[:400]).strip("? ")

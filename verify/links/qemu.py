@@ -1,0 +1,104 @@
+"""A QEMU that cannot outlive the session that started it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import weakref
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from codegen.target import Qemu, Target
+from identify.compiler import find_tool
+from verify.links import LinkError
+
+PATIENCE = 1.0  # s for an emulator to end by itself before it is killed
+QUOTED = 300  # characters of its words in a message; the first ones tell most
+
+
+class QemuProcess:
+    """A running emulator and its private folder, which it runs in and which goes when it goes."""
+
+    def __init__(
+        self, qemu: Qemu, elf: Path, arguments: Sequence[str], descriptors: Sequence[int], folder: Path
+    ) -> None:
+        """Start it.
+
+        Parameters
+        ----------
+        arguments
+            of its command line, beside machine, clock and image
+        descriptors
+            open descriptors that it inherits
+        folder
+            a private one; taken over
+        """
+        command = [
+            *_ended_with_parent(),
+            str(find_tool("qemu-system-arm")),
+            *("-machine", qemu.machine, "-display", "none", "-monitor", "none"),
+            # Instructions are the clock: the same image counts the same ticks on any machine.
+            *("-icount", f"shift={qemu.icount_shift}"),
+            *arguments,
+            *("-kernel", str(elf.resolve())),
+        ]
+        self._words = folder / "words"
+        with self._words.open("wb") as words:
+            self._process = subprocess.Popen(
+                command,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=words,
+                stderr=words,
+                pass_fds=descriptors,
+            )
+        # Also runs when the interpreter ends, so that an unclosed link leaves nothing behind.
+        self._end = weakref.finalize(self, _end, self._process, folder)
+
+    def running(self) -> bool:
+        """Say whether it runs."""
+        return self._process.poll() is None
+
+    def fate(self) -> str:
+        """Say how it ended, in its own words."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
+        status = self._process.poll()
+        words = " ".join(self._words.read_text(errors="replace").split()) if self._words.exists() else ""
+        quoted = f": {words[:QUOTED]}" if words else ""
+        if status is None:
+            return f"QEMU still runs but its line is closed{quoted}"
+        if words.startswith("FAULT "):
+            return f"the image faulted{quoted}"
+        return f"QEMU ended with status {status}{quoted}; run again"
+
+    def finish(self) -> None:
+        """Give it a moment to end by itself, because its line was closed; then stop it."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
+        self.stop()
+
+    def stop(self) -> None:
+        """Kill it, wait until it is gone, and remove its folder; a second call does nothing."""
+        self._end()
+
+
+def qemu_of(target: Target) -> Qemu:
+    """Return how QEMU stands in for the target, or raise LinkError if it does not."""
+    if target.qemu is None:
+        raise LinkError(f"target {target.name} has no [qemu] table: give the port of the board with --port")
+    return target.qemu
+
+
+def _ended_with_parent() -> tuple[str, ...]:
+    """Return the prefix that has the kernel end QEMU when we are killed and cannot; util-linux has it on any Linux."""
+    setpriv = shutil.which("setpriv")
+    return (setpriv, "--pdeathsig", "KILL") if setpriv else ()
+
+
+def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
+    # Not SIGTERM: while the image waits in a semihosting read, QEMU does not hear it.
+    process.kill()
+    process.wait()
+    shutil.rmtree(folder, ignore_errors=True)

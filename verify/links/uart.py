@@ -1,0 +1,74 @@
+"""An image behind a UART: QEMU's over TCP, or a real one on any port that pyserial opens."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+
+from codegen.target import Target
+from verify.links.framed import FramedLink
+from verify.links.qemu import QemuProcess, qemu_of
+from verify.links.stream import open_serial
+
+QEMU_TIMEOUT = 5.0  # s for the reply to one attempt; a dead QEMU is noticed at once
+QEMU_ATTEMPTS = 2
+PORT_TIMEOUT = 2.0  # s; a full frame at 115200 bit/s takes 0.3 s there and back
+PORT_ATTEMPTS = 4
+DEFAULT_BAUD = 115_200  # bit/s, for a target whose file names none
+
+
+def open_qemu_uart(target: Target, elf: Path, program_id: str) -> FramedLink:
+    """Run the image `elf` in QEMU and greet it over its first UART.
+
+    QEMU inherits a socket that already listens, so that no other program can take the port in between.
+
+    Raises
+    ------
+    LinkError
+        when QEMU or the image dies, does not answer, or runs another program.
+    ToolError
+        when QEMU is not installed.
+    """
+    qemu = qemu_of(target)
+    with ExitStack() as undo:
+        folder = Path(tempfile.mkdtemp(prefix="firmloop."))
+        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
+            url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+            line = f"socket,id=line,fd={listener.fileno()},server=on,wait=off,nodelay=on"
+            process = QemuProcess(
+                qemu, elf, ("-chardev", line, "-serial", "chardev:line"), (listener.fileno(),), folder
+            )
+        undo.callback(process.stop)
+        where = f"UART {url} in QEMU {qemu.machine}"
+
+        def fate() -> str:
+            return f"{where}: {process.fate()}"
+
+        stream = open_serial(url, DEFAULT_BAUD, QEMU_TIMEOUT, fate, process.stop)
+        undo.pop_all()
+    return FramedLink(stream, where, program_id, QEMU_TIMEOUT, QEMU_ATTEMPTS)
+
+
+def open_port(target: Target, url: str, program_id: str) -> FramedLink:
+    """Greet an image that runs already, on a device, a pseudo-terminal's path or any URL of pyserial.
+
+    Raises
+    ------
+    LinkError
+        when the port is not there, goes away, does not answer, or its image runs another program.
+    """
+    where = f"port {url}"
+
+    def fate() -> str:
+        return f"{where}: it is gone or cannot be used: check the cable and the name, then run again"
+
+    def nothing() -> None:
+        """End nothing: the board goes on without us."""
+
+    baud = target.uart.baud if target.uart is not None else DEFAULT_BAUD
+    stream = open_serial(url, baud, PORT_TIMEOUT, fate, nothing)
+    return FramedLink(stream, where, program_id, PORT_TIMEOUT, PORT_ATTEMPTS)
