@@ -16,7 +16,7 @@ NUMBER_SAYS = {
     "float32": "single precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)",
     "float64": "double precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)",
     "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven",
-    "fixed16": "16-bit fixed point, 32-bit products and state, saturating, rounding to nearest; no overflow, proven",
+    "fixed16": "16-bit fixed-point signals on 32-bit values, saturating, rounding to nearest; no overflow, proven",
 }
 PLACES = {"in": "in->", "self": "self->"}
 

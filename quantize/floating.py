@@ -34,9 +34,9 @@ class FloatBuilder:
     def _tiny(self) -> float:
         return 2.0**-150 if self.bits == 32 else 2.0**-1074
 
-    def signal(self, what: str, low: float, high: float, bits: int) -> Number:
+    def signal(self, low: float, high: float, q: int) -> Number:
         """Return the one format of every value."""
-        del what, low, high, bits
+        del low, high, q
         return Number("float", self.bits, 0)
 
     def literal(self, value: float, number: Number) -> float:
@@ -48,14 +48,16 @@ class FloatBuilder:
         """Return the representable limits inside the given ones."""
         return self._up(low, number), -self._up(-high, number)
 
-    def argument(self, name: str, number: Number, low: float, high: float) -> Term:
-        """Return an input or state as it stands in its struct; it carries no error of its own."""
-        return Term(name, number, low, high, 0.0)
+    def widened(self, a: Term, q: int) -> Term:
+        """Return an input as it was read."""
+        del q
+        return a
 
     # -- operations of the law ------------------------------------------------------------------------------------
 
-    def binary(self, function: str, a: Operand, b: Operand) -> Operand:
+    def binary(self, function: str, a: Operand, b: Operand, q: int = 0) -> Operand:
         """add, sub, mul, min, max, lt, le, eq, ne of a law."""
+        del q
         number = Number("float", self.bits, 0)
         x, x_error = self._operand(function, a, number)
         y, y_error = self._operand(function, b, number)
@@ -68,8 +70,9 @@ class FloatBuilder:
             error = _times(_size(x), y_error) + _times(_size(y) + y_error, x_error)
         return self._rounded(self.ops.emit(function, (x, y), number, error))
 
-    def unary(self, function: str, a: Operand) -> Operand:
+    def unary(self, function: str, a: Operand, q: int) -> Operand:
         """neg, abs, square, twice of a law."""
+        del q
         assert isinstance(a, Term)
         if function in ("square", "twice"):
             return self.binary("mul" if function == "square" else "add", a, a)
@@ -80,8 +83,9 @@ class FloatBuilder:
         assert isinstance(a, Term) and isinstance(b, Term)
         return self.ops.emit(function, (a, b), a.number, a.error + b.error)
 
-    def choose(self, condition: Operand, a: Operand) -> Operand:
+    def choose(self, condition: Operand, a: Operand, q: int) -> Operand:
         """Take `a` where the condition holds, else zero; near its edge the condition may choose unlike the law's."""
+        del q
         assert isinstance(condition, Term)
         number = Number("float", self.bits, 0)
         value, error = self._operand("select", a, number)

@@ -10,6 +10,7 @@ from identify.signal import Signal
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
+from quantize.formats import Formats, choose_formats
 from quantize.graph import Graph, read_graph
 from quantize.program import Assign, Number, Program, QuantizeError, Rounding, StatusBit, Value
 
@@ -28,28 +29,40 @@ def lower(law: Law, arithmetic: str) -> Program:
         raise QuantizeError(f"arithmetic {arithmetic!r} is unknown; known: {', '.join(ARITHMETICS)}")
     if len(law.stages) != 1:
         raise QuantizeError(f"law {law.name!r} has {len(law.stages)} stages; exactly one is needed")
-    kind, bits = arithmetic[:5], int(arithmetic[5:])
-    builder = FixedBuilder(bits) if kind == "fixed" else FloatBuilder(bits)
-    return _Lowering(law, arithmetic, bits, builder).program()
+    graph = read_graph(law.stages[0].function)
+    bits = int(arithmetic[5:])
+    if arithmetic.startswith("fixed"):
+        formats, builder = choose_formats(law, graph), FixedBuilder(bits)
+        return _Lowering(law, graph, arithmetic, formats, builder, 32).program()
+    none = Formats((0,) * len(graph.nodes), (0,) * len(law.inputs), (0,) * len(law.state))
+    return _Lowering(law, graph, arithmetic, none, FloatBuilder(bits), bits).program()
 
 
 class _Lowering:
-    """One walk over one law; the builder decides formats, the walk decides order and names."""
+    """One walk over one law; the builder decides operations, the walk decides order and names."""
 
-    def __init__(self, law: Law, arithmetic: str, bits: int, builder: FixedBuilder | FloatBuilder) -> None:
-        self.law, self.arithmetic, self.bits, self.builder = law, arithmetic, bits, builder
+    def __init__(
+        self,
+        law: Law,
+        graph: Graph,
+        arithmetic: str,
+        formats: Formats,
+        builder: FixedBuilder | FloatBuilder,
+        state_bits: int,
+    ) -> None:
+        self.law, self.graph, self.arithmetic = law, graph, arithmetic
+        self.formats, self.builder, self.state_bits = formats, builder, state_bits
         self.ops: Builder = builder.ops
-        self.graph: Graph = read_graph(law.stages[0].function)
 
     def program(self) -> Program:
-        law = self.law
-        inputs = tuple(self._value(s, self.bits) for s in law.inputs)
-        outputs = tuple(self._value(s, self.bits) for s in law.outputs)
-        state = tuple(self._value(s, 32 if self.bits < 64 else 64) for s in law.state)
-        used, outside = self._read_inputs(inputs)
-        held = [self.builder.argument(f"self.{v.name}", v.number, v.low, v.high) for v in state]
-        nodes = self._walk([held, used], self._grids(outputs))
+        law, formats = self.law, self.formats
         next_row, output_row, flag_row = self.graph.results[:3]
+        inputs = tuple(self._value(s, q) for s, q in zip(law.inputs, formats.inputs, strict=True))
+        outputs = tuple(self._value(s, formats.nodes[n]) for s, n in zip(law.outputs, output_row, strict=True))
+        state = tuple(self._state(s, q) for s, q in zip(law.state, formats.state, strict=True))
+        used, outside = self._read_inputs(inputs)
+        held = [Term(f"self.{v.name}", v.number, v.low, v.high, 0.0) for v in state]
+        nodes = self._walk([held, used], self._grids(outputs))
         next_state = tuple(
             Assign(v.name, self._store(nodes[n], v, f"{v.name}_next").name)
             for v, n in zip(state, next_row, strict=True)
@@ -71,21 +84,29 @@ class _Lowering:
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, stored, strict=True)),
         )
 
-    def _value(self, signal: Signal, bits: int) -> Value:
-        number = self.builder.signal(signal.name, signal.low, signal.high, bits)
+    def _value(self, signal: Signal, q: int) -> Value:
+        number = self.builder.signal(signal.low, signal.high, q)
+        low, high = self.builder.limits(signal.low, signal.high, number)
+        return Value(signal.name, signal.unit, number, low, high)
+
+    def _state(self, signal: Signal, q: int) -> Value:
+        number = replace(self.builder.signal(signal.low, signal.high, q), bits=self.state_bits, fraction=q)
         low, high = self.builder.limits(signal.low, signal.high, number)
         return Value(signal.name, signal.unit, number, low, high)
 
     def _read_inputs(self, inputs: tuple[Value, ...]) -> tuple[list[Term], list[Term]]:
         """Clamp each input to its declared range; say which ones were outside (a NaN is)."""
         used, outside = [], []
-        for value in inputs:
+        for value, q in zip(inputs, self.formats.inputs, strict=True):
             low, high = _word(value.number)
-            raw = Term(f"in.{value.name}", replace(value.number, bits=max(32, self.bits)), low, high, 0.0)
+            raw = Term(f"in.{value.name}", replace(value.number, bits=self.state_bits), low, high, 0.0)
             self.ops.wish = (value.name, value.unit)
-            used.append(self.ops.emit("clamp", (raw, value.low, value.high), raw.number, 0.0))
+            limited = self.ops.emit("clamp", (raw, value.low, value.high), raw.number, 0.0)
             self.ops.wish = (f"{value.name}_outside", "")
-            outside.append(self.ops.emit("ne", (raw, used[-1]), raw.number, 0.0))
+            outside.append(self.ops.emit("ne", (raw, limited), raw.number, 0.0))
+            self.ops.wish = (f"{value.name}_wide", value.unit) if q != value.number.fraction else ("", "")
+            used.append(self.builder.widened(limited, q))
+            self.ops.wish = ("", "")
         return used, outside
 
     def _grids(self, outputs: tuple[Value, ...]) -> Mapping[int, int]:
@@ -114,20 +135,21 @@ class _Lowering:
                 continue
             operands = [nodes[a] for a in node.arguments]
             self.ops.wish = names.get(k, ("", ""))
-            nodes.append(self._node(node.function, operands))
+            nodes.append(self._node(node.function, operands, self.formats.nodes[k]))
             self.ops.wish = ("", "")
         return nodes
 
-    def _node(self, function: str, operands: list[Operand]) -> Operand:
-        match function:
-            case "and" | "or":
-                return self.builder.truth(function, *operands)
-            case "if":
-                return self.builder.choose(*operands)
-            case "not" | "neg" | "abs" | "square" | "twice":
-                return self.builder.unary(function, *operands)
-            case _:
-                return self.builder.binary(function, *operands)
+    def _node(self, function: str, operands: list[Operand], q: int) -> Operand:
+        match function, operands:
+            case ("and" | "or"), [a, b]:
+                return self.builder.truth(function, a, b)
+            case "if", [condition, a]:
+                return self.builder.choose(condition, a, q)
+            case _, [a]:
+                return self.builder.unary(function, a, q)
+            case _, [a, b]:
+                return self.builder.binary(function, a, b, q)
+        raise AssertionError(function)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

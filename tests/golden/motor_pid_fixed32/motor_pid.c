@@ -21,48 +21,39 @@ void motor_pid_init(motor_pid_t *self)
 
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
-    const int32_t reference = fl_clamp_i32(in->reference, -1677721600, 1677721600); /* rad/s, Q22, -400 to 400 */
+    const int32_t reference = fl_clamp_i32(in->reference, -838860800, 838860800); /* rad/s, Q21, -400 to 400 */
     const int32_t reference_outside = (in->reference != reference) ? 1 : 0; /* truth */
-    const int32_t measurement = fl_clamp_i32(in->measurement, -1677721600, 1677721600); /* rad/s, Q22, -400 to 400 */
+    const int32_t measurement = fl_clamp_i32(in->measurement, -838860800, 838860800); /* rad/s, Q21, -400 to 400 */
     const int32_t measurement_outside = (in->measurement != measurement) ? 1 : 0; /* truth */
-    const int32_t t1 = fl_shr_i32(reference, 1U); /* Q21, -400 to 400 */
-    const int32_t t2 = fl_shr_i32(measurement, 1U); /* Q21, -400 to 400 */
-    const int32_t error = t1 - t2; /* rad/s, Q21, -800 to 800 */
-    const int32_t t3 = fl_mul_shift_i32(error, 1539316279, 32U); /* Q29, -1.12 to 1.12 */
-    const int32_t t4 = fl_shr_i32(t3, 5U); /* Q24, -1.12 to 1.12 */
-    const int32_t t5 = self->integral + t4; /* Q24, -70.7182 to 70.7182 */
-    const int32_t t6 = fl_mul_shift_i32(reference, 1503238554, 32U); /* Q21, -280 to 280 */
-    const int32_t t7 = t6 - t2; /* Q21, -680 to 680 */
-    const int32_t proportional = fl_mul_shift_i32(t7, 1717986918, 32U); /* V, Q24, -34 to 34 */
-    const int32_t t8 = proportional + self->integral; /* Q24, -103.598 to 103.598 */
-    const int32_t t9 = fl_mul_shift_i32(self->derivative, 1952257862, 32U); /* Q24, -32.0529 to 32.0529 */
-    const int32_t t10 = (536870912 < self->started) ? 1 : 0; /* truth */
-    const int32_t t11 = fl_mul_shift_i32(reference, 1717986918, 32U); /* Q23, -80 to 80 */
-    const int32_t t12 = fl_shr_i32(t11, 1U); /* Q22, -80 to 80 */
-    const int32_t last_new = t12 - measurement; /* rad/s, Q22, -480 to 480 */
-    const int32_t t13 = fl_shr_i32(last_new, 1U); /* Q21, -480 to 480 */
-    const int32_t t14 = fl_shr_i32(self->last, 1U); /* Q21, -484.8 to 484.8 */
-    const int32_t t15 = t13 - t14; /* Q21, -964.8 to 964.8 */
-    const int32_t t16 = fl_mul_shift_i32(t15, 1249445032, 32U); /* Q24, -35.0836 to 35.0836 */
-    const int32_t t17 = (t10 != 0) ? t16 : 0; /* Q24, -35.0836 to 35.0836 */
-    const int32_t derivative_term = t9 + t17; /* V, Q24, -67.1365 to 67.1365 */
-    const int32_t t18 = fl_shr_i32(t8, 1U); /* Q23, -103.598 to 103.598 */
-    const int32_t t19 = fl_shr_i32(derivative_term, 1U); /* Q23, -67.1365 to 67.1365 */
-    const int32_t unlimited = t18 + t19; /* V, Q23, -170.735 to 170.735 */
-    const int32_t t20 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 170.735 */
-    const int32_t output_limited = fl_min_i32(t20, 100663296); /* V, Q23, -12 to 12 */
-    const int32_t t21 = output_limited - unlimited; /* Q23, -182.735 to 182.735 */
-    const int32_t t22 = fl_mul_shift_i32(t21, 1374389535, 32U); /* Q27, -3.65469 to 3.65469 */
-    const int32_t t23 = fl_shr_i32(t22, 3U); /* Q24, -3.65469 to 3.65469 */
-    const int32_t integral_new = t5 + t23; /* V, Q24, -74.3729 to 74.3729 */
+    const int32_t error = reference - measurement; /* rad/s, Q21, -800 to 800 */
+    const int32_t t1 = fl_mul_shift_i32(error, 24051817, 32U); /* Q23, -1.12 to 1.12 */
+    const int32_t t2 = self->integral + t1; /* Q23, -70.7182 to 70.7182 */
+    const int32_t t3 = reference * (1 << 1U); /* Q22, -400 to 400 */
+    const int32_t t4 = fl_mul_shift_i32(t3, 1503238554, 32U); /* Q21, -280 to 280 */
+    const int32_t t5 = t4 - measurement; /* Q21, -680 to 680 */
+    const int32_t proportional = fl_mul_shift_i32(t5, 858993459, 32U); /* V, Q23, -34 to 34 */
+    const int32_t t6 = proportional + self->integral; /* Q23, -103.598 to 103.598 */
+    const int32_t t7 = self->derivative * (1 << 1U); /* Q24, -35.2582 to 35.2582 */
+    const int32_t t8 = fl_mul_shift_i32(t7, 1952257862, 32U); /* Q23, -32.0529 to 32.0529 */
+    const int32_t t9 = (1 < self->started) ? 1 : 0; /* truth */
+    const int32_t t10 = fl_mul_shift_i32(reference, 858993459, 32U); /* Q21, -80 to 80 */
+    const int32_t last_new = t10 - measurement; /* rad/s, Q21, -480 to 480 */
+    const int32_t t11 = last_new - self->last; /* Q21, -964.8 to 964.8 */
+    const int32_t t12 = fl_mul_shift_i32(t11, 624722516, 32U); /* Q23, -35.0836 to 35.0836 */
+    const int32_t t13 = (t9 != 0) ? t12 : 0; /* Q23, -35.0836 to 35.0836 */
+    const int32_t derivative_term = t8 + t13; /* V, Q23, -67.1365 to 67.1365 */
+    const int32_t unlimited = t6 + derivative_term; /* V, Q23, -170.735 to 170.735 */
+    const int32_t t14 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 170.735 */
+    const int32_t output_limited = fl_min_i32(t14, 100663296); /* V, Q23, -12 to 12 */
+    const int32_t t15 = output_limited - unlimited; /* Q23, -182.735 to 182.735 */
+    const int32_t t16 = fl_mul_shift_i32(t15, 85899346, 32U); /* Q23, -3.65469 to 3.65469 */
+    const int32_t integral_new = t2 + t16; /* V, Q23, -74.3729 to 74.3729 */
     const int32_t saturated = (output_limited != unlimited) ? 1 : 0; /* truth */
-    const int32_t integral_next = fl_clamp_i32(integral_new, -1167663729, 1167663729); /* V, Q24, -69.5982 to 69.5982 */
-    const int32_t t24 = fl_clamp_i32(derivative_term, -591534132, 591534132); /* Q24, -35.2582 to 35.2582 */
-    const int32_t derivative_next = t24 * (1 << 1U); /* V, Q25, -35.2582 to 35.2582 */
-    const int32_t started_next = 1073741824; /* 1, Q30, 1 to 1 */
-    const int32_t output = output_limited * (1 << 4U); /* V, Q27, -12 to 12 */
+    const int32_t integral_next = fl_clamp_i32(integral_new, -583831864, 583831864); /* V, Q23, -69.5982 to 69.5982 */
+    const int32_t derivative_next = fl_clamp_i32(derivative_term, -295767066, 295767066); /* V, Q23, -35.2582 to 35.2582 */
+    const int32_t started_next = 2; /* 1, Q1, 1 to 1 */
 
-    out->output = output;
+    out->output = output_limited;
     self->integral = integral_next;
     self->derivative = derivative_next;
     self->last = last_new;

@@ -1,0 +1,1 @@
+"""The tool: project file, command line, report."""

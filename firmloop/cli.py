@@ -1,0 +1,223 @@
+"""The command line: argv in, exit status out, and never a traceback.
+
+Exit status: 0 agrees; 1 differs; 2 the user's file or command is wrong; 3 a tool, port or board is not there.
+Besides: 70 a fault of firmloop itself (FIRMLOOP_DEBUG=1 shows where), 130 stopped, 141 nobody reads any more.
+
+What a verb needs is imported when it is called, so that help, `targets` and a typo in a project file answer at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+from firmloop.console import Console, JsonConsole, TextConsole, complain
+from firmloop.table import ProjectError
+
+WRONG_FILE, NO_TOOL, OUR_FAULT, STOPPED, NO_READER = 2, 3, 70, 130, 141
+STEPS, MOST_STEPS = 100_000, 1_000_000_000
+SEED = 1
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; return the exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # a terminal that knows ASCII only must not end a walk
+    arguments = _parser().parse_args(argv)
+    console: Console = JsonConsole() if arguments.json else TextConsole()
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _stopped)
+    try:
+        with warnings.catch_warnings():
+            if not _debugging():
+                warnings.simplefilter("ignore")
+            status = _run(arguments, console)
+        console.close()
+        return status
+    except BrokenPipeError:
+        # Python flushes stdout once more when it ends; give it something to flush into.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return NO_READER
+    except (KeyboardInterrupt, _Stopped):
+        complain("stopped; nothing was written")
+        return STOPPED
+    except Exception as error:
+        return _failed(error, console)
+
+
+def _run(arguments: argparse.Namespace, console: Console) -> int:
+    """Hand the command over to its verb."""
+    if arguments.verb in ("targets", "doctor"):
+        from firmloop import machine
+
+        return machine.targets(console) if arguments.verb == "targets" else machine.doctor(console)
+
+    from firmloop.project import read_project
+
+    project = read_project(arguments.project)
+    if arguments.verb in ("verify", "run"):
+        from firmloop.project import Campaign, campaign_targets
+
+        targets = campaign_targets(project, arguments.target or ())
+        campaign = Campaign(targets, arguments.steps, arguments.seed, arguments.port)
+
+    from firmloop import verbs
+
+    if arguments.verb == "identify":
+        return verbs.identify(project, arguments.out, console)
+    if arguments.verb == "simulate":
+        start = verbs.as_recorded if arguments.fit_initial else verbs.at_rest
+        return verbs.simulate(project, arguments.recording, arguments.out, start, console)
+    if arguments.verb == "design":
+        return verbs.design(project, arguments.out, console)
+    if arguments.verb == "generate":
+        return verbs.generate(project, arguments.out, console)
+    if arguments.verb == "verify":
+        return verbs.verify(project, campaign, arguments.out, console)
+    return verbs.run(project, campaign, arguments.out, console)
+
+
+def _failed(error: Exception, console: Console) -> int:
+    """Say what went wrong in one message; return the exit status."""
+    # Only now: a command that went well need not load every package.
+    from codegen.bundle import CodegenError
+    from design.law import DesignError
+    from identify.compiler import ToolError
+    from identify.plant import IdentifyError
+    from quantize.program import QuantizeError
+    from verify.links import LinkError
+
+    if _debugging():
+        traceback.print_exc()
+    message = str(error).strip()
+    if isinstance(error, ProjectError | IdentifyError | DesignError | QuantizeError | CodegenError):
+        status = WRONG_FILE
+    elif isinstance(error, ToolError | LinkError):
+        status = NO_TOOL
+    else:
+        status = OUR_FAULT
+        words = " ".join(message.split())[:200]
+        message = f"internal error: {type(error).__name__}: {words}; please report it (FIRMLOOP_DEBUG=1 shows where)"
+    console.fail(message)
+    return status
+
+
+class _Stopped(BaseException):
+    """Somebody asked this process to end."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose complaint is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        complain(f"{message}; see: {self.prog} --help")
+        raise SystemExit(WRONG_FILE)
+
+
+class _Version(argparse.Action):
+    """Look the version up only when somebody asks."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *unused: object) -> NoReturn:
+        from importlib import metadata
+
+        try:
+            version = metadata.version("firmloop")
+        except metadata.PackageNotFoundError:
+            version = "from source"
+        TextConsole().lines([f"firmloop {version}"])
+        raise SystemExit(0)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="firmloop",
+        description="From a bench recording to controller C that is proven, bit for bit, on the microcontroller.",
+        epilog="exit status: 0 agrees; 1 differs; 2 your file is wrong; 3 a tool, port or board is not there",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND")
+
+    _verb(verbs, "identify", "fit the plant to the train recordings; DIR/project.toml holds it")
+    simulate = _verb(verbs, "simulate", "predict every output of a recording from its input column alone", "FILE.csv")
+    simulate.add_argument("recording", type=Path, metavar="RECORDING", help="the recording whose input is taken")
+    simulate.add_argument(
+        "--fit-initial", action="store_true", help="fit the initial state instead of starting at rest"
+    )
+    _verb(verbs, "design", "tune the controller; margins and step metrics")
+    _verb(verbs, "generate", "write the controller's C and DIR/manifest.json")
+    for name, says in (
+        ("verify", "generate, build and run the C against the bit-exact reference; DIR/verdict.json"),
+        ("run", "the whole walk: identify, design, generate, verify, report"),
+    ):
+        verb = _verb(verbs, name, says)
+        verb.add_argument(
+            "--target", action="append", metavar="NAME", help="instead of the project's targets; may be repeated"
+        )
+        verb.add_argument("--port", metavar="URL", help="where the board is: /dev/ttyACM0, COM3, socket://host:port")
+        verb.add_argument(
+            "--steps", type=_steps, default=STEPS, metavar="N", help=f"steps per target (default {STEPS})"
+        )
+        verb.add_argument(
+            "--seed", type=_seed, default=SEED, metavar="N", help=f"seed of the noise stimuli (default {SEED})"
+        )
+
+    for name, says in (
+        ("targets", "what can be built for"),
+        ("doctor", "what this machine has and lacks, with the install command"),
+    ):
+        _json(verbs.add_parser(name, help=says, description=says, allow_abbrev=False))
+    return parser
+
+
+def _verb(
+    verbs: argparse._SubParsersAction[_Parser], name: str, says: str, out: str = "DIR"
+) -> argparse.ArgumentParser:
+    verb = verbs.add_parser(name, help=says, description=says, allow_abbrev=False)
+    verb.add_argument("project", type=Path, metavar="PROJECT", help="the project's TOML file")
+    verb.add_argument("--out", type=_place, required=True, metavar=out, help="where the results go")
+    _json(verb)
+    return verb
+
+
+def _json(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--json", action="store_true", help="one JSON document on stdout instead of text")
+
+
+def _place(text: str) -> Path:
+    if not text.strip() or "\0" in text:
+        raise argparse.ArgumentTypeError("names no place")
+    return Path(text)
+
+
+def _steps(text: str) -> int:
+    return _whole(text, 1, MOST_STEPS)
+
+
+def _seed(text: str) -> int:
+    return _whole(text, 0, 2**63 - 1)
+
+
+def _whole(text: str, low: int, high: int) -> int:
+    if not text.isascii() or not text.isdigit() or len(text) > 20 or not low <= int(text) <= high:
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not a whole number from {low} to {high}")
+    return int(text)
+
+
+def _debugging() -> bool:
+    return bool(os.environ.get("FIRMLOOP_DEBUG"))
+
+
+def _stopped(number: int, frame: FrameType | None) -> NoReturn:
+    """End by way of every `finally`, so that nothing half-written stays."""
+    raise _Stopped

@@ -1,0 +1,168 @@
+"""The only printer: results on stdout, progress and complaints on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Protocol
+
+QUIET = 2.0  # s; what is done sooner needs no bar
+REDRAW = 0.2  # s between two drawings of a bar
+PLAIN = 5.0  # s between two lines where stderr is no terminal
+WIDTH = 24  # characters of a bar
+
+
+class Console(Protocol):
+    """What a verb may tell the user."""
+
+    def lines(self, lines: Iterable[str]) -> None:
+        """Show a result as text."""
+
+    def result(self, key: str, value: object) -> None:
+        """Keep a result for the JSON document."""
+
+    def close(self) -> None:
+        """Show what was kept."""
+
+    def fail(self, message: str) -> None:
+        """Say why there is no result."""
+
+
+class TextConsole:
+    """Results for people."""
+
+    def lines(self, lines: Iterable[str]) -> None:
+        """Print at once, so that a long walk shows where it is."""
+        for line in lines:
+            print(line)
+        sys.stdout.flush()
+
+    def result(self, key: str, value: object) -> None:
+        """Keep nothing: the lines have said it."""
+
+    def close(self) -> None:
+        """Show nothing more."""
+
+    def fail(self, message: str) -> None:
+        """Say it on stderr."""
+        complain(message)
+
+
+class JsonConsole:
+    """Results for machines: one document on stdout and nothing else."""
+
+    def __init__(self) -> None:
+        self._document: dict[str, object] = {"schema": 1}
+
+    def lines(self, lines: Iterable[str]) -> None:
+        """Print nothing: the document will say it."""
+
+    def result(self, key: str, value: object) -> None:
+        """Keep one part of the document."""
+        self._document[key] = value
+
+    def close(self) -> None:
+        """Print the document."""
+        print(json.dumps(self._document, indent=1, default=_plain))
+        sys.stdout.flush()
+
+    def fail(self, message: str) -> None:
+        """Say it on stderr, and in a document that holds nothing else."""
+        complain(message)
+        self._document = {"schema": 1, "error": message}
+        self.close()
+
+
+class Progress:
+    """How far a piece of work is; call it with the share done (0 to 1) and what is being done, as often as you like."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._share: float | None = None
+        self._doing = ""
+        self._begun = time.monotonic()
+        self._shown = 0.0
+        self._drawn = False
+        self._done = threading.Event()
+        self._terminal = sys.stderr.isatty()
+
+    def __call__(self, share: float, doing: str) -> None:
+        """Note the share done; the drawing is done elsewhere, at its own pace."""
+        self._share = min(max(share, 0.0), 1.0)
+        self._doing = doing
+
+    def watch(self) -> None:
+        """Draw until the work is done; runs in a thread of its own because the work may never call."""
+        while not self._done.wait(REDRAW):
+            now = time.monotonic()
+            if now - self._begun < QUIET or (not self._terminal and now - self._shown < PLAIN):
+                continue
+            self._shown = now
+            self._draw(now - self._begun)
+
+    def finish(self) -> None:
+        """Take the bar away."""
+        self._done.set()
+        if self._drawn:
+            _error("\r\x1b[K")
+
+    def _draw(self, elapsed: float) -> None:
+        share = "" if self._share is None else f" {self._share:4.0%} {self._doing}".rstrip()
+        if not self._terminal:
+            _error(f"{self._label}:{share} after {elapsed:.0f} s\n")
+            return
+        self._drawn = True
+        full = 0 if self._share is None else round(self._share * WIDTH)
+        bar = "" if self._share is None else f" [{'#' * full}{'.' * (WIDTH - full)}]"
+        _error(f"\r\x1b[K{self._label}{bar}{share} {elapsed:.0f} s")
+
+
+@contextmanager
+def progress(label: str) -> Iterator[Progress]:
+    """Show on stderr that something is being done, if it lasts longer than two seconds."""
+    bar = Progress(label)
+    drawer = threading.Thread(target=bar.watch, daemon=True)
+    drawer.start()
+    try:
+        yield bar
+    finally:
+        bar.finish()
+        drawer.join()
+
+
+def complain(message: str) -> None:
+    """Say on stderr what is wrong."""
+    _error(f"firmloop: {message}\n")
+
+
+def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """Align rows of words into lines: two spaces in front, columns as wide as their longest word."""
+    kept = list(rows)
+    widths = [
+        max(len(row[column]) for row in kept if column < len(row)) for column in range(max(map(len, kept), default=0))
+    ]
+    lines = []
+    for row in kept:
+        words = [word.ljust(width) for word, width in zip(row, widths, strict=False)]
+        lines.append(f"  {'  '.join(words)}".rstrip())
+    return lines
+
+
+def _error(text: str) -> None:
+    """Write to stderr; a reader that went away must not stop the work."""
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        pass
+
+
+def _plain(value: object) -> object:
+    """Turn what JSON does not know, numpy's numbers and frozen mappings, into what it does."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    return value.item() if hasattr(value, "item") else str(value)

@@ -1,0 +1,92 @@
+"""Say results in JSON: nouns to what `--json` and the result files hold; null where a figure is not known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from design.kinds import Design
+from firmloop.pipeline import Generated, Loop, Outcome
+from identify.fit import Fit, RecordingScore, interval95
+from identify.plant import Parameter
+
+
+def generated_document(generated: Generated) -> Mapping[str, object]:
+    """Return what was generated: the manifest, and every file with its size."""
+    return {
+        "manifest": generated.manifest,
+        "bytes": {name: len(text.encode()) for name, text in generated.bundle.files.items()},
+    }
+
+
+def outcomes_document(outcomes: Sequence[Outcome]) -> list[Mapping[str, object]]:
+    """Return every verdict; a target that was not run says why."""
+    return [
+        outcome.verdict.as_dict() if outcome.verdict else {"target": outcome.target, "not_run": outcome.not_run}
+        for outcome in outcomes
+    ]
+
+
+def fit_document(fit: Fit) -> Mapping[str, object]:
+    """Return what `--json` says of a fit."""
+    return {
+        "kind": fit.plant.kind,
+        "parameters": {parameter.name: parameter_document(parameter) for parameter in fit.plant.parameters},
+        "train": scores_document(fit.train),
+        "test": scores_document(fit.test),
+        "noise": dict(fit.noise),
+        "warnings": list(fit.warnings),
+    }
+
+
+def parameter_document(parameter: Parameter) -> Mapping[str, object]:
+    """Return value, unit and 95 % interval; null where there is none."""
+    interval = interval95(parameter)
+    return {
+        "value": parameter.value,
+        "unit": parameter.unit,
+        "free": parameter.free,
+        "ci95": None if interval is None else list(interval),
+    }
+
+
+def scores_document(scores: Sequence[RecordingScore]) -> list[Mapping[str, object]]:
+    """Return the scores of some recordings, output by output."""
+    return [
+        {
+            "recording": Path(score.source).name,
+            "outputs": {
+                output: {
+                    "fit_percent": finite(figures.fit_percent),
+                    "rmse": finite(figures.rmse),
+                    "mae": finite(figures.mae),
+                    "r2": finite(figures.r2),
+                }
+                for output, figures in score.scores.items()
+            },
+        }
+        for score in scores
+    ]
+
+
+def design_document(design: Design, loop: Loop | None) -> Mapping[str, object]:
+    """Return what `--json` and design.json say of a controller; a margin that has no limit is null."""
+    return {
+        "says": design.law.says,
+        "tuned_by": design.tuned_by,
+        "gains": dict(design.gains),
+        "margins": None if loop is None else fields_document(loop.margins),
+        "step": None if loop is None else fields_document(loop.metrics),
+    }
+
+
+def fields_document(noun: object) -> Mapping[str, object]:
+    """Return the fields of a noun whose fields are figures."""
+    names: Sequence[str] = getattr(type(noun), "__slots__", ())
+    return {name: finite(getattr(noun, name)) for name in names}
+
+
+def finite(value: object) -> object:
+    """Return null for what JSON cannot write."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,103 @@
+"""Put results in place only when all of them are there."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from firmloop.table import ProjectError
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # writing fails with these without saying where
+
+
+@contextmanager
+def results_folder(folder: Path, stale: Sequence[str]) -> Iterator[Path]:
+    """Give a temporary folder; its files move into `folder`, each atomically, if nothing is raised.
+
+    A folder that is there is used again: files of the same name are replaced, those that match a pattern of `stale` and
+    were not made again are removed, others are left alone. After an error nothing has changed, and folders made on the
+    way are gone.
+
+    Raises
+    ------
+    ProjectError
+        when `folder` is a file or cannot be written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ProjectError(f"--out {folder}: is a file; name a folder")
+    place = Path(os.path.abspath(folder))
+    with _beside(place, folder) as partial:
+        yield partial
+        _move(partial, place, folder, stale)
+
+
+@contextmanager
+def results_file(file: Path) -> Iterator[Path]:
+    """Give a temporary path for `file`, which takes its place if nothing is raised.
+
+    Raises
+    ------
+    ProjectError
+        when `file` is a folder, does not end in .csv or .csv.gz, or cannot be written.
+    """
+    if not file.name.endswith((".csv", ".csv.gz")):
+        raise ProjectError(f"--out {file}: must be a file that ends in .csv or .csv.gz")
+    if file.is_dir():
+        raise ProjectError(f"--out {file}: is a folder; name a file")
+    place = Path(os.path.abspath(file))
+    with _beside(place, file) as partial:
+        yield partial / file.name
+        os.replace(partial / file.name, place)
+
+
+@contextmanager
+def _beside(place: Path, shown: Path) -> Iterator[Path]:
+    """Give a temporary folder inside `place`, else beside it (the same disk); take away what is not needed."""
+    home = place if place.is_dir() else place.parent
+    made: list[Path] = []
+    partial: Path | None = None
+    try:
+        made = _make_folders(home)
+        partial = Path(tempfile.mkdtemp(dir=home, prefix=f".{place.name}."))
+        yield partial
+        made = []
+    except OSError as error:
+        where = str(error.filename or "")
+        if error.errno not in FULL and not where.startswith(str(home)):
+            raise
+        raise ProjectError(f"--out {shown}: cannot be written: {error.strerror}; choose another place") from None
+    finally:
+        if partial:
+            shutil.rmtree(partial, ignore_errors=True)
+        for parent in made:
+            if parent.is_dir() and not any(parent.iterdir()):
+                parent.rmdir()
+
+
+def _make_folders(folder: Path) -> list[Path]:
+    """Make a folder and its parents; return those that were not there, innermost first."""
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None:
+    """Move every file to its place; nothing moves where a folder stands in a file's way."""
+    files = [path.relative_to(partial) for path in sorted(partial.rglob("*")) if path.is_file()]
+    for relative in files:
+        if (place / relative).is_dir():
+            raise ProjectError(f"--out {shown}: {relative} is a folder there; move it away or choose another folder")
+    if not place.exists():
+        partial.chmod(0o755)  # mkdtemp makes folders that only their owner may read
+        partial.rename(place)
+        return
+    for relative in files:
+        (place / relative).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(partial / relative, place / relative)
+    for old in {found for pattern in stale for found in place.glob(pattern)} - {place / relative for relative in files}:
+        old.unlink()

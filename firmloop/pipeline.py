@@ -1,0 +1,244 @@
+"""The whole walk, recording to verdict: one function per stage, noun in and noun out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.bundle import Bundle, CodegenError
+from codegen.emit import emit, manifest
+from codegen.target import load_target
+from design.kinds import Design
+from design.kinds import design as design_law
+from design.law import DesignError
+from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
+from firmloop.project import Campaign, Project, check_units
+from identify.compiler import ToolError
+from identify.condition import NONE, Conditioning, conditioning_from_table
+from identify.fit import Fit, fit, fit_start
+from identify.kinds import make_plant
+from identify.linear import linearize
+from identify.plant import IdentifyError, Plant
+from identify.recording import Recording, make_recording, read_recording
+from identify.simulate import simulate
+from quantize.lower import lower
+from quantize.program import Program, QuantizeError
+from verify.links import LinkError
+from verify.run import verify
+from verify.verdict import Verdict
+
+Array = NDArray[np.float64]
+Report = Callable[[float, str], None]  # told the share of the work that is done, and what is being done
+Start = Callable[[Project, Plant, Recording], Array | None]  # chooses the initial state; None is at rest
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """The recordings a project names, read and checked."""
+
+    train: tuple[Recording, ...]
+    test: tuple[Recording, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """How a law and a plant get on with each other."""
+
+    margins: Margins
+    step: Trajectory
+    metrics: StepMetrics
+
+
+@dataclass(frozen=True, slots=True)
+class Generated:
+    """The controller as exact arithmetic and as C."""
+
+    program: Program
+    bundle: Bundle
+    manifest: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One target: its verdict, or why it could not be run."""
+
+    target: str
+    verdict: Verdict | None
+    not_run: str
+
+
+def read_data(project: Project) -> Data:
+    """Read every recording the project names."""
+    named = project.recordings
+    assert named is not None, "require() has seen to it"
+    return Data(
+        tuple(read_recording(path, named.rename) for path in named.train),
+        tuple(read_recording(path, named.rename) for path in named.test),
+    )
+
+
+def plant_of(project: Project) -> Plant:
+    """Build the plant that `[plant]` describes, and check that the controller's wires fit its ends."""
+    part = project.plant
+    assert part is not None, "require() has seen to it"
+    with located(project):
+        plant = make_plant(part.kind, part.input, part.outputs, part.parameters)
+    check_units(project, plant.inputs[0], plant.outputs[0])
+    return plant
+
+
+def identify(project: Project, data: Data, report: Report) -> Fit:
+    """Fit the plant to the train recordings; score it on train and test."""
+    assert project.recordings is not None, "require() has seen to it"
+    with located(project):
+        return fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
+
+
+def conditioning_of(project: Project) -> Conditioning:
+    """Read `[recordings.conditioning]`; nothing is done where there is none."""
+    if project.recordings is None:
+        return NONE
+    with located(project):
+        return conditioning_from_table(project.recordings.conditioning.values)
+
+
+def predicted(project: Project, recording: Recording, start: Start) -> Recording:
+    """Replace every output of the plant by its simulation; the columns keep the names they have in the file."""
+    with located(project):
+        plant = plant_of(project)
+        simulated = simulate(plant, recording, start(project, plant, recording))
+    columns = dict(recording.columns)
+    for index, signal in enumerate(plant.outputs):
+        columns[signal.name] = simulated[:, index]
+    foreign = {ours: name for name, ours in project.recordings.rename.items()} if project.recordings else {}
+    named = {foreign.get(name, name): values for name, values in columns.items()}
+    return make_recording(recording.time, named, recording.source, recording.sha256)
+
+
+def at_rest(project: Project, plant: Plant, recording: Recording) -> Array | None:
+    """Start at rest, at the first recorded position."""
+    return None
+
+
+def as_recorded(project: Project, plant: Plant, recording: Recording) -> Array | None:
+    """Start where the recorded outputs fit best."""
+    return fit_start(plant, recording, conditioning_of(project))
+
+
+def design(project: Project, plant: Plant | None) -> Design:
+    """Tune or take the gains, and write the law."""
+    part = project.controller
+    assert part is not None, "require() has seen to it"
+    with located(project):
+        return design_law(
+            part.kind,
+            project.name,
+            part.settings,
+            part.period,
+            project.controller_inputs,
+            project.controller_outputs,
+            plant,
+        )
+
+
+def analyze(project: Project, designed: Design, plant: Plant) -> Loop:
+    """Close the loop on paper: margins, and a step of the reference."""
+    with located(project):
+        linear = linearize(plant)
+        step = closed_loop(designed.law, linear, step_profile(designed.law, linear))
+        return Loop(margins(designed.law, linear), step, step_metrics(step))
+
+
+def generate(project: Project, designed: Design, command: str) -> Generated:
+    """Turn the law into exact arithmetic and that into C."""
+    assert project.arithmetic is not None, "require() has seen to it"
+    with located(project):
+        program = lower(designed.law, project.arithmetic)
+        bundle = emit(program, command)
+        return Generated(program, bundle, manifest(program, bundle))
+
+
+def verify_target(
+    project: Project,
+    designed: Design,
+    generated: Generated,
+    name: str,
+    campaign: Campaign,
+    recorded: Sequence[Mapping[str, Array]],
+    report: Report,
+) -> Outcome:
+    """Run the C on one target against the reference; a target that is not there is an outcome too."""
+    with located(project):
+        target = load_target(name)
+    port = campaign.port if "library" not in target.links else None
+    try:
+        verdict = verify(
+            designed.law,
+            generated.program,
+            generated.bundle,
+            target,
+            recorded,
+            campaign.steps,
+            campaign.seed,
+            port,
+            report,
+        )
+    except (ToolError, LinkError) as error:
+        return Outcome(target.name, None, str(error))
+    return Outcome(target.name, verdict, "")
+
+
+def recorded_inputs(project: Project, data: Data, most: int) -> tuple[Mapping[str, Array], ...]:
+    """Return what the controller would have seen: each recording held at the controller's period, `most` samples.
+
+    The measurement is the plant's first output; the reference is a recorded `reference_*` in the same unit.
+    """
+    if project.plant is None or project.controller is None:
+        return ()
+    inputs = {signal.name for signal in project.controller_inputs}
+    period, measured = project.controller.period, project.plant.outputs[0]
+    unit = measured.partition("_")[2]
+    played = []
+    for recording in (*data.train, *data.test):
+        wanted = {"measurement": measured, "reference": f"reference_{unit}"}
+        time = recording.time - recording.time[0]
+        count = min(int(time[-1] / period) + 1, most)
+        rows = np.searchsorted(time, np.arange(count) * period * (1 + 1e-12), side="right") - 1
+        held = {name: recording.columns[column][rows] for name, column in wanted.items() if column in recording.columns}
+        signals = {name: values for name, values in held.items() if name in inputs}
+        if signals:
+            played.append(signals)
+    return tuple(played)
+
+
+def available_data(project: Project) -> Data:
+    """Read those recordings that are there: stimuli for a verification, which does not need them."""
+    named = project.recordings
+    if named is None or project.plant is None:
+        return Data((), ())
+    return Data(tuple(read_recording(p, named.rename) for p in (*named.train, *named.test) if p.is_file()), ())
+
+
+def command_of(verb: str, path: Path) -> str:
+    """Return the command that makes a result again, without folders: it stands in the generated files."""
+    name = path.name if re.fullmatch(r"[A-Za-z0-9_.+-]+", path.name, flags=re.ASCII) else "PROJECT.toml"
+    return f"firmloop {verb} {name}"
+
+
+@contextmanager
+def located(project: Project) -> Iterator[None]:
+    """Put file and line of the project in front of what a part says about it."""
+    try:
+        yield
+    except (DesignError, QuantizeError, CodegenError) as error:
+        raise project.document.complaint(str(error)) from None
+    except IdentifyError as error:
+        if str(error).startswith(("plant.", "plant ", "recordings.")):
+            raise project.document.complaint(str(error)) from None
+        raise

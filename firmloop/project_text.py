@@ -1,0 +1,114 @@
+"""Write a Project back as TOML, with other figures in some of its keys."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from design.kinds import Design
+from design.tuning import rules
+from firmloop.project import Project
+from identify.fit import interval95
+from identify.plant import Parameter, Plant
+
+INLINE = (("plant", "parameters"), ("signals",))  # tables whose entries stand on one line each
+
+
+def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
+    """Return the project with the parameters of `plant` and their 95 % intervals, to be kept in `folder`.
+
+    Everything else is as it was; recordings are named relative to `folder`, so that the file can be used as it is.
+    """
+    document = _moved(project, folder)
+    table = dict(_table(document["plant"]))
+    given = project.document.table("plant").table("parameters").values
+    table["parameters"] = {
+        parameter.name: _entry(parameter, given.get(parameter.name)) for parameter in plant.parameters
+    }
+    return _text({**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
+
+
+def designed_text(project: Project, design: Design, folder: Path) -> str:
+    """Return the project with the gains of `design` instead of the rule that found them, to be kept in `folder`."""
+    document = _moved(project, folder)
+    rule = ("tune", *rules()[design.tuned_by].keys) if design.tuned_by else ()
+    told = {key: value for key, value in _table(document["controller"]).items() if key not in rule}
+    gains = {**told, **design.gains}
+    return _text({**document, "controller": gains}, f"controller designed by: firmloop design {project.path.name}")
+
+
+def _entry(parameter: Parameter, given: object) -> Mapping[str, object]:
+    entry: dict[str, object] = {"value": parameter.value, "free": parameter.free}
+    if isinstance(given, dict):
+        entry.update({key: end for key, end in given.items() if key in ("low", "high")})
+    interval = interval95(parameter)
+    if interval is not None:
+        entry["ci95"] = [float(f"{end:.6g}") for end in interval]
+    return entry
+
+
+def _moved(project: Project, folder: Path) -> dict[str, object]:
+    """Return the document with every recording named as seen from `folder`."""
+    document = dict(project.document.values)
+    if project.recordings:
+        table = dict(_table(document["recordings"]))
+        for key, files in (("train", project.recordings.train), ("test", project.recordings.test)):
+            if files:
+                table[key] = [os.path.relpath(file.resolve(), folder.resolve()) for file in files]
+        document["recordings"] = table
+    return document
+
+
+def _text(document: Mapping[str, object], says: str) -> str:
+    plain = re.sub(r"[^\x20-\x7e]", "?", says)
+    return "\n".join([f"# {plain}", *_lines(document, ())]) + "\n"
+
+
+def _lines(table: Mapping[str, object], place: tuple[str, ...]) -> Iterator[str]:
+    """Yield the lines of one table: its plain values first, because TOML would give later ones to a subtable."""
+    below = {key: value for key, value in table.items() if _has_header(value, place)}
+    for key, value in table.items():
+        if key not in below:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in below.items():
+        path = (*place, key)
+        title = ".".join(_key(name) for name in path)
+        for entry in value if isinstance(value, list) else [value]:
+            yield ""
+            yield f"[[{title}]]" if isinstance(value, list) else f"[{title}]"
+            yield from _lines(_table(entry), path)
+
+
+def _has_header(value: object, place: tuple[str, ...]) -> bool:
+    if isinstance(value, list):
+        return bool(value) and all(isinstance(entry, dict) for entry in value)
+    return isinstance(value, dict) and place not in INLINE
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _string(name)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(entry) for entry in value)}]"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }"
+    return repr(value) if isinstance(value, int | float) else str(value)
+
+
+def _string(text: str) -> str:
+    """JSON's escapes are TOML's, except that TOML wants DEL escaped too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _table(value: object) -> Mapping[str, object]:
+    assert isinstance(value, dict), "read_project has checked that this is a table"
+    return value

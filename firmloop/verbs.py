@@ -1,0 +1,211 @@
+"""What each command does: the stages it needs, the files it leaves, and the exit status."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from codegen.bundle import write_files
+from design.kinds import Design
+from firmloop import documents, words
+from firmloop.console import Console, complain, progress
+from firmloop.output import results_file, results_folder
+from firmloop.pipeline import (
+    Data,
+    Generated,
+    Loop,
+    Outcome,
+    Start,
+    analyze,
+    as_recorded,
+    at_rest,
+    available_data,
+    command_of,
+    plant_of,
+    predicted,
+    read_data,
+    recorded_inputs,
+    verify_target,
+)
+from firmloop.pipeline import design as design_stage
+from firmloop.pipeline import generate as generate_stage
+from firmloop.pipeline import identify as identify_stage
+from firmloop.project import Campaign, Project, require
+from firmloop.project_text import designed_text, fitted_text
+from firmloop.report import Walk, report
+from firmloop.table import ProjectError
+from identify.compiler import ToolError
+from identify.fit import Fit
+from identify.plant import Plant
+from identify.recording import read_recording, write_recording
+
+__all__ = ["as_recorded", "at_rest", "design", "generate", "identify", "run", "simulate", "verify", "walk"]
+
+AGREES, DIFFERS, NO_TOOL = 0, 1, 3
+VERDICTS = ("verdict.json", "verdict_*.json")  # an older run must not leave its own beside new results
+
+
+def identify(project: Project, out: Path, console: Console) -> int:
+    """Fit the plant; OUT/project.toml holds it."""
+    require(project, "plant", "recordings")
+    with results_folder(out, ()) as folder:
+        fitted = _fit(project, read_data(project), console)
+        write_files({"project.toml": fitted_text(project, fitted.plant, out)}, folder)
+    _written(console, out, ["project.toml"])
+    return AGREES
+
+
+def simulate(project: Project, recording: Path, out: Path, start: Start, console: Console) -> int:
+    """Predict the outputs of one recording; the file OUT has the same columns and rows."""
+    require(project, "plant")
+    if out.resolve() == recording.resolve():
+        raise ProjectError(f"--out {out}: is the recording itself; choose another file")
+    rename = project.recordings.rename if project.recordings else {}
+    with results_file(out) as partial, progress("simulating"):
+        write_recording(predicted(project, read_recording(recording, rename), start), partial)
+    _written(console, out.parent, [out.name])
+    return AGREES
+
+
+def design(project: Project, out: Path, console: Console) -> int:
+    """Tune the controller; OUT/design.json holds gains, margins and step metrics, OUT/project.toml the gains."""
+    require(project, "controller", "signals")
+    with results_folder(out, ()) as folder:
+        plant = plant_of(project) if project.plant else None
+        designed, loop = _design(project, plant, console)
+        files = {
+            "design.json": _json({"schema": 1, **documents.design_document(designed, loop)}),
+            "project.toml": designed_text(project, designed, out),
+        }
+        write_files(files, folder)
+    _written(console, out, files)
+    return AGREES
+
+
+def generate(project: Project, out: Path, console: Console) -> int:
+    """Write the C and OUT/manifest.json."""
+    require(project, "controller", "signals", "arithmetic")
+    with results_folder(out, ()) as folder:
+        plant = plant_of(project) if project.plant else None
+        generated = _generate(project, design_stage(project, plant), "generate", console)
+        files = _c_files(generated)
+        write_files(files, folder)
+    _written(console, out, files)
+    return AGREES
+
+
+def verify(project: Project, campaign: Campaign, out: Path, console: Console) -> int:
+    """Generate, build, run on every target against the reference; OUT/verdict.json."""
+    require(project, "controller", "signals", "arithmetic")
+    with results_folder(out, VERDICTS) as folder:
+        plant = plant_of(project) if project.plant else None
+        designed = design_stage(project, plant)
+        generated = _generate(project, designed, "generate", console)
+        outcomes = _verify(project, designed, generated, campaign, available_data(project), console)
+        if not any(outcome.verdict for outcome in outcomes):
+            raise ToolError("; ".join(f"{outcome.target} was not run: {outcome.not_run}" for outcome in outcomes))
+        files = {**_c_files(generated), **_verdict_files(outcomes)}
+        write_files(files, folder)
+    _written(console, out, files)
+    return _status(outcomes)
+
+
+def run(project: Project, campaign: Campaign, out: Path, console: Console) -> int:
+    """Walk from the recordings to the verdict and the report."""
+    require(project, "recordings", "plant", "controller", "signals", "arithmetic")
+    with results_folder(out, VERDICTS) as folder:
+        made = walk(project, campaign, console)
+        with progress("writing the report"):
+            page = report(made)
+        files = {
+            "project.toml": fitted_text(project, made.fit.plant, out),
+            **_c_files(made.generated),
+            **_verdict_files(made.outcomes),
+            "report.html": page,
+        }
+        write_files(files, folder)
+    _written(console, out, files)
+    return _status(made.outcomes)
+
+
+def walk(project: Project, campaign: Campaign, console: Console) -> Walk:
+    """Go through every stage, recordings to verdicts, and tell each result as it comes."""
+    data = read_data(project)
+    fitted = _fit(project, data, console)
+    designed, loop = _design(project, fitted.plant, console)
+    generated = _generate(project, designed, "run", console)
+    outcomes = _verify(project, designed, generated, campaign, data, console)
+    return Walk(project, command_of("run", project.path), data, fitted, designed, loop, generated, outcomes)
+
+
+def _fit(project: Project, data: Data, console: Console) -> Fit:
+    with progress("fitting the plant") as bar:
+        fitted = identify_stage(project, data, bar)
+    console.lines(words.about_fit(fitted))
+    console.result("plant", documents.fit_document(fitted))
+    return fitted
+
+
+def _design(project: Project, plant: Plant | None, console: Console) -> tuple[Design, Loop | None]:
+    with progress("designing the controller"):
+        designed = design_stage(project, plant)
+        loop = analyze(project, designed, plant) if plant else None
+    console.lines(words.about_design(designed) + (words.about_loop(loop) if loop else []))
+    console.result("controller", documents.design_document(designed, loop))
+    return designed, loop
+
+
+def _generate(project: Project, designed: Design, verb: str, console: Console) -> Generated:
+    with progress("generating C"):
+        generated = generate_stage(project, designed, command_of(verb, project.path))
+    console.lines(words.about_code(generated))
+    console.result("code", documents.generated_document(generated))
+    return generated
+
+
+def _verify(
+    project: Project, designed: Design, generated: Generated, campaign: Campaign, data: Data, console: Console
+) -> tuple[Outcome, ...]:
+    recorded = recorded_inputs(project, data, campaign.steps)
+    outcomes = []
+    for name in campaign.targets:
+        with progress(f"verifying on {name}") as bar:
+            outcome = verify_target(project, designed, generated, name, campaign, recorded, bar)
+        console.lines(words.about_outcome(outcome))
+        outcomes.append(outcome)
+    console.result("verdicts", documents.outcomes_document(outcomes))
+    return tuple(outcomes)
+
+
+def _status(outcomes: Sequence[Outcome]) -> int:
+    """Choose the exit status; a difference counts for more than a target that is not there."""
+    for outcome in outcomes:
+        if outcome.not_run:
+            complain(f"{outcome.target} was not run: {outcome.not_run}")
+    if any(outcome.verdict and not outcome.verdict.agrees for outcome in outcomes):
+        return DIFFERS
+    return NO_TOOL if any(outcome.not_run for outcome in outcomes) else AGREES
+
+
+def _c_files(generated: Generated) -> dict[str, str]:
+    return {**generated.bundle.files, "manifest.json": _json(generated.manifest)}
+
+
+def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:
+    """One file a target; verdict.json is the first that differs, else the last."""
+    verdicts = [outcome.verdict for outcome in outcomes if outcome.verdict]
+    files = {f"verdict_{verdict.target}.json": _json(verdict.as_dict()) for verdict in verdicts}
+    if verdicts:
+        shown = next((verdict for verdict in verdicts if not verdict.agrees), verdicts[-1])
+        files["verdict.json"] = _json(shown.as_dict())
+    return files
+
+
+def _json(document: Mapping[str, object]) -> str:
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def _written(console: Console, folder: Path, names: Sequence[str] | Mapping[str, str]) -> None:
+    console.lines([f"written: {folder / name}" for name in names if name.endswith((".html", ".toml", ".csv", ".gz"))])
+    console.result("written", [str(folder / name) for name in names])

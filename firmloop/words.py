@@ -1,0 +1,152 @@
+"""Say results in words: nouns to lines of text, with units, and no more digits than are known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from design.kinds import Design
+from firmloop.console import table
+from firmloop.pipeline import Generated, Loop, Outcome
+from identify.fit import Fit
+from identify.plant import Parameter
+from verify.verdict import Verdict
+
+NORMAL_95 = 1.96  # half width of a 95 % interval in standard deviations
+
+
+def about_fit(fit: Fit) -> list[str]:
+    """Parameters with their 95 % intervals, and how well each recording is predicted."""
+    rows = [(parameter.name, *estimate(parameter)) for parameter in fit.plant.parameters]
+    scores = [
+        (f"{role} {Path(score.source).name}", output, f"fit {figures.fit_percent:.1f} %", f"rmse {figures.rmse:.3g}")
+        for role, scored in (("train", fit.train), ("test", fit.test))
+        for score in scored
+        for output, figures in score.scores.items()
+    ]
+    warnings = [f"  note: {warning}" for warning in fit.warnings]
+    return [f"plant: {fit.plant.kind}", *table(rows), *table(scores), *warnings]
+
+
+def estimate(parameter: Parameter) -> tuple[str, str, str]:
+    """Value, 95 % interval and unit of a parameter, rounded to what the interval tells."""
+    if not parameter.free:
+        return f"{parameter.value:.6g}", "given", parameter.unit
+    if parameter.deviation is None or not math.isfinite(parameter.deviation) or parameter.deviation == 0:
+        return f"{parameter.value:.4g}", "interval unknown", parameter.unit
+    half = NORMAL_95 * parameter.deviation
+    return rounded_to(parameter.value, half), f"± {half:.2g}", parameter.unit
+
+
+def rounded_to(value: float, half: float) -> str:
+    """Write a value down to the second digit of the half width of its interval."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
+    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".")
+
+
+def about_design(design: Design) -> list[str]:
+    """Gains and where they come from."""
+    by = f"tuned by {design.tuned_by}" if design.tuned_by else "gains as given"
+    gains = ", ".join(f"{name} {value:.4g}" for name, value in design.gains.items())
+    return [f"controller: {design.law.says}, {by}", f"  {gains}"]
+
+
+def about_loop(loop: Loop) -> list[str]:
+    """Margins and step metrics."""
+    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))])
+
+
+def margin_rows(loop: Loop) -> list[tuple[str, str]]:
+    """Margins, each with its unit."""
+    found = loop.margins
+    return [
+        ("closed loop", "stable" if found.stable else "UNSTABLE"),
+        ("gain margin", quantity(found.gain_margin_db, "dB")),
+        ("phase margin", quantity(found.phase_margin_deg, "deg")),
+        ("delay margin", quantity(found.delay_margin_s, "s")),
+        ("sensitivity peak", quantity(found.sensitivity_peak, "")),
+        ("crossover", quantity(found.crossover_rad_s, "rad/s")),
+    ]
+
+
+def step_rows(loop: Loop) -> list[tuple[str, str]]:
+    """Step metrics, each with its unit."""
+    found = loop.metrics
+    return [
+        ("rise time 10-90 %", quantity(found.rise_s, "s")),
+        ("settling time 2 %", quantity(found.settling_2_s, "s")),
+        ("overshoot", quantity(found.overshoot_percent, "%")),
+    ]
+
+
+def quantity(value: float, unit: str) -> str:
+    """Write a figure that is known to three digits; infinite where there is no limit."""
+    if math.isnan(value):
+        return "none"
+    return "no limit" if math.isinf(value) else in_unit(f"{value:.3g}", unit)
+
+
+def in_unit(figure: str, unit: str) -> str:
+    """Put the unit behind a figure; a pure number has none."""
+    return figure if unit in ("", "1") else f"{figure} {unit}"
+
+
+def about_code(generated: Generated) -> list[str]:
+    """Files with their size, and what the numbers are."""
+    program, files = generated.program, generated.bundle.files
+    sizes = ", ".join(f"{name} ({len(text.encode())} bytes)" for name, text in files.items())
+    return [f"C: {program.arithmetic}, {len(program.body)} operations, program {program.id}", f"  {sizes}"]
+
+
+def about_outcome(outcome: Outcome) -> list[str]:
+    """Verdict of one target; the first difference if there is one."""
+    verdict = outcome.verdict
+    if verdict is None:
+        return [f"{outcome.target}: NOT RUN: {outcome.not_run}"]
+    lines = [f"{verdict.target}: {verdict.steps:,} steps, {verdict.differences:,} differences: {verdict_word(verdict)}"]
+    lines += table(cost_rows(verdict) + rounding_rows(verdict))
+    first = verdict.first
+    if first:
+        where = f"  first at step {first.step} ({first.lane}): {first.output}"
+        lines += [
+            f"{where} is {first.got:.9g}, expected {in_unit(f'{first.expected:.9g}', first.unit)}",
+            f"  {first.operation}",
+        ]
+    return lines
+
+
+def verdict_word(verdict: Verdict) -> str:
+    """One word."""
+    return "agrees" if verdict.agrees else "DIFFERS"
+
+
+def cost_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """List what one step costs, as far as it was measured."""
+    cost = verdict.cost
+    rows = []
+    if cost.instructions_max is not None and cost.instructions_mean is not None:
+        text = f"{cost.instructions_max:.0f} at most, {cost.instructions_mean:.1f} on average"
+        rows.append(("instructions per step", text))
+    sizes = [
+        f"{name} {size}"
+        for name, size in (("text", cost.text_bytes), ("data", cost.data_bytes), ("bss", cost.bss_bytes))
+        if size is not None
+    ]
+    if sizes:
+        rows.append(("bytes", ", ".join(sizes)))
+    if cost.stack_bytes is not None:
+        rows.append(("stack", f"{cost.stack_bytes} bytes"))
+    return rows
+
+
+def rounding_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """How far the exact arithmetic stands from the law, in the units of the outputs."""
+    return [
+        (
+            f"rounding of {entry.output}",
+            f"worst {in_unit(f'{entry.worst:.2g}', entry.unit)}, bound {in_unit(f'{entry.bound:.2g}', entry.unit)}",
+        )
+        for entry in verdict.rounding
+    ]

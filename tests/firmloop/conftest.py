@@ -1,0 +1,72 @@
+"""A small project on disk: a first-order plant that fits in a moment, and its PID."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PROJECT = """\
+schema = 1
+name = "tank_heater"
+
+[recordings]
+train = ["train.csv"]
+test = ["test.csv"]
+
+[plant]
+kind = "first_order"
+input = "voltage_V"
+outputs = ["temperature_C"]
+
+[plant.parameters]
+gain = { value = 1.0, free = true }
+time_constant_s = { value = 1.0, free = true }
+delay_s = { value = 0.0, free = false }
+
+[controller]
+kind = "pid"
+period_s = 0.05
+kp = 0.8
+ki = 0.5
+
+[signals]
+reference = { unit = "degC", low = -50, high = 50 }
+measurement = { unit = "degC", low = -50, high = 50 }
+output = { unit = "V", low = -12, high = 12 }
+
+[arithmetic]
+number = "float32"
+
+[target]
+names = ["host"]
+"""
+
+
+def recording(seed: int) -> str:
+    """A first-order lag of gain 3 and 2 s behind random steps, with a little noise."""
+    random = np.random.default_rng(seed)
+    drive = np.repeat(random.uniform(-5, 5, 20), 20)
+    state, lines = 0.0, ["time_s,voltage_V,temperature_C"]
+    for row, u in enumerate(drive):
+        lines.append(f"{row * 0.05:.2f},{u:.6g},{state + random.normal(0, 0.02):.6g}")
+        state += (1 - np.exp(-0.05 / 2.0)) * (3.0 * u - state)
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture(scope="session")
+def recorded_files() -> dict[str, str]:
+    return {"train.csv": recording(1), "test.csv": recording(2)}
+
+
+@pytest.fixture
+def project(tmp_path: Path, recorded_files: dict[str, str]) -> Path:
+    """The project file; its folder holds nothing else than its recordings."""
+    folder = tmp_path / "bench"
+    folder.mkdir()
+    for name, text in recorded_files.items():
+        (folder / name).write_text(text)
+    path = folder / "tank_heater.toml"
+    path.write_text(PROJECT)
+    return path

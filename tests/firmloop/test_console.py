@@ -1,0 +1,68 @@
+"""What a user sees while a command works, and what a machine reads."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from firmloop import console
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "QUIET", 0.02)
+    monkeypatch.setattr(console, "REDRAW", 0.01)
+
+
+def test_short_work_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    with console.progress("working") as bar:
+        bar(0.5, "half")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_long_work_without_a_terminal_is_a_few_lines(impatient: None, capsys: pytest.CaptureFixture[str]) -> None:
+    with console.progress("working") as bar:
+        bar(0.25, "first half")
+        time.sleep(0.15)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == "working:  25% first half after 0 s\n"
+
+
+def test_long_work_at_a_terminal_is_a_bar_that_goes_away(
+    impatient: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    with console.progress("working") as bar:
+        bar(0.5, "")
+        time.sleep(0.15)
+    said = capsys.readouterr().err
+    assert "[############............]  50%" in said
+    assert "\n" not in said and said.endswith("\r\x1b[K")
+
+
+def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+    machine = console.JsonConsole()
+    machine.lines(["for people"])
+    machine.result("figure", {"mean": np.float64(1.5), "count": np.int64(3)})
+    machine.close()
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"schema": 1, "figure": {"mean": 1.5, "count": 3}}
+    assert said.err == ""
+
+
+def test_json_of_a_failure_holds_no_result(capsys: pytest.CaptureFixture[str]) -> None:
+    machine = console.JsonConsole()
+    machine.result("figure", 3)
+    machine.fail("the file is wrong")
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"schema": 1, "error": "the file is wrong"}
+    assert said.err == "firmloop: the file is wrong\n"
+
+
+def test_table_aligns_rows_of_any_length() -> None:
+    assert console.table([("a", "bb", "c"), ("aaa", "b"), ()]) == ["  a    bb  c", "  aaa  b", ""]
+    assert console.table([]) == []

@@ -1,0 +1,101 @@
+"""The whole walk on real bench recordings, which stay outside this repository."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from firmloop.cli import main
+
+BALL_AND_HOOP = """
+schema = 1
+name = "hoop_motor"
+
+[recordings]
+train = ["{folder}/ball_and_hoop_dc_motor/randomStepSequence.csv"]
+test = ["{folder}/ball_and_hoop_dc_motor/fixedStepSequence.csv"]
+
+[plant]
+kind = "first_order"
+input = "motor_cmd_norm"
+outputs = ["tacho_V"]
+
+[controller]
+kind = "pid"
+period_s = 0.1
+tune = "simc"
+tau_c_s = 0.4
+
+[signals]
+reference = {{ unit = "V", low = -10, high = 10 }}
+measurement = {{ unit = "V", low = -11, high = 11 }}
+output = {{ unit = "norm", low = -1, high = 1 }}
+
+[arithmetic]
+number = "fixed"
+bits = 16
+
+[target]
+names = ["host"{more}]
+"""
+
+EMPS = """
+schema = 1
+name = "stage_position"
+
+[recordings]
+train = ["{folder}/emps/train.csv.gz"]
+test = ["{folder}/emps/test_pulses.csv.gz"]
+[recordings.conditioning]
+window_s = 0.5
+
+[plant]
+kind = "linear_stage"
+input = "force_N"
+outputs = ["position_m"]
+[plant.parameters]
+mass_kg = 90.0
+b_N_s_m = 200.0
+
+[controller]
+kind = "pid"
+period_s = 0.001
+tune = "simc"
+tau_c_s = 0.02
+
+[signals]
+reference = {{ unit = "m", low = -0.3, high = 0.3 }}
+measurement = {{ unit = "m", low = -0.3, high = 0.3 }}
+output = {{ unit = "N", low = -350, high = 350 }}
+
+[arithmetic]
+number = "float32"
+
+[target]
+names = ["host"{more}]
+"""
+
+
+def walk(text: str, recordings: Path, folder: Path, more: str) -> dict[str, object]:
+    project = folder / "project.toml"
+    project.write_text(text.format(folder=recordings.resolve().as_posix(), more=more))
+    assert main(["run", str(project), "--out", str(folder / "out"), "--steps", "30000"]) == 0
+    return json.loads((folder / "out" / "verdict.json").read_text())
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("text", [BALL_AND_HOOP, EMPS], ids=["ball_and_hoop", "emps"])
+def test_walk_on_the_host(text: str, recordings: Path, tmp_path: Path) -> None:
+    verdict = walk(text, recordings, tmp_path, "")
+    assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
+    assert verdict["steps"] > 30_000  # the recorded signals are played on top
+
+
+@pytest.mark.recordings
+@pytest.mark.qemu
+@pytest.mark.parametrize("text", [BALL_AND_HOOP, EMPS], ids=["ball_and_hoop", "emps"])
+def test_walk_on_the_cortex_m(text: str, recordings: Path, tmp_path: Path) -> None:
+    verdict = walk(text, recordings, tmp_path, ', "qemu_mps2_an386"')
+    assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
+    assert verdict["target"] == "qemu_mps2_an386"
+    assert verdict["cost"]["instructions_max"] > 0

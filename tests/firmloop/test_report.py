@@ -1,0 +1,160 @@
+"""The report: whole in one file, the same bytes for the same walk, and safe against what names may hold."""
+
+from __future__ import annotations
+
+import dataclasses
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop import words
+from firmloop.figures import COLUMNS, Comparison, Step, comparison_figure, overview, step_figure, thinned
+from firmloop.pipeline import Outcome, analyze, design, generate, identify, read_data
+from firmloop.project import read_project
+from firmloop.report import Walk, picture, report
+from identify.plant import Parameter
+from verify.verdict import Cost, Difference, Rounded, Verdict
+
+VERDICT = Verdict(
+    program_id="0123456789abcdef",
+    target="board",
+    link="uart",
+    compiler="gcc 1.0",
+    flags=("-O2",),
+    steps=100_000,
+    lanes=100,
+    seed=1,
+    stimuli={"noise": 60_000, "corners": 40_000},
+    saturated=0.2,
+    differences=0,
+    first=None,
+    rounding=(Rounded("output", 1e-6, 2e-6, "V", 1e-5),),
+    cost=Cost(120.0, 101.5, 90.0, 1500, 4, 64, 48),
+    sanitized=0,
+)
+DIFFERS = dataclasses.replace(
+    VERDICT, differences=7, first=Difference(12, "noise 3", "output", 1.5, 1.25, "V", "fl_add(<left>, right)")
+)
+
+
+@pytest.fixture
+def walk(project: Path) -> Walk:
+    read = read_project(project)
+    data = read_data(read)
+    fitted = identify(read, data, lambda share, doing: None)
+    designed = design(read, fitted.plant)
+    made = generate(read, designed, "firmloop run tank_heater.toml")
+    outcomes = (Outcome("board", VERDICT, ""), Outcome("other", DIFFERS, ""), Outcome("third", None, "<no port>"))
+    return Walk(
+        read, "firmloop run x.toml", data, fitted, designed, analyze(read, designed, fitted.plant), made, outcomes
+    )
+
+
+class _Checker(HTMLParser):
+    """Collects tags that are left open, and whatever would fetch something."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.fetched: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in ("src", "href") and not (value or "").startswith("#"):
+                self.fetched.append(f"{tag} {name}={value}")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open and self.open.pop() == tag, f"</{tag}> closes nothing"
+
+
+def test_report(walk: Walk) -> None:
+    page = report(walk)
+    assert page == report(walk)
+    assert len(page) < 1_500_000
+    checker = _Checker()
+    checker.feed(page)
+    assert not checker.open and not checker.fetched
+    for word in ("<script", "@import", "url(http", "2026"):
+        assert word not in page
+    for word in (
+        "board: agrees",
+        "other: differs",
+        "third: not run",
+        "100,000 steps, 0 differences",
+        "worst 1e-06 V, bound 2e-06 V",
+        "120 at most, 101.5 on average",
+        "first at step 12 (noise 3): output is 1.25, expected 1.5 V",
+        "tank_heater_step(",
+        "phase margin",
+        "time_constant_s",
+        "test: test.csv",
+        "firmloop run x.toml",
+    ):
+        assert word in page, word
+
+
+def test_nothing_a_user_wrote_is_markup(walk: Walk) -> None:
+    page = report(walk)
+    assert "&lt;no port&gt;" in page and "<no port>" not in page
+    assert "fl_add(&lt;left&gt;, right)" in page and "<left>" not in page
+
+
+def test_picture_is_one_svg(walk: Walk) -> None:
+    text = picture(walk)
+    assert ElementTree.fromstring(text).tag.endswith("svg")
+    assert "board: 100,000 steps, 0 differences: agrees" in text
+
+
+def _comparison(rows: int) -> Comparison:
+    time = np.arange(rows) * 1e-3
+    noise = np.random.default_rng(1).normal(size=rows)
+    return Comparison("a <title> & $x$", "speed_rad_s", "rad/s", time, noise, 0 * noise)
+
+
+def test_figures_escape_and_repeat() -> None:
+    step = Step(np.arange(9.0), np.ones(9), np.ones(9), np.ones(9), "rad/s", "V", (-1e9, 1e9))
+    for make in (
+        lambda: comparison_figure(_comparison(50)),
+        lambda: step_figure(step),
+        lambda: overview(_comparison(50), step, ["<x>"]),
+    ):
+        text = make()
+        assert text == make()
+        ElementTree.fromstring(text)
+    assert "a &lt;title&gt; &amp; $x$" in comparison_figure(_comparison(50))
+
+
+def test_long_recordings_stay_small() -> None:
+    assert len(comparison_figure(_comparison(1_000_000))) < 150_000
+    time, values = np.arange(100_000.0), np.zeros(100_000)
+    values[77_777] = 5.0
+    thin_time, thin_values = thinned(time, values, COLUMNS)
+    assert len(thin_time) <= 2 * COLUMNS + 2 and thin_time[0] == 0 and thin_time[-1] == 99_999
+    assert thin_values.max() == 5.0 and thin_time[np.argmax(thin_values)] == 77_777
+    assert np.all(np.diff(thin_time) > 0)
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "words_of_it"),
+    [
+        (8.01234, 0.0123, ("8.012", "± 0.024", "ohm")),
+        (123456.0, 1000.0, ("1.235e+05", "± 2e+03", "ohm")),
+        (1.23456e-6, 2e-9, ("1.2346e-06", "± 3.9e-09", "ohm")),
+        (0.001, 5.0, ("0.001", "± 9.8", "ohm")),
+        (0.0, 1.0, ("0", "± 2", "ohm")),
+        (8.01234, None, ("8.012", "interval unknown", "ohm")),
+    ],
+)
+def test_no_more_digits_than_the_interval_allows(
+    value: float, deviation: float | None, words_of_it: tuple[str, ...]
+) -> None:
+    assert words.estimate(Parameter("R_ohm", "ohm", value, True, 0.0, 1e9, deviation)) == words_of_it
