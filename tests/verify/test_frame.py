@@ -106,8 +106,10 @@ def test_noise_is_no_message(frame_c: ctypes.CDLL, noise: bytes) -> None:
 
 
 @given(PAYLOADS, st.data())
-def test_a_frame_cut_short_is_no_message(frame_c: ctypes.CDLL, payload: bytes, data: st.DataObject) -> None:
+def test_a_frame_cut_short_is_no_other_message(frame_c: ctypes.CDLL, payload: bytes, data: st.DataObject) -> None:
     block = seal(3, 1, payload)[1:-1]
     cut = block[: data.draw(st.integers(0, len(block) - 1))]
-    assert opened_by_python(cut) is None
-    assert opened_by_c(frame_c, cut) is None
+    # After a block of 254 bytes COBS ends in a byte that says nothing more; without it the message is still whole.
+    whole = (3, 1, payload) if block == cut + b"\x01" and block[-256:-255] == b"\xff" else None
+    assert opened_by_python(cut) in (None, whole)
+    assert opened_by_c(frame_c, cut) in (None, whole)
