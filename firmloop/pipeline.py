@@ -29,6 +29,8 @@ from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
 from quantize.lower import lower
 from quantize.program import Program, QuantizeError
+from quantize.proof import proof
+from verify.checker import Checked, ProofError, check_proof
 from verify.links import LinkError
 from verify.run import verify
 from verify.verdict import Verdict
@@ -62,6 +64,8 @@ class Generated:
     program: Program
     bundle: Bundle
     manifest: Mapping[str, object]
+    proof: Mapping[str, object]
+    checked: Checked | None  # what the second, independent proof covered; None in floating point
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +165,8 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
     with located(project):
         program = lower(designed.law, project.arithmetic)
         bundle = emit(program, command)
-        return Generated(program, bundle, manifest(program, bundle))
+        ranges = proof(program, designed.law.why)
+        return Generated(program, bundle, manifest(program, bundle), ranges, check_proof(ranges))
 
 
 def verify_target(
@@ -236,7 +241,7 @@ def located(project: Project) -> Iterator[None]:
     """Put file and line of the project in front of what a part says about it."""
     try:
         yield
-    except (DesignError, QuantizeError, CodegenError) as error:
+    except (DesignError, QuantizeError, CodegenError, ProofError) as error:
         raise project.document.complaint(str(error)) from None
     except IdentifyError as error:
         if str(error).startswith(("plant.", "plant ", "recordings.")):

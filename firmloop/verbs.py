@@ -189,7 +189,7 @@ def _status(outcomes: Sequence[Outcome]) -> int:
 
 
 def _c_files(generated: Generated) -> dict[str, str]:
-    return {**generated.bundle.files, "manifest.json": _json(generated.manifest)}
+    return {**generated.bundle.files, "manifest.json": _json(generated.manifest), "proof.json": _json(generated.proof)}
 
 
 def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:

@@ -97,7 +97,11 @@ def about_code(generated: Generated) -> list[str]:
     """Files with their size, and what the numbers are."""
     program, files = generated.program, generated.bundle.files
     sizes = ", ".join(f"{name} ({len(text.encode())} bytes)" for name, text in files.items())
-    return [f"C: {program.arithmetic}, {len(program.body)} operations, program {program.id}", f"  {sizes}"]
+    lines = [f"C: {program.arithmetic}, {len(program.body)} operations, program {program.id}", f"  {sizes}"]
+    if generated.checked is not None:
+        again = f"{generated.checked.operations} operations and {generated.checked.stores} stores"
+        lines.append(f"  no overflow: {again} proven twice, by interval rules and by z3")
+    return lines
 
 
 def about_outcome(outcome: Outcome) -> list[str]:

@@ -179,9 +179,7 @@ def _number(q: int) -> Number:
     return Number("fixed", 32, q)
 
 
-def _operand(
-    operand: Operand, fraction: int, toward: Callable[[float, int], int]
-) -> tuple[Term | int, float]:
+def _operand(operand: Operand, fraction: int, toward: Callable[[float, int], int]) -> tuple[Term | int, float]:
     """Return an operand at `fraction` and its error; limits of outputs stand on the output's own grid."""
     if isinstance(operand, Term):
         assert operand.number.fraction == fraction, "values that meet share a format"

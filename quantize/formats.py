@@ -81,7 +81,9 @@ def choose_formats(law: Law, graph: Graph) -> Formats:
     )
 
 
-def _argument(places: Mapping[tuple[int, int], int], nodes: Sequence[int], i: int, j: int, low: float, high: float) -> int:
+def _argument(
+    places: Mapping[tuple[int, int], int], nodes: Sequence[int], i: int, j: int, low: float, high: float
+) -> int:
     place = places.get((i, j))
     return fit(low, high, 32) if place is None else nodes[place]
 

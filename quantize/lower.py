@@ -141,7 +141,7 @@ class _Lowering:
 
     def _node(self, function: str, operands: list[Operand], q: int) -> Operand:
         match function, operands:
-            case ("and" | "or"), [a, b]:
+            case (("and" | "or"), [a, b]):
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
                 return self.builder.choose(condition, a, q)

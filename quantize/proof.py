@@ -1,0 +1,77 @@
+"""Write down what was proven of a Program: for every operation its range, its word, its margin and the argument."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from quantize.program import Op, Program, Value
+
+ARGUMENTS = {
+    "clamp": "saturates: the result is limited to this range whatever comes in",
+    "min": "saturates from above at a limit of the law",
+    "max": "saturates from below at a limit of the law",
+    "copy": "a constant",
+    "select": "the union of both branches",
+}
+INTERVAL = "interval: the rule of the operation applied to the ranges of its operands"
+TRUTH = "a truth value"
+
+
+def proof(program: Program, why: Sequence[str]) -> Mapping[str, object]:
+    """Return proof.json.
+
+    Parameters
+    ----------
+    why
+        one sentence per state variable: the controller's own argument for its range
+
+    `margin` is the factor by which a value could grow before it left its word; null in floating point. In fixed point
+    `low` and `high` are raw. What holds in step k: if every state variable is in its range before the step, every
+    operation is in its range, and every state variable is in its range after it. Inputs may hold any value of their
+    type.
+    """
+    return {
+        "schema": 1,
+        "program_id": program.id,
+        "name": program.name,
+        "arithmetic": program.arithmetic,
+        "inputs": [_value(v) for v in program.inputs],
+        "state": [_value(v) | {"why": w} for v, w in zip(program.state, why, strict=True)],
+        "operations": [_operation(op) for op in program.body],
+        "next_state": [{"state": a.target, "value": a.source} for a in program.next_state],
+        "outputs": [_value(v) | {"value": a.source} for v, a in zip(program.outputs, program.results, strict=True)],
+        "rounding": [{"output": r.output, "bound": _finite(r.bound), "unit": r.unit} for r in program.rounding],
+    }
+
+
+def _value(value: Value) -> dict[str, object]:
+    return {
+        "name": value.name,
+        "unit": value.unit,
+        "kind": value.number.kind,
+        "bits": value.number.bits,
+        "fraction": value.number.fraction,
+        "low": _finite(value.low),
+        "high": _finite(value.high),
+    }
+
+
+def _operation(op: Op) -> dict[str, object]:
+    value = op.result
+    size = max(abs(value.low), abs(value.high))
+    fixed = value.number.kind == "fixed"
+    truth = value.low == 0 and value.high == 1 and value.number.fraction == 0 and not value.unit
+    return {
+        **_value(value),
+        "function": op.function,
+        "arguments": list(op.arguments),
+        "word": value.number.bits,
+        "product_word": 64 if op.function == "mul_shift" else None,
+        "margin": round((2 ** (value.number.bits - 1) - 1) / size, 6) if fixed and size else None,
+        "argument": TRUTH if truth else ARGUMENTS.get(op.function, INTERVAL),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

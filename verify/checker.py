@@ -1,0 +1,149 @@
+"""Prove a fixed-point program's ranges a second time, from proof.json alone, with bit-vectors and z3.
+
+Nothing of the prover is used: this file knows the operations' meaning in C from the words of the C standard (32-bit
+two's complement operands, 64-bit products, arithmetic right shift) and asks z3 for a counterexample. For every
+operation, over all operand values inside their claimed ranges:
+
+- the exact result lies in the claimed range, and the range in the word;
+- no intermediate of the C expression overflows its type;
+
+and for every state variable and output, that the value stored lies in the range claimed for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import z3
+
+WIDE = 64
+
+
+class ProofError(Exception):
+    """An operation that could not be proven; the message names it and gives values that break it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """How many operations and stores were proven again."""
+
+    operations: int
+    stores: int
+
+
+def check_proof(document: Mapping[str, Any]) -> Checked | None:
+    """Prove every operation of a fixed-point proof.json; None for floating point, whose ranges are not claims on words.
+
+    Raises
+    ------
+    ProofError
+        at the first operation or store that does not hold.
+    """
+    if not str(document["arithmetic"]).startswith("fixed"):
+        return None
+    ranges: dict[str, tuple[int, int]] = {}
+    for value in document["inputs"]:
+        half = 1 << (int(value["bits"]) - 1)
+        ranges[f"in.{value['name']}"] = (-half, half - 1)  # the type's whole range: nothing is assumed of a user
+    for value in document["state"]:
+        ranges[f"self.{value['name']}"] = (int(value["low"]), int(value["high"]))
+    for operation in document["operations"]:
+        _check_operation(operation, ranges)
+        ranges[operation["name"]] = (int(operation["low"]), int(operation["high"]))
+    limits = {value["name"]: (int(value["low"]), int(value["high"])) for value in document["state"]}
+    for store in document["next_state"]:
+        _check_store(store["state"], ranges[store["value"]], limits[store["state"]])
+    for output in document["outputs"]:
+        half = 1 << (int(output["bits"]) - 1)
+        _check_store(output["name"], ranges[output["value"]], (-half, half - 1))
+    return Checked(len(document["operations"]), len(document["next_state"]) + len(document["outputs"]))
+
+
+def _check_store(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> None:
+    if not (allowed[0] <= got[0] and got[1] <= allowed[1]):
+        raise ProofError(f"{name} may be given {got[0]} to {got[1]}, its range is {allowed[0]} to {allowed[1]} (raw)")
+
+
+def _check_operation(operation: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]]) -> None:
+    low, high = int(operation["low"]), int(operation["high"])
+    name = operation["name"]
+    if not (-(1 << 31) <= low <= high < 1 << 31):
+        raise ProofError(f"{name}: the claimed range {low} to {high} does not fit a 32-bit word")
+    symbols, assumed = [], []
+    for k, argument in enumerate(operation["arguments"]):
+        if isinstance(argument, str):
+            narrow = z3.BitVec(f"a{k}", 32)
+            lowest, highest = ranges[argument]
+            assumed += [narrow >= lowest, narrow <= highest]
+            symbols.append(z3.SignExt(WIDE - 32, narrow))
+        else:
+            symbols.append(z3.BitVecVal(int(argument), WIDE))
+    result, intermediates = _meaning(operation["function"], symbols)
+    claims = [result >= low, result <= high]
+    claims += [z3.And(value >= -(1 << 31), value <= (1 << 31) - 1) for value in intermediates]
+    for claim in claims:
+        solver = z3.SolverFor("QF_BV")
+        solver.add(*assumed, z3.Not(claim))
+        outcome = solver.check()
+        if outcome != z3.unsat:
+            model = solver.model() if outcome == z3.sat else "no decision"
+            raise ProofError(
+                f"{name} = {operation['function']}{tuple(operation['arguments'])} breaks its range: {model}"
+            )
+
+
+def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[Any]]:
+    """Return the exact result in 64 bits and those intermediates that the C computes in 32 bits."""
+    one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
+
+    def truth(condition: Any) -> tuple[Any, list[Any]]:
+        return z3.If(condition, one, zero), []
+
+    match function:
+        case "add":
+            return a[0] + a[1], []
+        case "sub":
+            return a[0] - a[1], []
+        case "mul":
+            return a[0] * a[1], []  # two 32-bit operands: exact in 64 bits
+        case "neg":
+            return zero - a[0], []
+        case "copy":
+            return a[0], []
+        case "abs":
+            return z3.If(a[0] < 0, zero - a[0], a[0]), []
+        case "shl":
+            return a[0] << a[1], []  # by a constant below 32: exact in 64 bits
+        case "shr":
+            rounded = a[0] + (one << (a[1] - 1))
+            return rounded >> a[1], [rounded]
+        case "mul_shift":
+            # |a b| <= 2^62 and the rounding constant is at most 2^61: the 64-bit sum cannot overflow.
+            return (a[0] * a[1] + (one << (a[2] - 1))) >> a[2], []
+        case "min":
+            return z3.If(a[0] < a[1], a[0], a[1]), []
+        case "max":
+            return z3.If(a[0] > a[1], a[0], a[1]), []
+        case "clamp":
+            above = z3.If(a[0] > a[1], a[0], a[1])
+            return z3.If(above < a[2], above, a[2]), []
+        case "select":
+            return z3.If(a[0] != 0, a[1], a[2]), []
+        case "lt":
+            return truth(a[0] < a[1])
+        case "le":
+            return truth(a[0] <= a[1])
+        case "eq":
+            return truth(a[0] == a[1])
+        case "ne":
+            return truth(a[0] != a[1])
+        case "and":
+            return a[0] & a[1], []
+        case "or":
+            return a[0] | a[1], []
+        case "not":
+            return one - a[0], []
+        case _:
+            raise ProofError(f"operation {function!r} is not known to the checker")
