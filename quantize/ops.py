@@ -97,7 +97,7 @@ OPERATIONS: dict[str, Operation] = {
         "multiplied by a power of two",
         lambda a, s: a << s,
         lambda a, s: (int(a[0]) << int(s), int(a[1]) << int(s)),
-        _both("{0} * (1 << {1}U)"),
+        _both("fl_shl_i32({0}, {1}U)"),
     ),
     "min": Operation(
         "smaller", _minimum, lambda a, b: (min(a[0], b[0]), min(a[1], b[1])), _helper("fl_min", "{0}, {1}")

@@ -10,6 +10,12 @@
 /* The shifts below need an arithmetic right shift of negative numbers, which C99 leaves to the compiler. */
 typedef char fl_assert_arithmetic_shift[((-3) >> 1) == -2 ? 1 : -1];
 
+/* a * 2^s; s from 0 to 30, the result fits. */
+static inline int32_t fl_shl_i32(int32_t a, uint32_t s)
+{
+    return a * (int32_t)((uint32_t)1 << s);
+}
+
 /* a / 2^s, rounded to nearest, halves up; s from 1 to 30, a + 2^(s-1) fits. */
 static inline int32_t fl_shr_i32(int32_t a, uint32_t s)
 {

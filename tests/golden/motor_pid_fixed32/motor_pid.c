@@ -28,12 +28,12 @@ uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_o
     const int32_t error = reference - measurement; /* rad/s, Q21, -800 to 800 */
     const int32_t t1 = fl_mul_shift_i32(error, 24051817, 32U); /* Q23, -1.12 to 1.12 */
     const int32_t t2 = self->integral + t1; /* Q23, -70.7182 to 70.7182 */
-    const int32_t t3 = reference * (1 << 1U); /* Q22, -400 to 400 */
+    const int32_t t3 = fl_shl_i32(reference, 1U); /* Q22, -400 to 400 */
     const int32_t t4 = fl_mul_shift_i32(t3, 1503238554, 32U); /* Q21, -280 to 280 */
     const int32_t t5 = t4 - measurement; /* Q21, -680 to 680 */
     const int32_t proportional = fl_mul_shift_i32(t5, 858993459, 32U); /* V, Q23, -34 to 34 */
     const int32_t t6 = proportional + self->integral; /* Q23, -103.598 to 103.598 */
-    const int32_t t7 = self->derivative * (1 << 1U); /* Q24, -35.2582 to 35.2582 */
+    const int32_t t7 = fl_shl_i32(self->derivative, 1U); /* Q24, -35.2582 to 35.2582 */
     const int32_t t8 = fl_mul_shift_i32(t7, 1952257862, 32U); /* Q23, -32.0529 to 32.0529 */
     const int32_t t9 = (1 < self->started) ? 1 : 0; /* truth */
     const int32_t t10 = fl_mul_shift_i32(reference, 858993459, 32U); /* Q21, -80 to 80 */
