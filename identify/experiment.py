@@ -17,10 +17,11 @@ from identify.condition import (
     interpolate,
     windows,
 )
+from identify.course import Course, Engine
 from identify.least_squares import triangle
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording
-from identify.simulate import Course, Simulator, course_of, measured
+from identify.simulate import course_of, measured
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def aligned(parts: Sequence[Experiment], runs: Sequence[Array]) -> tuple[Experim
 
 
 def misfit(
-    made: Experiment, simulator: Simulator, constants: Array, start: Array, which: Sequence[int]
+    made: Experiment, simulator: Engine, constants: Array, start: Array, which: Sequence[int]
 ) -> tuple[Array, Array]:
     """Residual measured - simulated (q, r) and its slopes (q, r, d) for constants[which] and the initial state."""
     outputs, slopes = simulator.run_with_slopes(made.course, constants, start, which)
@@ -108,7 +109,7 @@ def misfit(
     return residual, -conditioned(made, delayed(made, slopes))
 
 
-def best_start(made: Experiment, simulator: Simulator, constants: Array, guess: Array, weights: Array) -> Array:
+def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:
     """Fit the initial state (n,) alone, by Gauss-Newton from `guess`; weights (r,) are 1/noise of each output.
 
     Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed.

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.condition import Conditioning
+from identify.course import Engine
 from identify.covariance import Uncertainty, uncertainty
 from identify.experiment import Experiment, aligned, best_start, check_moving, conditioned, delayed, experiments
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
 from identify.recording import Recording
 from identify.scores import Scores, scores
-from identify.simulate import Simulator, constants_of, rest_start, simulator
+from identify.simulate import constants_of, rest_start, simulator
 from identify.start import starting_points
 
 Array = NDArray[np.float64]
@@ -28,6 +29,7 @@ _T = TypeVar("_T")
 _NORMAL_95 = 1.959963984540054  # 97.5 % point of the standard normal distribution
 _TRIAL_STEPS = 25  # per start; enough to see which basin it is in
 _FINAL_STEPS = 200
+_KINKED_STEPS = 30  # where a friction sticks the cost has kinks, and what comes after is worth less than 1e-6 of it
 _PASSES = 6  # of weighting; two or three settle
 _TURNS = 30  # of aligning clocks; each about halves what is left
 _CLOSE = 0.01  # rows; clocks closer than this are aligned
@@ -143,7 +145,7 @@ def _settle(problem: Problem, begin: Point, report: Progress, fraction: float) -
         problem = replace(problem, weights=weights)
         if done:
             break
-        point, _ = solve(problem, point, _FINAL_STEPS)
+        point, _ = solve(problem, point, _KINKED_STEPS if problem.plant.effects else _FINAL_STEPS)
     return point, problem
 
 
@@ -175,7 +177,7 @@ def _by_recording(problem: Problem, values: Sequence[_T]) -> list[Sequence[_T]]:
     return [values[first:end] for first, end in pairwise(edges)]
 
 
-def _run(engine: Simulator, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> list[Array]:
+def _run(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> list[Array]:
     return [engine.run(made.course, constants, start) for made, start in zip(parts, starts, strict=True)]
 
 
@@ -241,7 +243,7 @@ def _estimated(parameter: Parameter, value: float, deviation: float) -> Paramete
     return replace(parameter, value=value, deviation=deviation)
 
 
-def _score(engine: Simulator, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> RecordingScore:
+def _score(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> RecordingScore:
     outputs = [delayed(made, run) for made, run in zip(parts, _run(engine, constants, parts, starts), strict=True)]
     shown = np.concatenate([conditioned(made, run) for made, run in zip(parts, outputs, strict=True)])
     target = np.concatenate([made.target for made in parts])

@@ -43,6 +43,7 @@ class Kind:
     build: Callable[[Signal, tuple[Signal, ...], tuple[Parameter, ...]], Plant]
     shapes: Callable[[float, float], tuple[Mapping[str, float], ...]]
     scale: str | None
+    per_unit: str | None = None  # the constant that turns a named drive signal into the input it insists on
 
 
 def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:

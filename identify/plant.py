@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import casadi as ca
 
@@ -15,7 +17,10 @@ class IdentifyError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One physical constant; `deviation` is one standard deviation in `unit`, None where it was not estimated."""
+    """One physical constant; `deviation` is one standard deviation in `unit`, None where it was not estimated.
+
+    `logarithmic`: the fit works with its logarithm.
+    """
 
     name: str
     unit: str
@@ -24,11 +29,48 @@ class Parameter:
     low: float
     high: float
     deviation: float | None
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """An equation that effects can attach to: per * (sum of torques, forces, voltages, flows) = rate of a state.
+
+    `state` is the index of that state; -1 where a voltage balance is algebraic (no inductance), so that the current
+    follows at once. `position` is the index of the state that integrates a speed, -1 for none; `to` that of the state
+    an overflow runs into, -1 for none. `effort` is what the drive gives, in N m or N; it is proportional to `current`
+    where there is one.
+    """
+
+    kind: str  # torque | force | voltage | flow
+    state: int
+    per: ca.Function  # (p (k,)) -> scalar
+    position: int = -1
+    to: int = -1
+    effort: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
+    current: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
+    resistance: ca.Function | None = None  # (p) -> scalar
+
+
+@dataclass(frozen=True, slots=True)
+class EffectUse:
+    """An effect of the library as a plant has it: values of its parameters (SI), and which of them a fit may change.
+
+    `output` names what a sensor effect acts on (or the state of an overflow); None is the first one.
+    """
+
+    name: str
+    output: str | None = None
+    values: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    free: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """Equations x' = rate(x, u, p), y = reading(x, u, p); the input acts `delay` later where a parameter says so."""
+    """Equations x' = rate(x, u, p), y = reading(x, u, p); the input acts `delay` later where a parameter says so.
+
+    Effects come on top: their parameters stand behind the nominal ones and are no arguments of `rate` and `reading`.
+    """
 
     kind: str
     states: tuple[Signal, ...]
@@ -38,3 +80,5 @@ class Plant:
     rate: ca.Function  # (x (n,), u (m,), p (k,)) -> dx/dt (n,)
     reading: ca.Function  # (x (n,), u (m,), p (k,)) -> y (r,)
     delay: str | None  # name of the parameter that delays every input, s
+    balances: tuple[Balance, ...] = ()
+    effects: tuple[EffectUse, ...] = ()

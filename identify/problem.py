@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.course import Engine
 from identify.experiment import Experiment, misfit
-from identify.kinds import find_kind
 from identify.least_squares import Reduced, Unknowns, minimize, triangle
 from identify.plant import Plant
-from identify.simulate import Simulator
 
 Array = NDArray[np.float64]
 
@@ -31,7 +30,7 @@ class Problem:
     """
 
     plant: Plant
-    engine: Simulator
+    engine: Engine
     experiments: tuple[Experiment, ...]  # window after window, recording after recording
     windows: tuple[int, ...]  # how many of them each recording has
     free: tuple[int, ...]
@@ -43,14 +42,12 @@ class Problem:
     weights: Array  # (r,) 1 / noise
 
 
-def make_problem(plant: Plant, engine: Simulator, recordings: Sequence[Sequence[Experiment]]) -> Problem:
+def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Experiment]]) -> Problem:
     """Choose coordinates, bounds and first weights (1 / spread of each output)."""
     experiments = tuple(made for parts in recordings for made in parts)
-    kind = find_kind(plant.kind)
-    open_low = {constant.name for constant in kind.constants if constant.open_low}
     free = tuple(index for index, parameter in enumerate(plant.parameters) if parameter.free)
     chosen = [plant.parameters[index] for index in free]
-    logarithmic = np.array([p.name in open_low or p.low > 0.0 for p in chosen], dtype=bool)
+    logarithmic = np.array([p.logarithmic or p.low > 0.0 for p in chosen], dtype=bool)
     tiny, huge = 1e-30, 1e30
     low = [math.log(max(p.low, tiny)) if log else p.low for p, log in zip(chosen, logarithmic, strict=True)]
     high = [math.log(min(p.high, huge)) if log else p.high for p, log in zip(chosen, logarithmic, strict=True)]

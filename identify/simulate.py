@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.compiler import shared_library
+from identify.course import Course, Engine
+from identify.engine import effect_simulator
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording, column
 
@@ -28,22 +30,6 @@ Array = NDArray[np.float64]
 # -ffp-contract=off: the same sums on every machine, so that a fit can be repeated to the last digit.
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-Wl,-Bsymbolic")
 _LONGEST_SUBSTEP = 0.25  # over the fastest eigenvalue's magnitude; a decay is then right to 3e-5
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """What drives a simulation: `time` (n,) in s, `drive` (n, m) the inputs as recorded, row distances in s.
-
-    The simulation runs from row `first` up to, not including, row `end`; inputs of earlier rows may still be on their
-    way through a delay.
-    """
-
-    time: Array
-    drive: Array
-    step: float  # s, typical
-    longest: float  # s
-    first: int
-    end: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +140,25 @@ def rest_start(plant: Plant, recording: Recording) -> Array:
     for index, signal in enumerate(plant.states):
         if signal.name.startswith("position_") and signal.name in recording.columns:
             start[index] = recording.columns[signal.name][0]
+    for index, output in _seen_places(plant):
+        if output in recording.columns:
+            start[index] = recording.columns[output][0]
     return start
+
+
+def _seen_places(plant: Plant) -> list[tuple[int, str]]:
+    """Positions and levels of an `ode` plant that an output shows as they are: (state, output)."""
+    if plant.kind != "ode":
+        return []
+    x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
+    reading = ca.vertsplit(plant.reading(x, u, p))
+    places = [b.state if b.kind == "flow" else b.position for b in plant.balances]
+    return [
+        (place, signal.name)
+        for place in places
+        for signal, shown in zip(plant.outputs, reading, strict=True)
+        if place >= 0 and ca.is_equal(shown, x[place])
+    ]
 
 
 def constants_of(plant: Plant) -> Array:
@@ -167,8 +171,15 @@ def constants_of(plant: Plant) -> Array:
     return np.array([parameter.value for parameter in plant.parameters])
 
 
-def simulator(plant: Plant) -> Simulator:
+def simulator(plant: Plant) -> Engine:
     """Return the compiled equations of a plant; built once per set of equations, whatever the parameter values."""
+    if plant.effects:
+        return effect_simulator(plant)
+    if plant.kind == "ode":
+        engine = effect_simulator(plant)
+        # Its steps follow how fast the equations change where the plant is; those below only how fast at rest.
+        if engine.equations is not None:
+            return engine
     names = [parameter.name for parameter in plant.parameters]
     delay = names.index(plant.delay) if plant.delay is not None else -1
     return _compiled(plant.rate.serialize(), plant.reading.serialize(), delay)

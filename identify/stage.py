@@ -7,7 +7,7 @@ import math
 import casadi as ca
 
 from identify.kind import Constant, Kind, equations
-from identify.plant import Parameter, Plant
+from identify.plant import Balance, Parameter, Plant
 from identify.signal import Signal
 
 
@@ -16,8 +16,9 @@ def stage_kind(name: str, effort: str, position: Signal, speed: Signal, inertia:
 
     def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
         states = (speed, position) if position.name in {o.name for o in outputs} else (speed,)
-        state, force, constants = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
-        mass, damping = ca.vertsplit(constants)
+        state, command, constants = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+        mass, damping, *per_unit = ca.vertsplit(constants)
+        force = per_unit[0] * command if per_unit else command
         known = dict(zip((signal.name for signal in states), ca.vertsplit(state), strict=True))
         rates = {speed.name: (force - damping * state[0]) / mass, position.name: state[0]}
         return Plant(
@@ -26,9 +27,18 @@ def stage_kind(name: str, effort: str, position: Signal, speed: Signal, inertia:
             inputs=(drive,),
             outputs=outputs,
             parameters=parameters,
-            rate=equations("rate", state, force, constants, ca.vertcat(*(rates[s.name] for s in states))),
-            reading=equations("reading", state, force, constants, ca.vertcat(*(known[o.name] for o in outputs))),
+            rate=equations("rate", state, command, constants, ca.vertcat(*(rates[s.name] for s in states))),
+            reading=equations("reading", state, command, constants, ca.vertcat(*(known[o.name] for o in outputs))),
             delay=None,
+            balances=(
+                Balance(
+                    kind="torque" if position.unit == "rad" else "force",
+                    state=0,
+                    per=ca.Function("per", [constants], [1.0 / mass]),
+                    position=len(states) - 1 if len(states) == 2 else -1,
+                    effort=equations("effort", state, command, constants, force),
+                ),
+            ),
         )
 
     return Kind(
@@ -39,6 +49,7 @@ def stage_kind(name: str, effort: str, position: Signal, speed: Signal, inertia:
         build=build,
         shapes=lambda step, span: (),
         scale=None,
+        per_unit=f"{effort.partition('_')[0]}_per_unit",
     )
 
 

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.course import Engine
 from identify.experiment import Experiment, misfit
 from identify.kinds import find_kind
 from identify.least_squares import triangle
 from identify.plant import Plant
-from identify.simulate import Simulator
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _SPREAD = 3.0  # factor by which a nameplate value may be off before the basin o
 _SEED = 20240229  # any; fixed, so that a fit repeats
 
 
-def starting_points(plant: Plant, simulator: Simulator, experiments: Sequence[Experiment]) -> tuple[Array, ...]:
+def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Experiment]) -> tuple[Array, ...]:
     """Return parameter vectors (k,), the most promising first.
 
     Where values are missing, a grid of shapes is scored: the output is linear in the kind's scale and in the initial
@@ -47,9 +47,7 @@ def starting_points(plant: Plant, simulator: Simulator, experiments: Sequence[Ex
     return tuple(starts)
 
 
-def _scored_grid(
-    plant: Plant, simulator: Simulator, experiments: Sequence[Experiment], given: Array
-) -> tuple[Array, ...]:
+def _scored_grid(plant: Plant, simulator: Engine, experiments: Sequence[Experiment], given: Array) -> tuple[Array, ...]:
     kind = find_kind(plant.kind)
     names = [parameter.name for parameter in plant.parameters]
     step = min(made.course.step for made in experiments)
@@ -68,7 +66,7 @@ def _scored_grid(
 
 
 def _scaled(
-    simulator: Simulator, experiments: Sequence[Experiment], constants: Array, unscaled: int
+    simulator: Engine, experiments: Sequence[Experiment], constants: Array, unscaled: int
 ) -> tuple[Array, float]:
     """Find the scale (where it is index `unscaled` >= 0) and the initial states; return the constants and the cost."""
     trial = constants.copy()

@@ -29,3 +29,8 @@ _ENDINGS = (
 def unit_of(name: str) -> str:
     """Return the unit that `name` ends in (`speed_rad_s` -> `rad/s`), empty where the ending is none we know."""
     return next((unit for ending, unit in _ENDINGS if name.endswith(ending)), "")
+
+
+def ending_of(name: str) -> str:
+    """Return the unit as it is spelled in `name` (`speed_rad_s` -> `rad_s`), empty where the ending is none we know."""
+    return next((ending[1:] for ending, _ in _ENDINGS if name.endswith(ending)), "")

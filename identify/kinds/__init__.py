@@ -41,17 +41,25 @@ def make_plant(
     it has to be fitted before the plant can be simulated.
     """
     found = find_kind(kind)
-    if found.inputs and input not in found.inputs:
+    if found.inputs and input not in found.inputs and (found.per_unit is None or found.per_unit not in parameters):
+        scale = f", or give {found.per_unit} in [plant.parameters]" if found.per_unit else ""
         raise IdentifyError(
             f"plant.input {input!r}: {kind} is driven by {' or '.join(found.inputs)}; "
-            f"map your column in [recordings.rename]"
+            f"map your column in [recordings.rename]{scale}"
         )
     _check_outputs(found, outputs)
-    known = {constant.name for constant in found.constants}
+    constants = found.constants
+    if found.per_unit is not None and input not in found.inputs:
+        unit = unit_of(input)
+        constants = (
+            *constants,
+            Constant(found.per_unit, f"per {unit}" if unit else "", -math.inf, math.inf, False, False),
+        )
+    known = {constant.name for constant in constants}
     for name in parameters:
         if name not in known:
             raise IdentifyError(f"plant.parameters.{name}: {kind} has no such parameter; it has {', '.join(known)}")
-    made = tuple(_parameter(kind, constant, parameters) for constant in found.constants)
+    made = tuple(read_parameter(kind, constant, parameters) for constant in constants)
     return found.build(_signal(input), tuple(_signal(name) for name in outputs), made)
 
 
@@ -70,12 +78,15 @@ def _check_outputs(kind: Kind, outputs: Sequence[str]) -> None:
             raise IdentifyError(f"plant.outputs: {name!r} is unknown to {kind.name}, which has {choice}")
 
 
-def _parameter(kind: str, constant: Constant, parameters: Mapping[str, Mapping[str, object] | float]) -> Parameter:
+def read_parameter(kind: str, constant: Constant, parameters: Mapping[str, object]) -> Parameter:
+    """Read one entry of `[plant.parameters]`; IdentifyError names key, value and rule."""
     key = f"plant.parameters.{constant.name}"
     if constant.name not in parameters:
         if not constant.guessable:
             raise IdentifyError(f"{key} is missing; {kind} needs it: {constant.name} = {{ value = ..., free = true }}")
-        return Parameter(constant.name, constant.unit, math.nan, True, constant.low, constant.high, None)
+        return Parameter(
+            constant.name, constant.unit, math.nan, True, constant.low, constant.high, None, constant.open_low
+        )
     given = parameters[constant.name]
     entry: Mapping[str, object] = given if isinstance(given, Mapping) else {"value": given}
     for name in entry:
@@ -93,7 +104,8 @@ def _parameter(kind: str, constant: Constant, parameters: Mapping[str, Mapping[s
         raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must lie within {low:g} and {high:g}")
     if constant.open_low and value <= constant.low:
         raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must be above {constant.low:g}")
-    return Parameter(constant.name, constant.unit, value, free, low, high, _deviation(key, entry.get("ci95")))
+    deviation = deviation_of(key, entry.get("ci95"))
+    return Parameter(constant.name, constant.unit, value, free, low, high, deviation, constant.open_low)
 
 
 def _number(key: str, value: object) -> float:
@@ -102,7 +114,8 @@ def _number(key: str, value: object) -> float:
     return float(value)
 
 
-def _deviation(key: str, interval: object) -> float | None:
+def deviation_of(key: str, interval: object) -> float | None:
+    """Turn the 95 % interval an earlier fit wrote into a standard deviation."""
     if interval is None:
         return None
     if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:

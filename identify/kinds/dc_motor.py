@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from identify.kind import Constant, Kind, equations
-from identify.plant import IdentifyError, Parameter, Plant
+from identify.plant import Balance, IdentifyError, Parameter, Plant
 from identify.signal import Signal
 
 _CURRENT = Signal("current_A", "A", -math.inf, math.inf)
@@ -53,6 +53,23 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         rate=equations("rate", state, voltage, constants, ca.vertcat(*(rates[s.name] for s in states))),
         reading=equations("reading", state, voltage, constants, ca.vertcat(*(readings[o.name] for o in outputs))),
         delay=None,
+        balances=(
+            Balance(
+                kind="torque",
+                state=len(states) - (2 if _POSITION in states else 1),
+                per=ca.Function("per", [constants], [1.0 / inertia]),
+                position=len(states) - 1 if _POSITION in states else -1,
+                effort=equations("effort", state, voltage, constants, torque * current),
+                current=equations("current", state, voltage, constants, current),
+            ),
+            Balance(
+                kind="voltage",
+                state=0 if _CURRENT in states else -1,
+                per=ca.Function("per", [constants], [1.0 / inertia_of_current]),
+                current=equations("current", state, voltage, constants, current),
+                resistance=ca.Function("resistance", [constants], [resistance]),
+            ),
+        ),
     )
 
 

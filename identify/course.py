@@ -1,0 +1,52 @@
+"""A Course drives a simulation over some rows of a recording; an Engine runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What drives a simulation: `time` (n,) in s, `drive` (n, m) the inputs as recorded, row distances in s.
+
+    The simulation runs from row `first` up to, not including, row `end`; inputs of earlier rows may still be on their
+    way through a delay.
+    """
+
+    time: Array
+    drive: Array
+    step: float  # s, typical
+    longest: float  # s
+    first: int
+    end: int
+
+
+class Engine(Protocol):
+    """The compiled equations of a plant. Arrays in and out are in the units of the plant's signals."""
+
+    @property
+    def states(self) -> int:
+        """Number of initial states."""
+        ...
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs."""
+        ...
+
+    def run(self, course: Course, constants: Array, start: Array) -> Array:
+        """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
+        ...
+
+    def run_with_slopes(
+        self, course: Course, constants: Array, start: Array, which: Sequence[int]
+    ) -> tuple[Array, Array]:
+        """Also return dy/d(constants[which], start): (q, r, len(which) + number of states)."""
+        ...

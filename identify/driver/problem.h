@@ -1,0 +1,64 @@
+/* problem.h -- what a simulation of segments is given, and where it is.
+ *
+ * terms.c, which is generated, defines view_t, term() and is_memory(). Everything is one translation unit.
+ */
+#ifndef PROBLEM_H
+#define PROBLEM_H
+
+#define MOST 24        /* states */
+#define MOST_STUCK 6   /* coordinates that may stick */
+#define LEVELS 44
+#define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
+#define LONGEST 0.3    /* rate of change of N, times the step */
+#define MOST_EVENTS 64 /* in one segment; more is chatter */
+
+enum { ADD, LEVEL, FACTOR, OUTPUT };
+enum { FRICTION, LIMIT };
+
+typedef void (*nominal_t)(const double *x, const double *u, const double *p, double *dx);
+typedef void (*slope_t)(const double *x, const double *u, const double *p, double *dx, double *by_x);
+
+typedef struct {
+    int what, code, target, constants; /* target: row (ADD, FACTOR), coordinate (LEVEL), output (OUTPUT) */
+    double per;                        /* factor of the term in its row */
+    double rate[6];                    /* 1/s: constant, per |w|, |dw/dt|, i^2, |theta|; while the current settles */
+} term_t;
+
+typedef struct {
+    int what, row, to;
+    double per, limit, share;
+} coordinate_t;
+
+/** Everything that does not change during a run; filled from Python. */
+typedef struct {
+    int n, m, r, terms, coordinates, segments, simple, speed, position, lags, settling;
+    const double *a, *b, *c;             /* n x n, n x m, n; row by row */
+    const double *read_x, *read_u;       /* r x n, r x m */
+    const double *current, *effort;      /* n + m each */
+    const term_t *term;
+    const double *q;
+    const coordinate_t *coordinate;
+    const int *lag;                      /* pairs (output, row): filters of outputs that are not linear */
+    const double *lag_rate;              /* 1/s */
+    const double *begin, *length;        /* s, one per segment */
+    const double *input, *ramp;          /* segments x m */
+    const double *before;                /* m: the input before the first segment */
+    const int *reads, *read_row, *read_output; /* reads: segments + 2 offsets; output -1: all */
+    double step;                         /* s: the longest tabulated length */
+    nominal_t rate, reading;
+    slope_t slope;
+    const double *p;
+} problem_t;
+
+typedef struct {
+    const problem_t *k;
+    int levels;
+    double *table[1 << MOST_STUCK];
+    int s[MOST_STUCK]; /* direction; 0: sticks (FRICTION); 1 free, 0 at the limit (LIMIT) */
+    double x[MOST], m[2];
+    double t, begin, since; /* s: now, start of the segment */
+    const double *input, *ramp;
+    double smallest;
+} run_t;
+
+#endif

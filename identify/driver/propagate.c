@@ -1,0 +1,183 @@
+/* propagate.c -- moves the state by steps of tabulated length, or by a short one of any length.
+ *
+ * Exponential Runge-Kutta formula of order four (Cox and Matthews, J. Comput. Phys. 176, 2002): what is linear is exact.
+ */
+#include "problem.h"
+
+static int stuck_mask(const run_t *run) {
+    int mask = 0;
+    for (int c = 0; c < run->k->coordinates; ++c) {
+        mask |= (run->s[c] == 0) << c;
+    }
+    return mask;
+}
+
+static void multiply(int n, const double *a, const double *b, double *out) {
+    memset(out, 0, (size_t)(n * n) * sizeof *out);
+    for (int i = 0; i < n; ++i) {
+        for (int j = 0; j < n; ++j) {
+            const double f = a[i * n + j];
+            if (f != 0.0) {
+                for (int l = 0; l < n; ++l) {
+                    out[i * n + l] += f * b[j * n + l];
+                }
+            }
+        }
+    }
+}
+
+/* Per level: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each. */
+#define F(level) (&table[(size_t)(level) * 6 * nn])
+static double *tabulate(const run_t *run, int mask) {
+    const problem_t *k = run->k;
+    const int n = k->n, nn = n * n;
+    double *table = malloc((size_t)(run->levels * 6 * nn) * sizeof(double));
+    double phi[4][MOST * MOST], z[MOST * MOST], w[MOST * MOST], v[MOST * MOST];
+    double h = run->smallest;
+    if (table == NULL) {
+        return NULL;
+    }
+    for (int j = 0; j < nn; ++j) {
+        z[j] = h * k->a[j];
+    }
+    for (int c = 0; c < k->coordinates; ++c) {
+        for (int j = 0; mask >> c & 1 && j < n; ++j) {
+            z[k->coordinate[c].row * n + j] = 0.0;
+        }
+    }
+    for (int q = 1; q < 4; ++q) { /* phi_q = sum z^j / (j + q)!; norm(z) is at most FINEST */
+        const double inverse[4] = {1.0, 1.0, 0.5, 1.0 / 6.0};
+        double scale = inverse[q];
+        memset(phi[q], 0, (size_t)nn * sizeof(double));
+        memset(w, 0, (size_t)nn * sizeof(double));
+        for (int i = 0; i < n; ++i) {
+            w[i * n + i] = 1.0;
+        }
+        for (int j = 0; j < 6; ++j) {
+            for (int i = 0; i < nn; ++i) {
+                phi[q][i] += scale * w[i];
+            }
+            multiply(n, z, w, v);
+            memcpy(w, v, (size_t)nn * sizeof(double));
+            scale /= j + 1 + q;
+        }
+    }
+    multiply(n, z, phi[1], phi[0]); /* exp - 1 = z phi1: what is small keeps its digits */
+    for (int level = run->levels - 1; level >= 0; --level) {
+        double *f = F(level);
+        for (int i = 0; i < nn; ++i) {
+            f[i] = phi[0][i];
+            f[nn + i] = h * phi[1][i];
+            f[2 * nn + i] = h * phi[2][i];
+            f[3 * nn + i] = h * (phi[1][i] - 3.0 * phi[2][i] + 4.0 * phi[3][i]);
+            f[4 * nn + i] = h * (2.0 * phi[2][i] - 4.0 * phi[3][i]);
+            f[5 * nn + i] = h * (4.0 * phi[3][i] - phi[2][i]);
+        }
+        multiply(n, phi[1], phi[2], v); /* doubling: Skaflestad and Wright, Appl. Numer. Math. 59, 2009 */
+        for (int i = 0; i < nn; ++i) {
+            phi[3][i] = (v[i] + 2.0 * phi[3][i] + phi[2][i]) / 8.0;
+        }
+        multiply(n, phi[1], phi[1], v);
+        for (int i = 0; i < nn; ++i) {
+            phi[2][i] = (v[i] + 2.0 * phi[2][i]) / 4.0;
+        }
+        multiply(n, phi[0], phi[1], v);
+        for (int i = 0; i < nn; ++i) {
+            phi[1][i] += 0.5 * v[i];
+        }
+        multiply(n, phi[0], phi[0], v);
+        for (int i = 0; i < nn; ++i) {
+            phi[0][i] = 2.0 * phi[0][i] + v[i];
+        }
+        h *= 2.0;
+    }
+    return table;
+}
+
+static void add(int n, const double *matrix, const double *x, double *out) {
+    for (int i = 0; i < n; ++i) {
+        double sum = out[i];
+        for (int j = 0; j < n; ++j) {
+            sum += matrix[i * n + j] * x[j];
+        }
+        out[i] = sum;
+    }
+}
+
+static void step_table(const run_t *run, const double *table, int level, double h, double *out) {
+    const int n = run->k->n, nn = n * n;
+    const size_t bytes = (size_t)n * sizeof(double);
+    const double *whole = F(level), *half = F(level + 1);
+    double n0[MOST], na[MOST], nb[MOST], nc[MOST], a[MOST], b[MOST], c[MOST];
+    drive(run, run->x, run->t, -1, n0);
+    memcpy(out, run->x, bytes);
+    add(n, whole, run->x, out);
+    if (run->k->simple) {
+        add(n, &whole[nn], n0, out);
+        for (int j = 0; j < run->k->m; ++j) {
+            if (run->ramp[j] != 0.0) {
+                drive(run, run->x, run->t + h, -1, na);
+                for (int i = 0; i < n; ++i) {
+                    na[i] -= n0[i];
+                }
+                add(n, &whole[2 * nn], na, out);
+                break;
+            }
+        }
+        return;
+    }
+    memcpy(b, run->x, bytes);
+    add(n, half, run->x, b);
+    memcpy(a, b, bytes);
+    add(n, &half[nn], n0, a);
+    drive(run, a, run->t + 0.5 * h, -1, na);
+    add(n, &half[nn], na, b);
+    drive(run, b, run->t + 0.5 * h, -1, nb);
+    memcpy(c, a, bytes);
+    add(n, half, a, c);
+    for (int i = 0; i < n; ++i) {
+        nc[i] = 2.0 * nb[i] - n0[i];
+    }
+    add(n, &half[nn], nc, c);
+    drive(run, c, run->t + h, -1, nc);
+    for (int i = 0; i < n; ++i) {
+        na[i] += nb[i];
+    }
+    add(n, &whole[3 * nn], n0, out);
+    add(n, &whole[4 * nn], na, out);
+    add(n, &whole[5 * nn], nc, out);
+}
+
+static void full_rate(const run_t *run, const double *x, double t, double *out) {
+    const problem_t *k = run->k;
+    drive(run, x, t, -1, out);
+    for (int i = 0; i < k->n; ++i) {
+        int held = 0;
+        for (int c = 0; c < k->coordinates; ++c) {
+            held |= run->s[c] == 0 && k->coordinate[c].row == i;
+        }
+        out[i] += held ? 0.0 : dot(k->n, &k->a[i * k->n], x);
+    }
+}
+
+/* Classical Runge-Kutta, for lengths below the shortest tabulated one. */
+static void step_short(const run_t *run, double h, double *out) {
+    const int n = run->k->n;
+    double k1[MOST], k2[MOST], k3[MOST], k4[MOST], y[MOST];
+    full_rate(run, run->x, run->t, k1);
+    for (int i = 0; i < n; ++i) {
+        y[i] = run->x[i] + 0.5 * h * k1[i];
+    }
+    full_rate(run, y, run->t + 0.5 * h, k2);
+    for (int i = 0; i < n; ++i) {
+        y[i] = run->x[i] + 0.5 * h * k2[i];
+    }
+    full_rate(run, y, run->t + 0.5 * h, k3);
+    for (int i = 0; i < n; ++i) {
+        y[i] = run->x[i] + h * k3[i];
+    }
+    full_rate(run, y, run->t + h, k4);
+    for (int i = 0; i < n; ++i) {
+        out[i] = run->x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+    }
+}

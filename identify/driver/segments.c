@@ -1,0 +1,240 @@
+/* segments.c -- moves a plant with effects through stretches of time in which its input is a straight line.
+ *
+ * dx/dt = A x + N(x, u, t): A is exact (matrix exponentials), N holds what is not linear. The matrices are tabulated for
+ * lengths that halve from the row distance down to almost nothing, so that any length, and the moment at which a friction
+ * sticks or lets go, is reached by steps of tabulated length.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "terms.c"
+
+#include "stick.c"
+
+#include "propagate.c"
+
+/* The coarsest level whose step resolves how fast N changes. */
+static int coarsest(const run_t *run, double length) {
+    const problem_t *k = run->k;
+    double rate = 0.0, u[MOST], now[MOST];
+    int level = 0;
+    if (k->simple) {
+        return 0;
+    }
+    input_at(run, run->t, u);
+    if (k->slope != NULL) {
+        double by_x[MOST * MOST];
+        k->slope(run->x, u, k->p, now, by_x);
+        for (int j = 0; j < k->n * k->n; ++j) {
+            rate = fmax(rate, isfinite(by_x[j]) ? 4.0 * fabs(by_x[j]) : 0.0); /* nothing of it is in A */
+        }
+    }
+    full_rate(run, run->x, run->t, now);
+    for (int j = 0; j < k->terms; ++j) {
+        const double *r = k->term[j].rate;
+        const double w = k->speed >= 0 ? fabs(run->x[k->speed]) : 0.0, dw = k->speed >= 0 ? fabs(now[k->speed]) : 0.0;
+        const double near = fmax(w - dw * length, 0.0) * r[2]; /* far from rest nothing changes with dw */
+        double own = r[0] + r[1] * (w + 0.5 * dw * length) + r[2] * dw / (1.0 + near * near);
+        if (r[3] != 0.0) {
+            const double i = form(k->current, k->n, run->x, k->m, u);
+            own += r[3] * i * i;
+        }
+        own += r[4] * (k->position >= 0 ? fabs(run->x[k->position]) : 0.0);
+        if (r[5] > 0.0) {
+            /* A current that settles does so at this rate; what is left of it decides how much that matters. */
+            const double i = fabs(form(k->current, k->n, run->x, k->m, u));
+            const double still[MOST] = {0.0};
+            const double left = fabs(form(k->current, k->n, now, k->m, still)) / r[5];
+            own += left > 0.0 ? r[5] * cbrt(left / (left + i)) : 0.0;
+        }
+        rate = fmax(rate, own);
+    }
+    while (level < run->levels - 2 && ldexp(k->step, -level) * rate > LONGEST) {
+        ++level;
+    }
+    return level;
+}
+
+static int first_overdue(const run_t *run, const double *x, double t) {
+    for (int c = 0; c < run->k->coordinates; ++c) {
+        if (overdue(run, x, t, c) > 0.0) {
+            return c;
+        }
+    }
+    return -1;
+}
+
+static int advance(run_t *run, double length) {
+    const problem_t *k = run->k;
+    const int n = k->n, finest = run->levels - 2, start = coarsest(run, length);
+    const size_t bytes = (size_t)n * sizeof(double);
+    double rest = length, trial[MOST];
+    int level = start, events = 0;
+    while (rest > 0.0) {
+        double h = ldexp(k->step, -level);
+        int c;
+        while (level < finest && h > rest + 1e-7 * run->smallest) {
+            h = ldexp(k->step, -++level);
+        }
+        if (h > rest + 1e-7 * run->smallest) {
+            h = rest;
+            step_short(run, h, trial);
+        } else {
+            const int mask = stuck_mask(run);
+            if (run->table[mask] == NULL && (run->table[mask] = tabulate(run, mask)) == NULL) {
+                return -1;
+            }
+            step_table(run, run->table[mask], level, h, trial);
+        }
+        c = events < MOST_EVENTS ? first_overdue(run, trial, run->t + h) : -1;
+        if (c >= 0 && level < finest) {
+            ++level; /* halve until the moment is known to the shortest length */
+            continue;
+        }
+        if (c >= 0) {
+            const double from = overdue(run, run->x, run->t, c), to = overdue(run, trial, run->t + h, c);
+            const double part = from < 0.0 ? from / (from - to) : 1.0; /* on the edge: one step shows which way */
+            h *= part;
+            if (h > 0.0) {
+                step_short(run, h, trial);
+                memcpy(run->x, trial, bytes);
+                run->t += h;
+                rest -= h;
+            }
+            decide(run, c);
+            ++events;
+            level = start;
+            continue;
+        }
+        memcpy(run->x, trial, bytes);
+        run->t += h;
+        rest -= h;
+        if (k->settling) {
+            level = coarsest(run, length);
+        }
+        if (fabs(rest) < 1e-7 * run->smallest) {
+            break;
+        }
+    }
+    return 0;
+}
+
+static void read_outputs(const run_t *run, const double *u, int segment, double *y) {
+    const problem_t *k = run->k;
+    for (int j = k->reads[segment]; j < k->reads[segment + 1]; ++j) {
+        double whole[MOST];
+        view_t v = look(run, run->x, u, run->t);
+        if (k->reading != NULL) {
+            k->reading(run->x, u, k->p, whole);
+        }
+        for (int o = 0; o < k->r; ++o) {
+            if (k->read_output[j] < 0 || k->read_output[j] == o) {
+                double value = dot(k->n, &k->read_x[o * k->n], run->x) + dot(k->m, &k->read_u[o * k->m], u);
+                int lagged = 0;
+                for (int l = 0; l < k->lags; ++l) {
+                    lagged |= k->lag[2 * l] == o;
+                }
+                value += k->reading != NULL && !lagged ? whole[o] : 0.0;
+                for (int f = 0; f < k->terms; ++f) {
+                    if (k->term[f].what == OUTPUT && k->term[f].target == o) {
+                        v.y = value;
+                        value = term(k->term[f].code, &v, &k->q[k->term[f].constants]);
+                    }
+                }
+                y[k->read_row[j] * k->r + o] = value;
+            }
+        }
+    }
+}
+
+/** Run all segments from state x0; y (rows x r) is filled by the reads. Returns segments done, -1 without memory. */
+int run_segments(const problem_t *k, const double *x0, double *y) {
+    run_t run = {.k = k, .m = {0.0, 0.0}};
+    double reach = 0.0, u[MOST];
+    int done = 0;
+    const double still[MOST] = {0.0};
+    for (int i = 0; i < k->n; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < k->n; ++j) {
+            sum += fabs(k->a[i * k->n + j]);
+        }
+        reach = fmax(reach, sum);
+        run.x[i] = x0[i];
+    }
+    run.levels = 11;
+    while (run.levels < LEVELS && ldexp(k->step, 1 - run.levels) * reach > FINEST) {
+        ++run.levels;
+    }
+    run.smallest = ldexp(k->step, 1 - run.levels);
+    for (int c = 0; c < k->coordinates; ++c) {
+        const coordinate_t *held = &k->coordinate[c];
+        const double value = run.x[held->row];
+        run.s[c] = held->what == LIMIT ? value < held->limit : (value > 0.0) - (value < 0.0);
+    }
+    run.m[1] = k->position >= 0 ? run.x[k->position] : 0.0;
+    run.input = k->before;
+    run.ramp = still;
+    memcpy(u, k->before, (size_t)k->m * sizeof(double));
+    run.t = run.begin = run.since = k->segments > 0 ? k->begin[0] : 0.0;
+    read_outputs(&run, u, 0, y);
+    for (; done < k->segments; ++done) {
+        run.input = &k->input[done * k->m];
+        run.ramp = &k->ramp[done * k->m];
+        run.t = run.begin = run.since = k->begin[done];
+        for (int c = 0; c < k->coordinates; ++c) {
+            if (run.s[c] == 0 && overdue(&run, run.x, run.t, c) > 0.0) {
+                decide(&run, c);
+            }
+        }
+        if (advance(&run, k->length[done]) != 0) {
+            done = -1;
+            break;
+        }
+        for (int i = 0; i < k->n; ++i) {
+            if (!(fabs(run.x[i]) < 1e15)) {
+                goto end;
+            }
+        }
+        input_at(&run, k->begin[done] + k->length[done], u);
+        read_outputs(&run, u, done + 1, y);
+    }
+end:
+    for (int mask = 0; mask < 1 << MOST_STUCK; ++mask) {
+        free(run.table[mask]);
+    }
+    return done;
+}
+
+/** Rate and outputs at one point, as a segment that begins at time 0 would see them. */
+void at_point(const problem_t *k, const double *x, const double *u, double *rate, double *y) {
+    const double still[MOST] = {0.0};
+    run_t run = {.k = k, .m = {0.0, 0.0}, .input = u, .ramp = still};
+    memcpy(run.x, x, (size_t)k->n * sizeof(double));
+    full_rate(&run, x, 0.0, rate);
+    read_outputs(&run, u, 0, y);
+}
+
+/** Follow `target` (rows) set at `time` no faster than `rate`, from `value`; writes (time, value, slope) of each straight
+ * piece, at most two per row, and returns how many. */
+int limit_slew(int rows, const double *time, const double *target, double rate, double value, double *pieces) {
+    int count = 0;
+    for (int k = 0; k < rows; ++k) {
+        const double gap = target[k] - value;
+        const double needed = fabs(gap) / rate, span = k + 1 < rows ? time[k + 1] - time[k] : INFINITY;
+        double *piece = &pieces[3 * count++];
+        piece[0] = time[k];
+        piece[1] = value;
+        piece[2] = needed > 0.0 ? copysign(rate, gap) : 0.0;
+        if (needed > 0.0 && needed < span) {
+            piece = &pieces[3 * count++];
+            piece[0] = time[k] + needed;
+            piece[1] = target[k];
+            piece[2] = 0.0;
+            value = target[k];
+        } else if (needed > 0.0) {
+            value += copysign(rate, gap) * span;
+        }
+    }
+    return count;
+}

@@ -1,0 +1,184 @@
+/* stick.c -- evaluates what is not linear, and decides when a coordinate sticks, goes or turns round.
+ *
+ * A friction is set-valued: its coordinate (a speed, a current) has a direction s = -1 or +1, or it sticks, and then its
+ * row of A and N is zero. A level at its limit is the same with one side only.
+ */
+#include "problem.h"
+
+static void input_at(const run_t *run, double t, double *u) {
+    for (int j = 0; j < run->k->m; ++j) {
+        u[j] = run->input[j] + run->ramp[j] * (t - run->since);
+    }
+}
+
+static double form(const double *row, int n, const double *x, int m, const double *u) {
+    double sum = 0.0;
+    for (int j = 0; j < n; ++j) {
+        sum += row[j] * x[j];
+    }
+    for (int j = 0; j < m; ++j) {
+        sum += row[n + j] * u[j];
+    }
+    return sum;
+}
+
+static double dot(int n, const double *a, const double *x) {
+    double sum = 0.0;
+    for (int j = 0; j < n; ++j) {
+        sum += a[j] * x[j];
+    }
+    return sum;
+}
+
+static view_t look(const run_t *run, const double *x, const double *u, double t) {
+    const problem_t *k = run->k;
+    view_t v = {.x = x, .u = u[0], .t = t, .begin = run->begin, .m = run->m};
+    v.w = k->speed >= 0 ? x[k->speed] : 0.0;
+    v.th = k->position >= 0 ? x[k->position] : 0.0;
+    v.i = form(k->current, k->n, x, k->m, u);
+    v.effort = form(k->effort, k->n, x, k->m, u);
+    for (int c = 0; c < k->coordinates; ++c) {
+        if (k->coordinate[c].what == FRICTION && k->coordinate[c].row == k->speed) {
+            v.s = run->s[c];
+        }
+    }
+    return v;
+}
+
+/* Sum of the levels of a coordinate that would move in direction s. */
+static double level_of(const run_t *run, view_t v, int c, int s) {
+    const problem_t *k = run->k;
+    double sum = 0.0;
+    v.s = s;
+    for (int j = 0; j < k->terms; ++j) {
+        if (k->term[j].what == LEVEL && k->term[j].target == c) {
+            sum += term(k->term[j].code, &v, &k->q[k->term[j].constants]);
+        }
+    }
+    return sum;
+}
+
+/* N without the friction of the coordinate `but`, and without zeroing rows where `but` is given. */
+static void drive(const run_t *run, const double *x, double t, int but, double *n_out) {
+    const problem_t *k = run->k;
+    const int n = k->n;
+    double u[MOST];
+    view_t v;
+    input_at(run, t, u);
+    if (k->rate != NULL) {
+        memset(n_out, 0, (size_t)n * sizeof(double));
+        k->rate(x, u, k->p, n_out);
+    }
+    for (int i = 0; i < n; ++i) {
+        double sum = (k->rate != NULL ? n_out[i] : 0.0) + k->c[i];
+        for (int j = 0; j < k->m; ++j) {
+            sum += k->b[i * k->m + j] * u[j];
+        }
+        n_out[i] = sum;
+    }
+    if (k->terms == 0 && k->coordinates == 0) {
+        return;
+    }
+    v = look(run, x, u, t);
+    if (k->lags > 0) {
+        double y[MOST];
+        k->reading(x, u, k->p, y);
+        for (int j = 0; j < k->lags; ++j) {
+            n_out[k->lag[2 * j + 1]] += k->lag_rate[j] * y[k->lag[2 * j]];
+        }
+    }
+    for (int j = 0; j < k->terms; ++j) {
+        const term_t *f = &k->term[j];
+        if (f->what == ADD) {
+            n_out[f->target] += f->per * term(f->code, &v, &k->q[f->constants]);
+        } else if (f->what == LEVEL && f->target != but) {
+            const coordinate_t *c = &k->coordinate[f->target];
+            view_t moved = v;
+            moved.s = run->s[f->target];
+            if (moved.s != 0) {
+                n_out[c->row] -= c->per * moved.s * term(f->code, &moved, &k->q[f->constants]);
+            }
+        }
+    }
+    for (int j = 0; j < k->terms; ++j) {
+        const term_t *f = &k->term[j];
+        if (f->what == FACTOR) {
+            const double whole = n_out[f->target] + dot(n, &k->a[f->target * n], x);
+            n_out[f->target] += f->per * whole * term(f->code, &v, &k->q[f->constants]);
+        }
+    }
+    for (int c = 0; c < k->coordinates; ++c) {
+        const coordinate_t *held = &k->coordinate[c];
+        if (held->what == LIMIT && run->s[c] == 0 && held->to >= 0) {
+            n_out[held->to] += held->share * fmax(n_out[held->row] + dot(n, &k->a[held->row * n], x), 0.0);
+        }
+    }
+    for (int c = 0; but < 0 && c < k->coordinates; ++c) {
+        if (run->s[c] == 0) {
+            n_out[k->coordinate[c].row] = 0.0;
+        }
+    }
+}
+
+/* What pulls at a coordinate, apart from its own friction: in units of its level. */
+static double pull(const run_t *run, const double *x, double t, int c) {
+    const int row = run->k->coordinate[c].row;
+    double rate[MOST];
+    drive(run, x, t, c, rate);
+    return (rate[row] + dot(run->k->n, &run->k->a[row * run->k->n], x)) / run->k->coordinate[c].per;
+}
+
+static double level_at(const run_t *run, const double *x, double t, int c, int s) {
+    double u[MOST];
+    input_at(run, t, u);
+    return level_of(run, look(run, x, u, t), c, s);
+}
+
+/* How far beyond its event a coordinate is: positive means that it has happened. */
+static double overdue(const run_t *run, const double *x, double t, int c) {
+    const coordinate_t *held = &run->k->coordinate[c];
+    if (held->what == LIMIT) {
+        return run->s[c] == 0 ? -pull(run, x, t, c) : x[held->row] - held->limit;
+    }
+    if (run->s[c] == 0) {
+        const double torque = pull(run, x, t, c);
+        return fabs(torque) - level_at(run, x, t, c, torque > 0.0 ? 1 : -1);
+    }
+    return -run->s[c] * x[held->row];
+}
+
+static void remember(run_t *run) {
+    double u[MOST];
+    view_t v;
+    input_at(run, run->t, u);
+    v = look(run, run->x, u, run->t);
+    for (int j = 0; j < run->k->terms; ++j) {
+        if (is_memory(run->k->term[j].code)) {
+            const double held = term(run->k->term[j].code, &v, &run->k->q[run->k->term[j].constants]);
+            run->m[0] = -held;
+            run->m[1] = v.th;
+            return;
+        }
+    }
+}
+
+/* Let a coordinate stick, go, or turn round, as what pulls at it decides. */
+static void decide(run_t *run, int c) {
+    const coordinate_t *held = &run->k->coordinate[c];
+    if (held->what == LIMIT) {
+        if (run->s[c] != 0) {
+            run->x[held->row] = held->limit;
+        }
+        run->s[c] = pull(run, run->x, run->t, c) < 0.0;
+        return;
+    }
+    run->x[held->row] = 0.0;
+    if (held->row == run->k->speed) {
+        remember(run);
+    }
+    {
+        const double torque = pull(run, run->x, run->t, c);
+        const int way = torque > 0.0 ? 1 : -1;
+        run->s[c] = fabs(torque) <= level_at(run, run->x, run->t, c, way) ? 0 : way;
+    }
+}

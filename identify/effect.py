@@ -1,0 +1,158 @@
+"""An Effect: one piece of physics that a nominal plant leaves out, and how it enters a simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from identify.assembly import Assembly
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """One constant of an effect.
+
+    `neutral` is the value at which the effect changes nothing; `default` is what a project may leave out, None where
+    it must be given. `logarithmic`: positive over decades, to be fitted as its logarithm. `low`..`high` is the
+    physical range: a fit that ends on it says that the effect is not what the data shows.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    neutral: float
+    logarithmic: bool
+    default: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where an effect enters a plant, and how its quantities are called there.
+
+    `effort` is `N_m` or `N`, `travel` is `rad` or `m`: the endings of parameter names. `state` is the position in
+    the plant's states of the balance, `output` that of the output which a sensor effect acts on.
+    """
+
+    rotary: bool
+    effort: str
+    travel: str
+    input: str  # ending of the input's name
+    input_unit: str
+    output: int
+    output_name: str
+    output_ending: str
+    output_unit: str
+    level_unit: str
+    balance: int  # in plant.balances, -1 for none
+
+    @property
+    def force(self) -> str:
+        """Unit of what moves the plant."""
+        return "N*m" if self.rotary else "N"
+
+    @property
+    def load(self) -> str:
+        """Name of the inertia or mass of a second body."""
+        return "load_inertia_kg_m2" if self.rotary else "load_mass_kg"
+
+    @property
+    def load_unit(self) -> str:
+        """Unit of that."""
+        return "kg*m^2" if self.rotary else "kg"
+
+    @property
+    def damping(self) -> str:
+        """Ending of the name of a viscous constant."""
+        return "N_m_s_rad" if self.rotary else "N_s_m"
+
+    @property
+    def stiffness(self) -> str:
+        """Ending of the name of a spring constant."""
+        return "N_m_rad" if self.rotary else "N_m"
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Typical sizes in a set of recordings (largest magnitudes, SI), from which starts of a fit are drawn."""
+
+    input: float
+    output: float  # of the output a sensor effect acts on
+    output_low: float
+    output_high: float
+    current: float  # A
+    effort: float  # N m or N: what the drive gives
+    speed: float
+    travel: float  # range of position
+    place_low: float  # lowest position
+    place_high: float
+    inertia: float
+    resistance: float  # ohm
+    step: float  # s, typical sample time
+    span: float  # s
+    slew: float  # largest change of the input from row to row, over the sample time
+    level: float  # of the state an overflow acts on
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One effect of the library.
+
+    `place` says what it needs: `torque` (a torque or force balance), `current` (a torque balance driven by a current),
+    `voltage`, `actuator`, `sensor`, `flow`, `timing`. `parameters(site)` names its constants, `starts(site, scales)`
+    gives the points a fit begins from, in the order of the parameters. `attach(assembly, site, values)` adds it to a
+    simulation; it is not called where the values are neutral. `code` is C for the simulator: the body of a function
+    of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `i`, `effort`, `s`) and `q[]` (constants) that
+    returns a double.
+    """
+
+    name: str
+    equation: str  # torque | voltage | actuator | sensor | flow | timing
+    place: str
+    term: str  # as text
+    says: str  # one sentence for a reader who meets it
+    parameters: Callable[[Site], tuple[EffectParameter, ...]]
+    starts: Callable[[Site, Scales], tuple[tuple[float, ...], ...]]
+    confusable_with: tuple[str, ...]
+    experiment: str  # one sentence: what would tell it apart
+    rotary_only: bool
+    needs_position: bool
+    attach: Callable[[Assembly, Site, tuple[float, ...]], None]
+    codes: tuple[tuple[str, str], ...]  # (name of the C function, its body)
+    switches: tuple[int, ...] = (0,)  # parameters that are all neutral where the effect changes nothing
+
+    def neutral(self, site: Site, values: tuple[float, ...]) -> bool:
+        """Tell whether the effect changes nothing at these values."""
+        known = self.parameters(site)
+        return all(values[k] == known[k].neutral for k in self.switches)
+
+
+def size(name: str, unit: str) -> EffectParameter:
+    """Return a parameter that is zero or more, and neutral at zero."""
+    return EffectParameter(name, unit, 0.0, math.inf, 0.0, False, None)
+
+
+def signed(name: str, unit: str) -> EffectParameter:
+    """Return a parameter of either sign that is neutral at zero."""
+    return EffectParameter(name, unit, -math.inf, math.inf, 0.0, False, None)
+
+
+def ceiling(name: str, unit: str) -> EffectParameter:
+    """Return a positive parameter that is neutral where it is infinite."""
+    return EffectParameter(name, unit, 0.0, math.inf, math.inf, True, None)
+
+
+def shape(name: str, unit: str, usual: float) -> EffectParameter:
+    """Return a positive parameter that matters only beside another one; `usual` stands for it while it does not."""
+    return EffectParameter(name, unit, 0.0, math.inf, usual, True, None)
+
+
+def phase(name: str) -> EffectParameter:
+    """Return an angle in rad."""
+    return EffectParameter(name, "rad", -math.inf, math.inf, 0.0, False, 0.0)
+
+
+def ended(name: str, ending: str) -> str:
+    """Put the ending of a unit behind a name, where there is one."""
+    return f"{name}_{ending}" if ending else name

@@ -1,0 +1,51 @@
+"""An encoder off its centre: the angle y + e sin(theta + phi); its speed reads the derivative of that."""
+
+from __future__ import annotations
+
+import math
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, phase, size
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (size("amplitude_rad", "rad"), phase("phase_rad"))
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return tuple((0.005, 0.5 * math.pi * k) for k in range(4))
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    code = "eccentric_speed" if site.output_unit == "rad/s" else "eccentric_angle"
+    assembly.map_output(site.output, code, values)
+
+
+EFFECT = Effect(
+    name="eccentric_encoder",
+    equation="sensor",
+    place="sensor",
+    term="y + e sin(theta + phi)",
+    says="the encoder disc runs out of true",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("gravity_torque", "cogging_torque"),
+    experiment="two constant speeds a decade apart: the error grows with the speed",
+    rotary_only=True,
+    needs_position=True,
+    attach=attach,
+    codes=(
+        (
+            "eccentric_angle",
+            """    return v->y + q[0] * sin(v->th + q[1]);""",
+        ),
+        (
+            "eccentric_speed",
+            """    return v->y + q[0] * cos(v->th + q[1]) * v->w;""",
+        ),
+    ),
+    switches=(0,),
+)

@@ -1,0 +1,56 @@
+"""An elastic stop: -k (theta - theta0) beyond theta0, above it where theta0 >= 0 and below it where not."""
+
+from __future__ import annotations
+
+import math
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, signed, size
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (
+        signed(f"position_{site.travel}", site.travel),
+        size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),
+    )
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return (
+        (scales.place_high - 0.05 * scales.travel, 10.0 * scales.effort / scales.travel),
+        (scales.place_low + 0.05 * scales.travel, 10.0 * scales.effort / scales.travel),
+        (scales.place_high - 0.05 * scales.travel, 200.0 * scales.effort / scales.travel),
+        (scales.place_low + 0.05 * scales.travel, 200.0 * scales.effort / scales.travel),
+    )
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    rate = 4.0 * math.sqrt(values[1] * assembly.per[site.balance])
+    assembly.add_term(assembly.speed, "end_stop", values, assembly.per[site.balance], (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+EFFECT = Effect(
+    name="end_stop",
+    equation="torque",
+    place="torque",
+    term="-k (theta - theta0) beyond theta0",
+    says="the travel ends at an elastic stop",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("return_spring", "hardening_spring"),
+    experiment="approach both ends of the travel at two speeds",
+    rotary_only=False,
+    needs_position=True,
+    attach=attach,
+    codes=(
+        (
+            "end_stop",
+            """    const double beyond = v->th - q[0];
+    return (q[0] >= 0.0 ? beyond > 0.0 : beyond < 0.0) ? -q[1] * beyond : 0.0;""",
+        ),
+    ),
+    switches=(1,),
+)

@@ -1,0 +1,47 @@
+"""A weight on an arm or an unbalance: -T sin(theta + phi)."""
+
+from __future__ import annotations
+
+import math
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, phase, size
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (size("amplitude_N_m", site.force), phase("phase_rad"))
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return tuple((0.1 * scales.effort, 0.5 * math.pi * k) for k in range(4))
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    per = assembly.per[site.balance]
+    assembly.add_term(assembly.speed, "gravity", values, per, (math.sqrt(values[0] * per), 1.0, 0.0, 0.0, 0.0, 0.0))
+
+
+EFFECT = Effect(
+    name="gravity_torque",
+    equation="torque",
+    place="torque",
+    term="-T sin(theta + phi)",
+    says="gravity pulls on an arm or an unbalanced rotor",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("load_torque", "return_spring", "cogging_torque", "eccentric_encoder"),
+    experiment="slow full turns in both directions",
+    rotary_only=True,
+    needs_position=True,
+    attach=attach,
+    codes=(
+        (
+            "gravity",
+            """    return -q[0] * sin(v->th + q[1]);""",
+        ),
+    ),
+    switches=(0,),
+)

@@ -1,0 +1,39 @@
+"""An actuator that ends at a limit: the input is clipped."""
+
+from __future__ import annotations
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (ceiling(ended("limit", site.input), site.input_unit),)
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return ((0.9 * scales.input,), (0.7 * scales.input,))
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    assembly.map_input("clip", values[0])
+
+
+EFFECT = Effect(
+    name="input_saturation",
+    equation="actuator",
+    place="actuator",
+    term="clip(u, -limit, limit)",
+    says="the actuator gives no more than a limit",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("supply_sag", "slew_rate_limit"),
+    experiment="steps above and below the suspected limit",
+    rotary_only=False,
+    needs_position=False,
+    attach=attach,
+    codes=(),
+    switches=(0,),
+)

@@ -1,0 +1,66 @@
+"""Dahl's presliding friction: a spring that yields, dF/dx = sigma (1 - F sign(w) / Tc)."""
+
+from __future__ import annotations
+
+import math
+
+from identify.assembly import STEADY, Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, shape, size
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (
+        shape(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 1.0),
+        size(f"coulomb_{site.effort}", site.force),
+    )
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return tuple(
+        (part * scales.effort / (share * scales.travel), part * scales.effort)
+        for part in (0.05, 0.15)
+        for share in (0.001, 0.02)
+    )
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    per = assembly.per[site.balance]
+    assembly.add_level(site.balance, "presliding_level", (), STEADY)
+    rate = 2.0 * math.sqrt(values[0] * per)
+    assembly.add_term(assembly.speed, "presliding_force", values, per, (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+EFFECT = Effect(
+    name="presliding_friction",
+    equation="torque",
+    place="torque",
+    term="-F, dF/dtheta = sigma (1 - F sign(w) / Tc)",
+    says="the contact gives way like a spring before it slides",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("coulomb_friction", "stribeck_friction", "backlash", "flexible_coupling"),
+    experiment="a slow torque sine that stays below what makes the shaft slide",
+    rotary_only=False,
+    needs_position=True,
+    attach=attach,
+    codes=(
+        (
+            "presliding_level",
+            """    (void)v;
+    (void)q;
+    return 0.0;""",
+        ),
+        (
+            "presliding_force",
+            """    const double level = q[1] * v->s;
+    if (v->s == 0.0) {
+        return -v->m[0];
+    }
+    return -(level + (v->m[0] - level) * exp(-q[0] * fabs(v->th - v->m[1]) / q[1]));""",
+        ),
+    ),
+    switches=(1,),
+)

@@ -1,0 +1,44 @@
+"""A sensor that loses the sign: abs(y)."""
+
+from __future__ import annotations
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (EffectParameter("share", "", 0.0, 1.0, 0.0, False, 1.0),)
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return ((1.0,),)
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    assembly.map_output(site.output, "sensor_rectified", values)
+
+
+EFFECT = Effect(
+    name="sensor_rectified",
+    equation="sensor",
+    place="sensor",
+    term="abs(y)",
+    says="the sensor shows the size without the sign",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=(),
+    experiment="motion in both directions",
+    rotary_only=False,
+    needs_position=False,
+    attach=attach,
+    codes=(
+        (
+            "sensor_rectified",
+            """    return v->y + q[0] * (fabs(v->y) - v->y);""",
+        ),
+    ),
+    switches=(0,),
+)

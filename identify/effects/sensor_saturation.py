@@ -1,0 +1,44 @@
+"""A sensor that ends at a limit: clipped."""
+
+from __future__ import annotations
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (ceiling(ended("limit", site.output_ending), site.output_unit),)
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return ((1.0 * scales.output,), (0.8 * scales.output,))
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    assembly.map_output(site.output, "sensor_saturation", values)
+
+
+EFFECT = Effect(
+    name="sensor_saturation",
+    equation="sensor",
+    place="sensor",
+    term="clip(y, -limit, limit)",
+    says="the sensor shows no more than a limit",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=(),
+    experiment="motion within and beyond the suspected limit",
+    rotary_only=False,
+    needs_position=False,
+    attach=attach,
+    codes=(
+        (
+            "sensor_saturation",
+            """    return fmin(fmax(v->y, -q[0]), q[0]);""",
+        ),
+    ),
+    switches=(0,),
+)

@@ -1,0 +1,39 @@
+"""An actuator that follows no faster than a rate: the slope of the input is clipped."""
+
+from __future__ import annotations
+
+from identify.assembly import Assembly
+from identify.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (ceiling(f"{ended('rate', site.input)}_s", f"{site.input_unit}/s"),)
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return ((0.1 * scales.slew,), (0.02 * scales.slew,), (0.5 * scales.slew,))
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    assembly.timing.slew = values[0]
+
+
+EFFECT = Effect(
+    name="slew_rate_limit",
+    equation="actuator",
+    place="actuator",
+    term="abs(du/dt) <= rate",
+    says="the actuator follows its command no faster than a rate",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("input_delay", "sensor_lag"),
+    experiment="two sizes of step: the error lasts longer for the larger one",
+    rotary_only=False,
+    needs_position=False,
+    attach=attach,
+    codes=(),
+    switches=(0,),
+)

@@ -1,0 +1,243 @@
+"""Hand an assembly to the compiled simulator: C structures, generated terms, equations of `ode` plants."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.assembly import ADD, LEVEL, LIMIT, OUTPUT, Assembly, Timing
+from identify.compiler import shared_library
+from identify.effects import effects
+from identify.forms import FormWriter
+from identify.plant import Plant
+from identify.segments import Segments
+
+Array = NDArray[np.float64]
+
+_FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
+_DRIVER = ("problem.h", "stick.c", "propagate.c", "segments.c")
+_MEMORY = "presliding_force"  # the one function that remembers where the motion last turned round
+
+
+class _Term(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants")),
+        ("per", ctypes.c_double),
+        ("rate", ctypes.c_double * 6),
+    )
+
+
+class _Coordinate(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("what", "row", "to")),
+        *((name, ctypes.c_double) for name in ("per", "limit", "share")),
+    )
+
+
+class _Problem(ctypes.Structure):
+    _fields_ = (
+        *(
+            (name, ctypes.c_int)
+            for name in (
+                "n",
+                "m",
+                "r",
+                "terms",
+                "coordinates",
+                "segments",
+                "simple",
+                "speed",
+                "position",
+                "lags",
+                "settling",
+            )
+        ),
+        *((name, ctypes.c_void_p) for name in ("a", "b", "c", "read_x", "read_u", "current", "effort", "term", "q")),
+        *((name, ctypes.c_void_p) for name in ("coordinate", "lag", "lag_rate", "begin", "length", "input", "ramp")),
+        *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
+        ("step", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("rate", "reading", "slope", "p")),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """Compiled equations of a plant that is not linear; `rate` and `slope` are null where only the reading is not."""
+
+    library: ctypes.CDLL
+    rate: int
+    reading: int
+    slope: int
+
+
+@dataclass(slots=True)
+class Job:
+    """An assembly in the form the simulator takes; `held` keeps the arrays alive that `problem` points to."""
+
+    assembly: Assembly
+    problem: _Problem
+    timing: Timing
+    delay: float  # s, the plant's own
+    held: tuple[object, ...]
+
+
+@cache
+def codes() -> dict[str, int]:
+    """Return the number of every C function of the library of effects."""
+    names = [name for effect in effects().values() for name, _ in effect.codes]
+    assert len(set(names)) == len(names), "two effects share a function"
+    return {name: number for number, name in enumerate(names)}
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Build the simulator with the functions of all effects; once per version of their text."""
+    lines = [
+        "typedef struct {",
+        "    const double *x, *m; /* states; force and place where the motion last turned round */",
+        "    double u, t, begin, w, th, i, effort, s, y;",
+        "} view_t;",
+    ]
+    cases, memory = [], "-1"
+    for effect in effects().values():
+        for name, body in effect.codes:
+            lines.append(f"static double {name}(const view_t *v, const double *q) {{\n{body}\n}}")
+            cases.append(f"    case {codes()[name]}: return {name}(v, q);")
+            memory = str(codes()[name]) if name == _MEMORY else memory
+    lines += [
+        "static double term(int code, const view_t *v, const double *q) {",
+        "    switch (code) {",
+        *cases,
+        "    default: return 0.0;",
+        "    }",
+        "}",
+        f"static int is_memory(int code) {{ return code == {memory}; }}",
+        "",
+    ]
+    folder = files("identify").joinpath("driver")
+    driver = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _DRIVER}
+    texts = {"terms.c": "\n".join(["#include <math.h>", *lines]), **driver}
+    loaded = ctypes.CDLL(str(shared_library(texts, ["segments.c"], _FLAGS)))
+    loaded.at_point.restype = None
+    loaded.at_point.argtypes = [ctypes.c_void_p] * 5
+    loaded.run_segments.restype = ctypes.c_int
+    loaded.run_segments.argtypes = [ctypes.c_void_p] * 3
+    return loaded
+
+
+def equations_of(plant: Plant, writer: FormWriter) -> Equations:
+    """Compile what is not linear of a plant's rate and reading."""
+    x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
+    rate, reading = ca.densify(plant.rate(x, u, p)), ca.densify(plant.reading(x, u, p))
+    slope = ca.densify(ca.jacobian(rate, x)).T
+    functions = {"rate": [rate], "reading": [reading], "slope": [rate, slope]}
+    generator = ca.CodeGenerator("equations.c")
+    wrappers = ['#include "equations.c"']
+    for name, results in functions.items():
+        generator.add(ca.Function(f"equations_{name}", [x, u, p], results))
+        given = ", ".join(f"double *r{k}" for k in range(len(results)))
+        taken = ", ".join(f"r{k}" for k in range(len(results)))
+        wrappers.append(
+            f"void plant_{name}(const double *x, const double *u, const double *p, {given}) {{\n"
+            f"    const double *arg[] = {{x, u, p}};\n"
+            f"    double *res[] = {{{taken}}};\n"
+            f"    equations_{name}(arg, res, 0, 0, 0);\n"
+            f"}}"
+        )
+    texts = {"equations.c": generator.dump(), "plant.c": "\n".join([*wrappers, ""])}
+    loaded = ctypes.CDLL(str(shared_library(texts, ["plant.c"], _FLAGS)))
+    place = {name: ctypes.cast(getattr(loaded, f"plant_{name}"), ctypes.c_void_p).value or 0 for name in functions}
+    straight = writer.linear_rate
+    return Equations(
+        loaded,
+        0 if straight else place["rate"],
+        0 if writer.linear_reading else place["reading"],
+        0 if straight else place["slope"],
+    )
+
+
+def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
+    """Lay an assembly out in memory."""
+    n, m, r = len(made.a), made.inputs, len(made.read_x)
+    q: list[float] = []
+    terms = (_Term * max(len(made.terms), 1))()
+    for place, term in enumerate(made.terms):
+        terms[place] = _Term(
+            term.what, codes()[term.code], term.target, len(q), term.per, (ctypes.c_double * 6)(*term.rate)
+        )
+        q.extend(term.constants)
+    coordinates = (_Coordinate * max(len(made.coordinates), 1))()
+    for place, c in enumerate(made.coordinates):
+        coordinates[place] = _Coordinate(c.what, c.row, c.to, c.per, c.limit, c.share)
+    # Levels that depend on nothing leave N constant along a segment, and one exact step does.
+    simple = (
+        all(t.what == OUTPUT or (t.what in (ADD, LEVEL) and not any(t.rate)) for t in made.terms)
+        and not any(c.what == LIMIT for c in made.coordinates)
+        and (equations is None or not equations.rate)
+        and not (made.lags and equations is not None)
+    )
+    nonlinear_lags = made.lags if equations is not None and equations.reading else []
+    arrays = {
+        "a": made.a, "b": made.b, "c": made.c, "read_x": made.read_x, "read_u": made.read_u,
+        "current": np.concatenate([made.current_x, made.current_u]),
+        "effort": np.concatenate([made.effort_x, made.effort_u]),
+        "q": np.array([*q, 0.0]),
+        "lag_rate": np.array([*(rate for _, _, rate in nonlinear_lags), 0.0]),
+        "p": np.array(constants, dtype=np.float64),
+    }  # fmt: skip
+    fixed = {name: np.ascontiguousarray(value, dtype=np.float64) for name, value in arrays.items()}
+    lag = np.array([*((o, row) for o, row, _ in nonlinear_lags), (0, 0)], dtype=np.int32)
+    problem = _Problem(
+        n=n, m=m, r=r, terms=len(made.terms), coordinates=len(made.coordinates), simple=int(simple),
+        speed=made.speed, position=made.position, lags=len(nonlinear_lags),
+        settling=int(any(t.rate[5] for t in made.terms)),
+        term=ctypes.addressof(terms), coordinate=ctypes.addressof(coordinates), lag=lag.ctypes.data,
+    )  # fmt: skip
+    for name, value in fixed.items():
+        setattr(problem, name, value.ctypes.data)
+    if equations is not None:
+        problem.rate, problem.reading, problem.slope = equations.rate, equations.reading, equations.slope
+    names = [parameter.name for parameter in made.plant.parameters]
+    delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
+    return Job(made, problem, made.timing, delay, (terms, coordinates, fixed, lag, equations))
+
+
+def run_job(made: Job, cut: Segments, start: Array, rows: int) -> Array:
+    """Run over the segments and return the outputs (rows, r); NaN where the simulation did not get to."""
+    problem = made.problem
+    problem.segments = len(cut.begin)
+    problem.step = cut.step
+    for name, value in (
+        ("begin", cut.begin), ("length", cut.length), ("input", cut.value), ("ramp", cut.ramp), ("before", cut.before),
+        ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
+    ):  # fmt: skip
+        setattr(problem, name, value.ctypes.data)
+    outputs = np.full((rows, problem.r), np.nan)
+    begin = np.ascontiguousarray(made.assembly.start(start))
+    done = library().run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)
+    if done < 0:
+        raise MemoryError("the simulator ran out of memory")
+    finite: Sequence[bool] = np.all(np.isfinite(outputs), axis=1)
+    if not all(finite):
+        outputs[int(np.argmin(finite)) :] = np.nan
+    return outputs
+
+
+def at_point(made: Job, x: Array, u: Array) -> tuple[Array, Array]:
+    """Return dx/dt (n,) and the outputs (r,) at state `x` (n,) and input `u` (m,)."""
+    problem = made.problem
+    rate, outputs = np.zeros(problem.n), np.zeros(problem.r)
+    reads, row, output = (np.array(v, dtype=np.int32) for v in ([0, 1], [0], [-1]))
+    problem.reads, problem.read_row, problem.read_output = (v.ctypes.data for v in (reads, row, output))
+    state, drive = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(u, dtype=np.float64)
+    library().at_point(
+        ctypes.addressof(problem), state.ctypes.data, drive.ctypes.data, rate.ctypes.data, outputs.ctypes.data
+    )
+    return rate, outputs

@@ -1,0 +1,170 @@
+"""A Superset: a plant with every effect it can have, all neutral, to try them one by one without building anything."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
+from identify.course import Course
+from identify.effect import Scales
+from identify.effects import find_effect
+from identify.engine import EffectSimulator, effect_simulator
+from identify.plant import IdentifyError, Plant
+from identify.recording import Recording
+from identify.simulate import course_of, rest_start
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Superset:
+    """A plant with all its candidates; `neutral` holds the values at which it is the plant itself."""
+
+    plant: Plant
+    names: tuple[str, ...]
+    neutral: Mapping[str, float]
+    states: tuple[str, ...]
+    engine: EffectSimulator
+    courses: dict[int, tuple[Recording, Course]]
+
+    def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
+        """Return the outputs (n, r); rows after a divergence are NaN."""
+        return self.engine.run(self.course(recording), self.constants(parameters), self.begin(recording, start))
+
+    def slopes(
+        self, recording: Recording, parameters: Mapping[str, float], names: Sequence[str], start: Array | None
+    ) -> Array:
+        """Return the slopes (n, r, k) of the outputs for parameters or, as `start.<state>`, for the start state."""
+        which = [self.names.index(name) for name in names if not name.startswith("start.")]
+        states = [self.states.index(name.removeprefix("start.")) for name in names if name.startswith("start.")]
+        _, slopes = self.engine.slopes(
+            self.course(recording), self.constants(parameters), self.begin(recording, start), which, states, 1e-6
+        )
+        own, first = iter(range(len(which))), iter(range(len(which), len(names)))
+        return slopes[..., [next(first) if name.startswith("start.") else next(own) for name in names]]
+
+    def constants(self, parameters: Mapping[str, float]) -> Array:
+        """Return all constants (k,), neutral but for `parameters`."""
+        for name in parameters:
+            if name not in self.neutral:
+                raise IdentifyError(f"{name} is no parameter of this plant or of an effect it can have")
+        return np.array([parameters.get(name, self.neutral[name]) for name in self.names])
+
+    def begin(self, recording: Recording, start: Array | None) -> Array:
+        """Return the start state; one without the position that an effect has added gets it from the recording."""
+        rest = rest_start(self.plant, recording)
+        if start is None:
+            return rest
+        return np.concatenate([start, rest[len(start) :]])
+
+    def course(self, recording: Recording) -> Course:
+        """Return what drives the simulation of a recording; made once."""
+        found = self.courses.get(id(recording))
+        if found is None or found[0] is not recording:
+            while len(self.courses) >= 64:
+                self.courses.pop(next(iter(self.courses)))
+            found = self.courses[id(recording)] = (recording, course_of(self.plant, recording))
+        return found[1]
+
+
+def superset(plant: Plant) -> Superset:
+    """Give a plant every effect it can have, at the values that change nothing; effects it has keep their values."""
+    held = {(use.name, use.output): use for use in plant.effects}
+    uses = [held.get((use.name, use.output), use) for use in all_uses(plant)]
+    whole = with_effects(plant, uses)
+    names = tuple(parameter.name for parameter in whole.parameters)
+    neutral = {parameter.name: parameter.value for parameter in whole.parameters}
+    engine = effect_simulator(whole)
+    return Superset(whole, names, MappingProxyType(neutral), tuple(s.name for s in whole.states), engine, {})
+
+
+def starts_of(
+    plant: Plant, recordings: Sequence[Recording], name: str, output: str | None = None
+) -> tuple[dict[str, float], ...]:
+    """Return the points from which the fit of an effect begins, by full parameter name."""
+    effect = find_effect(name)
+    site = site_of(plant, effect, output)
+    label = _label(plant, name, output)
+    known = [f"{label}.{parameter.name}" for parameter in parameters_of(plant, name, output)]
+    return tuple(
+        dict(zip(known, values, strict=True))
+        for values in effect.starts(site, scales_of(plant, recordings, site.output, site.balance))
+    )
+
+
+def _label(plant: Plant, name: str, output: str | None) -> str:
+    made = with_effects(
+        plant, [use for use in all_uses(plant) if use.name == name and output in (use.output, None)][:1]
+    )
+    parameters = made.parameters[made.rate.numel_in(2) :]
+    return parameters[0].name.rpartition(".")[0]
+
+
+def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balance: int) -> Scales:
+    """Measure typical sizes in the recordings; what is not recorded is taken from the nominal simulation."""
+    bare = with_position(with_effects(plant, ()))
+    engine = effect_simulator(with_effects(bare, ()))
+    peaks: dict[str, float] = {}
+
+    def see(key: str, values: Array) -> None:
+        finite = values[np.isfinite(values)]
+        if len(finite):
+            peaks[key] = max(peaks.get(key, 0.0), float(np.max(np.abs(finite))))
+
+    low, high, places, step, span = math.inf, -math.inf, [0.0], math.inf, 0.0
+    for recording in recordings:
+        course = course_of(bare, recording)
+        constants = np.array([p.value for p in bare.parameters])
+        assembly = engine.assemble(constants)
+        states = states_of(engine, course, constants, rest_start(bare, recording))
+        for index, signal in enumerate(bare.states):
+            if signal.name in recording.columns:
+                states[:, index] = recording.columns[signal.name]
+        column = recording.columns[plant.outputs[output].name]
+        low, high = min(low, float(column.min())), max(high, float(column.max()))
+        see("input", course.drive[:, 0])
+        see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
+        see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
+        see("effort", states @ assembly.effort_x + course.drive @ assembly.effort_u)
+        if assembly.speed >= 0:
+            see("speed", states[:, assembly.speed])
+        if assembly.position >= 0:
+            places.extend(float(v) for v in (states[:, assembly.position].min(), states[:, assembly.position].max()))
+        if balance >= 0:
+            see("level", states[:, plant.balances[balance].state])
+        step, span = min(step, course.step), max(span, float(course.time[-1] - course.time[0]))
+    forms = engine.writer.forms(np.array([p.value for p in bare.parameters[: bare.rate.numel_in(2)]]))
+    inertia = next(
+        (1.0 / f.per for f, b in zip(forms.balances, bare.balances, strict=True) if b.kind in ("torque", "force")), 1.0
+    )
+    sizes = {key: value if value > 0.0 else 1.0 for key, value in peaks.items()}
+    travel = max(places) - min(places)
+    return Scales(
+        input=sizes.get("input", 1.0),
+        output=max(abs(low), abs(high)) or 1.0,
+        output_low=low,
+        output_high=high,
+        current=sizes.get("current", 1.0),
+        effort=sizes.get("effort", 1.0),
+        speed=sizes.get("speed", 1.0),
+        travel=travel if travel > 0.0 else 1.0,
+        place_low=min(places),
+        place_high=max(places),
+        inertia=inertia,
+        resistance=next((f.resistance for f in forms.balances if f.resistance > 0.0), 1.0),
+        step=step,
+        span=span,
+        slew=sizes.get("slew", 1.0),
+        level=sizes.get("level", 1.0),
+    )
+
+
+def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:
+    """Simulate all states (n, x) instead of the outputs."""
+    return engine.run_states(course, constants, start)

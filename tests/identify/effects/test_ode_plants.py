@@ -1,0 +1,158 @@
+"""Plants whose equations are text: right against SciPy, and strict about what they read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from identify.expression import read_expression
+from identify.plant import IdentifyError
+from identify.plant_table import plant_from_table
+from identify.recording import Recording, make_recording
+from identify.simulate import simulate
+from identify.superset import superset
+
+TANKS: Mapping[str, object] = {
+    "kind": "ode",
+    "states": ["upper_m", "lower_m"],
+    "inputs": ["pump_V"],
+    "outputs": {"level_m": "lower_m"},
+    "derivatives": {
+        "upper_m": "k_pump*pump_V - k_upper*sqrt(upper_m)",
+        "lower_m": "k_upper*sqrt(upper_m) - k_lower*sqrt(lower_m)",
+    },
+    "balances": {"upper_m": {"kind": "flow"}, "lower_m": {"kind": "flow"}},
+    "parameters": {"k_pump": 0.1, "k_upper": 0.15, "k_lower": 0.12},
+}
+SPRING: Mapping[str, object] = {
+    "kind": "ode",
+    "states": ["x_m", "v_m_s"],
+    "inputs": ["force_N"],
+    "outputs": {"position_m": "x_m", "speed_m_s": "v_m_s"},
+    "derivatives": {"x_m": "v_m_s", "v_m_s": "(force_N - c_N_s_m*v_m_s - k_N_m*x_m) / m_kg"},
+    "balances": {"v_m_s": {"kind": "force", "per": "1/m_kg", "position": "x_m", "speed": "v_m_s"}},
+    "parameters": {"m_kg": 0.5, "c_N_s_m": 0.8, "k_N_m": 40.0},
+}
+
+
+def recorded(time: NDArray[np.float64], name: str, drive: NDArray[np.float64], *outputs: str) -> Recording:
+    """Make a recording whose outputs are zero."""
+    return make_recording(time, {name: drive, **{o: np.zeros(len(time)) for o in outputs}}, "drawn", "")
+
+
+def row_by_row(rate: object, time: NDArray[np.float64], drive: NDArray[np.float64], start: list[float]) -> object:
+    """Integrate by SciPy from row to row."""
+    assert callable(rate)
+    states = [np.array(start)]
+    for k in range(len(time) - 1):
+        done = solve_ivp(
+            lambda t, x, u: rate(x, u), time[k : k + 2], states[-1], args=(drive[k],), method="DOP853", rtol=1e-11,
+            atol=1e-13,
+        )  # fmt: skip
+        states.append(done.y[:, -1])
+    return np.array(states)
+
+
+def test_tanks_flow_as_scipy_says() -> None:
+    time = np.arange(80) * 4.0
+    drive = np.repeat(np.random.default_rng(2).uniform(0.4, 3.0, 8), 10)
+    recording = recorded(time, "pump_V", drive, "level_m")
+    truth = row_by_row(
+        lambda x, u: [0.1 * u - 0.15 * np.sqrt(x[0]), 0.15 * np.sqrt(x[0]) - 0.12 * np.sqrt(x[1])],
+        time, drive, [1.0, 2.0],
+    )  # fmt: skip
+    assert isinstance(truth, np.ndarray)
+    start = np.array([1.0, 2.0])
+    plant = plant_from_table(TANKS)
+    assert np.allclose(simulate(plant, recording, start)[:, 0], truth[:, 1], rtol=1e-6)
+    assert np.allclose(superset(plant).simulate(recording, {}, start)[:, 0], truth[:, 1], rtol=1e-6)
+
+
+def test_an_upper_tank_runs_over_into_the_lower() -> None:
+    """Against explicit steps of a thousandth of a row: the level stays, two fifths of the excess run on."""
+    time = np.arange(60) * 4.0
+    drive = np.repeat([3.0, 0.5, 3.0], 20)
+    x, shown, h = np.array([1.0, 1.0]), [], 4e-3
+    for k in range(60):
+        shown.append(x[1])
+        for _ in range(1000):
+            flow = 0.15 * np.sqrt(x[0])
+            rise = 0.1 * drive[k] - flow
+            over = max(rise, 0.0) if x[0] >= 2.5 else 0.0
+            x = np.minimum(x + h * np.array([rise - over, flow - 0.12 * np.sqrt(x[1]) + 0.4 * over]), [2.5, np.inf])
+    whole = superset(plant_from_table(TANKS))
+    recording = recorded(time, "pump_V", drive, "level_m")
+    parameters = {"overflow.upper_m.level": 2.5, "overflow.upper_m.fraction": 0.4}
+    found = whole.simulate(recording, parameters, np.array([1.0, 1.0]))[:, 0]
+    assert np.max(np.abs(whole.simulate(recording, {}, np.array([1.0, 1.0]))[:, 0] - found)) > 0.1
+    assert np.allclose(found, shown, atol=2e-3)
+
+
+def test_a_spring_hardens_as_scipy_says() -> None:
+    time = np.arange(200) * 5e-3
+    drive = np.repeat(np.random.default_rng(6).uniform(-6.0, 6.0, 20), 10)
+    recording = recorded(time, "force_N", drive, "position_m", "speed_m_s")
+    truth = row_by_row(
+        lambda x, u: [x[1], (u - 0.8 * x[1] - 40.0 * x[0] - 900.0 * x[0] ** 3) / 0.5], time, drive, [0.05, 0.0]
+    )
+    assert isinstance(truth, np.ndarray)
+    plant = plant_from_table({**SPRING, "effects": [{"name": "hardening_spring", "cubic_N_m3": 900.0}]})
+    assert np.allclose(simulate(plant, recording, np.array([0.05, 0.0])), truth, atol=1e-4 * np.abs(truth).max())
+    text = "(force_N - c_N_s_m*v_m_s - k_N_m*x_m - 900*x_m**3) / m_kg"
+    written = plant_from_table({**SPRING, "derivatives": {"x_m": "v_m_s", "v_m_s": text}})
+    assert np.allclose(simulate(written, recording, np.array([0.05, 0.0])), truth, atol=1e-4 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1 + 2*3 - 4/8", 6.5),
+        ("-x**2", -4.0),
+        ("sqrt(x*8) + abs(-x) + sign(-x)", 5.0),
+        ("min(x, 1, 3) + max(x, 7)", 8.0),
+        ("exp(0) + log(1) + sin(0) + cos(0) + tan(0) + tanh(0)", 2.0),
+        ("sqrt(-x)", 0.0),
+        (3, 3.0),
+    ],
+)
+def test_expressions(text: object, value: float) -> None:
+    x = ca.SX.sym("x")
+    result = ca.Function("f", [x], [read_expression(text, {"x": x}, "plant.outputs.y")])
+    assert float(result(2.0)) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x +", "y", "x.real", "x[0]", "__import__('os')", "x if x else 1", "lambda: x", "x == 1", "'x'", "True", "x; x",
+     "sin(x, x)", "min(x)", "f(x)", "x and x", "", "1e999", "9" * 3000, "(" * 500 + "x" + ")" * 500, "x @ x", "x % 2",
+     None],
+)  # fmt: skip
+def test_what_is_no_expression_is_shown(text: object) -> None:
+    with pytest.raises(IdentifyError, match=r"plant\.outputs\.y"):
+        read_expression(text, {"x": ca.SX.sym("x")}, "plant.outputs.y")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("states", [], "plant.states"),
+        ("states", ["x_m"], "is no state"),
+        ("inputs", ["x_m"], "stands for two things"),
+        ("outputs", {}, "plant.outputs"),
+        ("derivatives", {"x_m": "v_m_s"}, "is missing"),
+        ("balances", {"v_m_s": {"kind": "magic"}}, "is one of torque"),
+        ("balances", {"y": {"kind": "force"}}, "is no state"),
+        ("balances", {"v_m_s": {"kind": "force", "per": "x_m"}}, "parameters only"),
+        ("balances", {"v_m_s": {"kind": "force", "position": "y"}}, "must be one of the states"),
+        ("balances", {"v_m_s": {"kind": "force", "effort": "force_N**2"}}, "linear"),
+        ("parameters", {"m-kg": 1.0}, "letters, digits"),
+    ],
+)
+def test_a_wrong_ode_is_named(key: str, value: object, said: str) -> None:
+    with pytest.raises(IdentifyError, match=said):
+        plant_from_table({**SPRING, key: value})
