@@ -11,6 +11,10 @@ from quantize.program import Program, Value
 
 PROTOCOL_VERSION = 1
 STEPS_MOST = 64  # per frame; more gains little and delays the answer to a repeated request
+LIVE_SAMPLES = 64  # that wait for the line; more only delay the moment a slow line is noticed
+LIVE_BATCH = 4  # in one message: its sealing is what a step may have to wait for
+LEAST_TICKS = 100  # of a period; the loop that waits for it takes some
+MEMBERS_MOST = 32  # bits of the word that chooses them
 RAM_SHARE = 4  # the line's two buffers may take one part in so many of the board's memory
 
 WARNINGS = (
@@ -51,15 +55,53 @@ def firmware(program: Program, bundle: Bundle, target: Target, transport: str) -
         raise CodegenError(
             f"target {target.name} has no link {transport!r} for an image; it has: {', '.join(target.links)}"
         )
-    parts = _board_parts(target, transport)
-    heading = {"name": program.name, "program_id": program.id, "target": target.name}
+    sources = {"main.c": render("main.c.j2", _heading(program, target) | _main_view(program, target))}
+    return _image(program, bundle, target, transport, sources, {})
+
+
+def live_firmware(program: Program, bundle: Bundle, target: Target, own: Mapping[str, str]) -> Mapping[str, str]:
+    """Return every file of the image that runs this controller at its period and tells over the UART what it does.
+
+    `own` are the user's C files by name, which stand beside live.h and define the two functions of live.h.
+
+    Raises
+    ------
+    CodegenError
+        when the target has no UART, or its clock cannot time the period.
+    """
+    if "live.c" in own:
+        raise CodegenError("the file of yours is called live.c, as the image's own is: give it another name")
+    if "uart" not in target.links:
+        raise CodegenError(f"target {target.name} has no UART to watch it by; it has: {', '.join(target.links)}")
+    view = _heading(program, target) | _main_view(program, target) | _live_view(program, target)
+    sources = {"live.c": render("live.c.j2", view), **own}
+    return _image(program, bundle, target, "uart", sources, {"live.h": render("live.h.j2", view)})
+
+
+def _heading(program: Program, target: Target) -> dict[str, object]:
+    return {"name": program.name, "program_id": program.id, "target": target.name}
+
+
+def _image(
+    program: Program,
+    bundle: Bundle,
+    target: Target,
+    transport: str,
+    own_sources: Mapping[str, str],
+    own_headers: Mapping[str, str],
+) -> Mapping[str, str]:
+    heading = _heading(program, target)
+    setup = {"board/setup.c": render("board/setup.c.j2", heading | _setup_view(target))} if target.setup else {}
     sources = {
-        "main.c": render("main.c.j2", heading | _main_view(program, target)),
+        **own_sources,
         "support/frame.c": text_of("support/frame.c"),
-        **{f"board/{part}.c": text_of(f"board/{part}.c") for part in parts},
+        **{f"board/{part}.c": text_of(f"board/{part}.c") for part in _board_parts(target, transport)},
+        **setup,
+        **{f"board/{name}": text for name, text in target.sources},
         **{f"controller/{name}": bundle.files[name] for name in bundle.sources},
     }
     headers = {
+        **own_headers,
         "support/frame.h": text_of("support/frame.h"),
         "board/board.h": text_of("board/board.h"),
         "board/board_config.h": render("board/board_config.h.j2", heading | {"figures": _figures(target)}),
@@ -82,6 +124,8 @@ def compile_flags(target: Target) -> tuple[str, ...]:
 def _board_parts(target: Target, transport: str) -> tuple[str, ...]:
     assert target.timer is not None and target.startup is not None and transport in board_parts("transport")
     parts = [f"startup_{target.startup}", f"timer_{target.timer.driver}", f"transport_{transport}"]
+    if target.boot is not None:
+        parts.append(f"boot_{target.boot}")
     if target.uart is not None and transport == "uart":
         parts.append(f"uart_{target.uart.driver}")
     return tuple(parts)
@@ -99,11 +143,40 @@ def _main_view(program: Program, target: Target) -> dict[str, object]:
         "init": f"{name}_init",
         "step": f"{name}_step",
         "program_id_macro": f"{name.upper()}_PROGRAM_ID",
+        "setup": bool(target.setup),
+    }
+
+
+def _live_view(program: Program, target: Target) -> dict[str, object]:
+    assert target.clock_hz is not None
+    ticks = round(program.period * target.clock_hz)
+    if not LEAST_TICKS <= ticks < 2**31:
+        raise CodegenError(
+            f"target {target.name}: {program.period:g} s are {ticks} ticks of its clock; "
+            f"it can time {LEAST_TICKS} to 2^31"
+        )
+    members = [f"in.{value.name}" for value in program.inputs] + [f"out.{value.name}" for value in program.outputs]
+    if len(members) + 1 > MEMBERS_MOST:
+        raise CodegenError(f"{program.name} has {len(members)} inputs and outputs; {MEMBERS_MOST - 1} can be watched")
+    sample = _bytes(program.inputs) + _bytes(program.outputs) + 8
+    ram = next(region.size for region in target.memory if region.name == "ram")
+    return {
+        "period_ticks": ticks,
+        "members": [*members, "status"],
+        "member_count": len(members) + 1,
+        "samples": max(2 * LIVE_BATCH, min(LIVE_SAMPLES, ram // RAM_SHARE // sample)),
+        "batch": LIVE_BATCH,
+    }
+
+
+def _setup_view(target: Target) -> dict[str, object]:
+    return {
         "setup": [
             {
                 "address": f"{w.address:#010x}U",
                 "cleared": f"{w.clear:#010x}U",
                 "added": f"{w.set:#010x}U",
+                "awaited": f"{w.wait:#010x}U",
                 "says": w.says,
             }
             for w in target.setup

@@ -6,12 +6,15 @@ import re
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from codegen.bundle import CodegenError
 from codegen.toml_table import TomlTable
 
 FLOAT_UNITS = ("float32", "float64")
+CYCLE_TIMERS = ("dwt", "systick")  # run at the processor's clock
+DRAGGED = ("bin", "hex", "uf2")
 TESTED = ("run", "built")  # its images run in the test suite; they are only compiled, linked and measured there
 
 
@@ -36,7 +39,10 @@ class Uart:
 
 @dataclass(frozen=True, slots=True)
 class Timer:
-    """A counter of the board's clock, `bits` wide; `driver` names templates_c/board/timer_<driver>.c."""
+    """A counter of the board's clock, `bits` wide as its driver reads it.
+
+    `driver` names templates_c/board/timer_<driver>.c.
+    """
 
     driver: str
     base: int
@@ -53,12 +59,25 @@ class Qemu:
 
 @dataclass(frozen=True, slots=True)
 class RegisterWrite:
-    """A register to change before anything else runs, such as a clock gate: value = value & ~clear | set."""
+    """A register to change before anything else runs, such as a clock gate: value = value & ~clear | set.
+
+    Then the image waits until the bits of `wait` are set in it.
+    """
 
     address: int
     clear: int
     set: int
     says: str
+    wait: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Flash:
+    """How an image gets onto the board: what the two tools call the part, and the file to drag onto its drive."""
+
+    pyocd: str | None
+    openocd: tuple[str, ...]  # configuration files that come with OpenOCD
+    drag: str | None  # its ending, one of DRAGGED
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +100,15 @@ class Target:
     timer: Timer | None
     qemu: Qemu | None
     setup: tuple[RegisterWrite, ...]
+    boot: str | None  # a second stage of a boot ROM: templates_c/board/boot_<boot>.c
+    usb: tuple[str, ...]  # vendor:product of the ports that such a board shows
+    flash: Flash | None
+    sources: tuple[tuple[str, str], ...]  # C files of the user, which stand beside the target's own: name and text
+
+    @property
+    def counts_cycles(self) -> bool:
+        """Whether its timer counts the cycles of a real processor; an emulator's says nothing of them."""
+        return self.qemu is None and self.timer is not None and self.timer.driver in CYCLE_TIMERS
 
 
 def target_names() -> tuple[str, ...]:
@@ -103,12 +131,13 @@ def load_target(name: str) -> Target:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise CodegenError(f"target file {name} cannot be read: {error}") from None
-        return parse_target(text, path.name)
+        return parse_target(text, path.name, path.parent)
     if name not in target_names():
         raise CodegenError(
             f"target {name!r} is unknown; known: {', '.join(target_names())}; or give the path of a .toml file"
         )
-    return parse_target(resources.files("targets").joinpath(f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
+    folder = resources.files("targets")
+    return parse_target(folder.joinpath(f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml", folder)
 
 
 def board_parts(kind: str) -> tuple[str, ...]:
@@ -118,8 +147,11 @@ def board_parts(kind: str) -> tuple[str, ...]:
     return tuple(sorted(match.group(1) for match in found if match))
 
 
-def parse_target(text: str, file: str) -> Target:
-    """Check the text of a target's file; `file` is its name, whose stem must be the target's."""
+def parse_target(text: str, file: str, folder: Traversable) -> Target:
+    """Check the text of a target's file.
+
+    `file` is its name, whose stem must be the target's; `folder` is where its sources are.
+    """
     try:
         table = TomlTable(tomllib.loads(text), file, "")
     except tomllib.TOMLDecodeError as error:
@@ -151,6 +183,10 @@ def parse_target(text: str, file: str) -> Target:
         timer=None if hosted else _timer(table.table("timer")),
         qemu=_qemu(table.table("qemu")) if table.has("qemu") or "semihosting" in links else None,
         setup=tuple(_register_write(entry) for entry in table.tables("setup")) if table.has("setup") else (),
+        boot=table.choice("boot", board_parts("boot")) if table.has("boot") else None,
+        usb=table.usb_ids("usb") if table.has("usb") else (),
+        flash=_flash(table.table("flash")) if table.has("flash") else None,
+        sources=_sources(table, folder) if table.has("sources") else (),
     )
     table.finish()
     _check_memory(target, table)
@@ -197,9 +233,33 @@ def _register_write(table: TomlTable) -> RegisterWrite:
         clear=table.integer("clear", 0, 2**32 - 1) if table.has("clear") else 0,
         set=table.integer("set", 0, 2**32 - 1) if table.has("set") else 0,
         says=table.phrase("says"),
+        wait=table.integer("wait", 0, 2**32 - 1) if table.has("wait") else 0,
     )
     table.finish()
     return write
+
+
+def _flash(table: TomlTable) -> Flash:
+    flash = Flash(
+        pyocd=table.word("pyocd") if table.has("pyocd") else None,
+        openocd=table.places("openocd") if table.has("openocd") else (),
+        drag=table.choice("drag", DRAGGED) if table.has("drag") else None,
+    )
+    table.finish()
+    return flash
+
+
+def _sources(table: TomlTable, folder: Traversable) -> tuple[tuple[str, str], ...]:
+    names = table.places("sources")
+    texts = []
+    for name in names:
+        if "/" in name or not name.endswith(".c"):
+            raise table.wrong("sources", name, "names a .c file in the folder of the target's own")
+        try:
+            texts.append((name, folder.joinpath(name).read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError) as error:
+            raise table.wrong("sources", name, f"cannot be read: {error}") from None
+    return tuple(texts)
 
 
 def _check_memory(target: Target, table: TomlTable) -> None:

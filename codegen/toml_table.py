@@ -8,6 +8,8 @@ from typing import Any
 
 from codegen.bundle import CodegenError
 
+PLACE = r"[A-Za-z0-9_][A-Za-z0-9_./-]*"
+
 
 class TomlTable:
     """The keys of one table; each is checked as it is read, and `finish` refuses those that nobody read."""
@@ -38,6 +40,14 @@ class TomlTable:
         """Return a text that may stand in a file name, a command or a linker script."""
         return self._text(key, r"[A-Za-z][A-Za-z0-9_.-]*", "must be letters, digits, '_', '-' or '.'")
 
+    def places(self, key: str) -> tuple[str, ...]:
+        """Return a list of files' names."""
+        return self._texts(key, PLACE, "is not a file's name of letters, digits, '_', '-', '.' and '/'")
+
+    def usb_ids(self, key: str) -> tuple[str, ...]:
+        """Return a list of USB vendor and product numbers."""
+        return self._texts(key, r"[0-9a-f]{4}:[0-9a-f]{4}", "is not vendor:product in small hex digits, as '0483:374b'")
+
     def phrase(self, key: str) -> str:
         """Return a text that may stand in a comment."""
         return self._text(
@@ -65,13 +75,7 @@ class TomlTable:
 
     def compiler_flags(self, key: str) -> tuple[str, ...]:
         """Return flags for a compiler's command line; they also stand in a Makefile, hence the plain characters."""
-        value = self._value(key)
-        if not isinstance(value, list):
-            raise self.wrong(key, value, "must be a list of compiler flags")
-        for flag in value:
-            if not isinstance(flag, str) or not re.fullmatch(r"-[A-Za-z0-9_=+.,-]+", flag):
-                raise self.wrong(key, flag, "is not a plain compiler flag such as '-mcpu=cortex-m4'")
-        return tuple(value)
+        return self._texts(key, r"-[A-Za-z0-9_=+.,-]+", "is not a plain compiler flag such as '-mcpu=cortex-m4'")
 
     def table(self, key: str) -> TomlTable:
         """Return a table within this one."""
@@ -100,6 +104,15 @@ class TomlTable:
         if key not in self._values:
             raise CodegenError(f"{self._file}: {self._path}{key} is missing")
         return self._values[key]
+
+    def _texts(self, key: str, pattern: str, rule: str) -> tuple[str, ...]:
+        value = self._value(key)
+        if not isinstance(value, list):
+            raise self.wrong(key, value, "must be a list of texts")
+        for entry in value:
+            if not isinstance(entry, str) or not re.fullmatch(pattern, entry):
+                raise self.wrong(key, entry, rule)
+        return tuple(value)
 
     def _text(self, key: str, pattern: str, rule: str) -> str:
         value = self._value(key)

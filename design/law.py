@@ -61,3 +61,5 @@ class Law:
     why: tuple[str, ...]
     flags: tuple[Flag, ...]
     stages: tuple[Scalar, ...]
+    rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
+    states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures

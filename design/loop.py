@@ -139,16 +139,20 @@ def step_profile(law: Law, linear: Linear) -> Array:
 
 def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
     """Run the law, limits included, with the plant from rest; `reference` (n,) holds one value a sample."""
-    at_reference, at_measurement = reference_and_measurement(law.inputs)
-    a, b, c = (ca.sparsify(ca.DM(part)) for part in state_space(zero_order_hold(linear, law.period)))
+    at_reference, _ = reference_and_measurement(law.inputs)
+    sampled = zero_order_hold(linear, law.period)
+    wires, _, _ = _measured(law, sampled)
+    a, b, c = (ca.sparsify(ca.DM(part)) for part in state_space(sampled))
+    seen = ca.sparsify(ca.DM(_seen(law, state_space(sampled)[2])))
     plant, x, r = ca.SX.sym("plant", a.shape[0]), ca.SX.sym("x", len(law.state)), ca.SX.sym("r")
-    z = ca.SX([min(max(0.0, wire.low), wire.high) for wire in law.inputs])
-    z[at_reference], z[at_measurement] = r, (c @ plant)[0]
+    z = ca.SX(list(law.rest) or [min(max(0.0, wire.low), wire.high) for wire in law.inputs])
+    z[at_reference] = r
+    z[wires] = seen @ plant
     x_next, u, flags = sample(law)(x, z)
     step = ca.Function(
         "step",
         [ca.vertcat(plant, x), r],
-        [ca.vertcat(a @ plant + b[:, 0] * u[0], x_next), ca.vertcat(z[at_measurement], u[0], ca.sum1(flags))],
+        [ca.vertcat(a @ plant + b[:, 0] * u[0], x_next), ca.vertcat((c @ plant)[0], u[0], ca.sum1(flags))],
     )
     steps = len(reference)
     start = np.concatenate([np.zeros(a.shape[0]), law.start])
@@ -204,17 +208,33 @@ def _settle(time: Array, share: Array, band: float) -> float:
 
 def _response(law: Law, linearized: LinearLaw, sampled: Sampled) -> Callable[[Array], Response]:
     """Return w (n,) -> L(exp(j w h)) (n,)."""
-    _, measurement = reference_and_measurement(law.inputs)
-    b_law, d_law = linearized.b[:, measurement], linearized.d[0, measurement]
+    wires, c, d = _measured(law, sampled)
+    b_law, d_law = linearized.b[:, wires], linearized.d[0, wires]
 
     def response(frequency: Array) -> Response:
         z = np.exp(1j * frequency * law.period)
         inputs = sampled.b_now[:, 0] + sampled.b_before[:, 0] / z[:, None]
-        plant = _transfer(sampled.a, inputs, sampled.c[0], z) + sampled.d[0, 0] / z
-        controller = _transfer(linearized.a, np.broadcast_to(b_law, (len(z), len(b_law))), linearized.c[0], z) + d_law
-        return np.asarray(-controller * plant * z ** (-sampled.whole), dtype=np.complex128)
+        loop = np.zeros(len(z), dtype=np.complex128)
+        for k in range(len(wires)):
+            plant = _transfer(sampled.a, inputs, c[k], z) + d[k] / z
+            drive = np.broadcast_to(b_law[:, k], (len(z), len(b_law)))
+            loop -= (_transfer(linearized.a, drive, linearized.c[0], z) + d_law[k]) * plant
+        return np.asarray(loop * z ** (-sampled.whole), dtype=np.complex128)
 
     return response
+
+
+def _measured(law: Law, sampled: Sampled) -> tuple[list[int], Array, Array]:
+    """Find the inputs of the law that the plant drives, and the plant's c (inputs, n) and d (inputs,) for them."""
+    if not law.states:
+        return [reference_and_measurement(law.inputs)[1]], sampled.c[:1], sampled.d[:1, 0]
+    own = len(law.states)
+    return list(law.states), np.eye(own, len(sampled.a)), np.zeros(own)
+
+
+def _seen(law: Law, c: Array) -> Array:
+    """Return what the law measures of the plant's state and past inputs."""
+    return np.eye(len(law.states), c.shape[1]) if law.states else c[:1]
 
 
 def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:
@@ -227,11 +247,11 @@ def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:
 
 def _poles(law: Law, linearized: LinearLaw, sampled: Sampled) -> Response:
     """Eigenvalues of plant and law in a ring."""
-    _, measurement = reference_and_measurement(law.inputs)
+    wires, _, _ = _measured(law, sampled)
     a, b, c = state_space(sampled)
-    b, c = b[:, :1], c[:1]
-    b_law, c_law = linearized.b[:, [measurement]], linearized.c[:1]
-    ring = np.block([[a + b * linearized.d[0, measurement] @ c, b @ c_law], [b_law @ c, linearized.a]])
+    b, c = b[:, :1], _seen(law, c)
+    b_law, c_law = linearized.b[:, wires], linearized.c[:1]
+    ring = np.block([[a + b @ linearized.d[:1, wires] @ c, b @ c_law], [b_law @ c, linearized.a]])
     return np.asarray(np.linalg.eigvals(ring), dtype=np.complex128)
 
 

@@ -17,6 +17,7 @@ from identify.signal import Signal
 Array = npt.NDArray[np.float64]
 
 NUDGE = 1e-6  # share of a range by which a point is moved to see whether it stands at an edge of the law
+SAME = 1e-4  # share by which a Jacobian may change in such a move: a schedule's does, an edge changes it wholly
 SAMPLES = 64  # samples in which a law is expected to leave its start
 
 
@@ -74,11 +75,14 @@ def _points(law: Law) -> Iterator[tuple[Array, Array]]:
         raise DesignError(
             f"the ranges of signals.{wires[0].name} and signals.{wires[1].name} do not meet; correct them"
         )
-    rest = np.array([_rest(signal) for signal in law.inputs])
+    rest = np.array(law.rest or [_rest(signal) for signal in law.inputs])
     shares = [0.0, *(sign * share for share in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1) for sign in (1, -1))]
-    for middle, share in itertools.product((min(max(0.0, low), high), (low + high) / 2), shares):
+    middles = (min(max(0.0, low), high), (low + high) / 2, low + 0.37 * (high - low))  # the last is no round number
+    for middle, share in itertools.product(middles, shares):
         z = rest.copy()
         z[measurement] = middle
+        for state in law.states:
+            z[state] = rest[state]
         z[reference] = min(max(middle + share * (high - low), wires[0].low), wires[0].high)
         x = np.array(law.start, dtype=np.float64)
         for _ in range(SAMPLES):
@@ -99,7 +103,7 @@ def _smooth(law: Law, jacobian: ca.Function, x: Array, z: Array) -> Array | None
             moved = np.concatenate([x, z])
             moved[index] += sign * move
             there, flags = (np.array(part, dtype=np.float64) for part in jacobian(moved[:n], moved[n:]))
-            if np.any(flags != 0) or not np.allclose(here, there, rtol=1e-6, atol=1e-12):
+            if np.any(flags != 0) or not np.allclose(here, there, rtol=SAME, atol=SAME * float(np.abs(here).max())):
                 return None
     return here
 

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
 
 from design.law import DesignError
+from identify.signal import Signal
+
+Array = npt.NDArray[np.float64]
 
 NEAR = 0.5  # half of the letters agree: enough to find kp behind Kp or kq
 
@@ -67,3 +73,64 @@ def choice(table: Mapping[str, object], key: str, default: str | None, known: It
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise DesignError(f"controller.{key} = '{value}' is unknown; {hint}known: {', '.join(words)}")
     return value
+
+
+def numbers(table: Mapping[str, object], key: str, default: Sequence[float] | None) -> tuple[float, ...]:
+    """Read `key` as a list of finite numbers, at least one."""
+    if key not in table and default is not None:
+        return tuple(default)
+    if key not in table:
+        raise DesignError(f"controller.{key} is missing; give it as a list of numbers, such as {key} = [1.0, 0.5]")
+    value = table[key]
+    if not isinstance(value, list | tuple) or not value:
+        raise DesignError(f"controller.{key} = {value!r} is not a list of numbers; write it like {key} = [1.0, 0.5]")
+    return tuple(real({key: entry}, key, None) for entry in value)
+
+
+def matrix(table: Mapping[str, object], key: str, rows: int | None, columns: int | None, why: str) -> Array:
+    """Read `key` as nested lists, row by row; `rows` or `columns` None is any number, `why` says what they follow."""
+    if key not in table:
+        raise DesignError(f"controller.{key} is missing; give it as rows, such as {key} = [[1.0, 0.0], [0.0, 1.0]]")
+    value = table[key]
+    nested = isinstance(value, list | tuple) and all(isinstance(row, list | tuple) for row in value)
+    if not nested or not isinstance(value, list | tuple):
+        raise DesignError(f"controller.{key} is not a list of rows; write it like {key} = [[1.0, 0.0], [0.0, 1.0]]")
+    widths = {len(row) for row in value}
+    if len(widths) > 1:
+        raise DesignError(f"controller.{key} has rows of {sorted(widths)} numbers; give every row the same length")
+    found = np.array([[real({key: entry}, key, None) for entry in row] for row in value], dtype=np.float64)
+    found = found.reshape(len(value), widths.pop() if widths else 0)
+    wanted = found.shape[0] if rows is None else rows, found.shape[1] if columns is None else columns
+    if found.shape != wanted:
+        raise DesignError(
+            f"controller.{key} is {found.shape[0]} x {found.shape[1]}, but {why} ask for {wanted[0]} x {wanted[1]}; "
+            "correct one of them"
+        )
+    return found
+
+
+def limits(table: Mapping[str, object], wires: Sequence[Signal]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Read `u_min` and `u_max`, a number or one a wire; the wire's range where absent, and never beyond it."""
+    low = each(table, "u_min", [wire.low for wire in wires])
+    high = each(table, "u_max", [wire.high for wire in wires])
+    for least, most, wire in zip(low, high, wires, strict=True):
+        if not wire.low <= least < most <= wire.high:
+            raise DesignError(
+                f"controller.u_min = {least:g} and u_max = {most:g} of signals.{wire.name} are out of order or range; "
+                f"both must be from {wire.low:g} to {wire.high:g}, u_min below u_max"
+            )
+    return low, high
+
+
+def each(table: Mapping[str, object], key: str, default: Sequence[float]) -> tuple[float, ...]:
+    """Read `key` as one number for all places of `default`, or a list with one for each; infinite is allowed."""
+    if key not in table:
+        return tuple(default)
+    value = table[key]
+    entries = list(value) if isinstance(value, list | tuple) else [value] * len(default)
+    if len(entries) != len(default):
+        raise DesignError(
+            f"controller.{key} has {len(entries)} numbers for {len(default)} places; give one number or {len(default)}"
+        )
+    infinite = (math.inf, -math.inf)
+    return tuple(x if isinstance(x, float) and x in infinite else real({key: x}, key, None) for x in entries)

@@ -31,11 +31,15 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A law and the figures it was made from; `tuned_by` names the tuning rule, None where the gains were given."""
+    """A law and the figures it was made from; `tuned_by` names the tuning rule, None where the gains were given.
+
+    `settings` are the keys of [controller] that the design answers, for a project that keeps it; None: the gains.
+    """
 
     law: Law
     gains: Mapping[str, float]
     tuned_by: str | None
+    settings: Mapping[str, object] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,19 @@ Defaults: kd = 0, ki = 0, b = 1, c = 0 (derivative of the measurement alone), tf
 the output signal, tt = sqrt(Ti Td) with a derivative and Ti without, never below h, where Ti = kp/ki and Td = kd/kp.
 With ki = 0 and no tt given there is nothing to wind up, hence no integral.
 
+Further forms and keys:
+
+- `form = "parallel"` is another name of the default. "ideal", kp (1 + 1/(ti s) + td s), and "series",
+  kp (1 + 1/(ti s)) (1 + td s), take `kp`, `ti_s` and `td_s`; they compute as the default form with ki = kp/ti,
+  kd = kp td and, in series, a proportional gain of kp (1 + td/ti).
+- `rate_limit_per_s`, R: u[k] also stays within u[k-1] - R h and u[k-1] + R h; u[-1] is 0, or the limit next to it.
+- `manual` and `automatic` name inputs. While automatic is below 0.5, u is `manual` within all limits and
+  I[k+1] = I[k] + u[k] - v[k]: v follows u, and the change back to automatic is bumpless.
+- `[controller.feedforward] from = "effects"`: the inputs that meet the plant's friction, load and drag at the
+  reference's speed are added to v, see `feedforward.py`.
+- `tracking` names an input that stands for u in the tracking term, such as the output an outer selector has chosen, or
+  what the inner loop of a cascade really does.
+
 The range of each state variable is proven in `pid_range.py`.
 """
 
@@ -28,12 +41,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import casadi as ca
 
+from design.feedforward import feedforward
 from design.kinds import Design, Kind, Request
 from design.kinds.pid_range import Pid, state_ranges
-from design.law import DesignError, Flag, Law, Scalar
+from design.kinds.pid_write import Wires, factors, write
+from design.law import DesignError
 from design.roles import reference_and_measurement
 from design.table import check_keys, choice, positive, real
 from design.tuning import Gains, rules
@@ -41,41 +57,80 @@ from identify.linear import linearize
 from identify.signal import Signal
 
 GAIN_KEYS = ("kp", "ki", "kd")
-KEYS = (*GAIN_KEYS, "tf_s", "b", "c", "u_min", "u_max", "tt_s", "anti_windup", "form", "tune")
+WIRE_KEYS = ("manual", "automatic", "tracking")
+KEYS = (
+    *(*GAIN_KEYS, "ti_s", "td_s", "tf_s", "b", "c", "u_min", "u_max", "tt_s", "anti_windup", "form", "tune"),
+    *("rate_limit_per_s", "feedforward", *WIRE_KEYS),
+)
 ANTI_WINDUP = ("back_calculation", "clamping", "none")
-FORMS = ("default", "tustin")
+FORMS = ("default", "parallel", "tustin", "ideal", "series")
+TIMES = ("ideal", "series")  # forms that give times in place of ki and kd
 
 
 def design(request: Request) -> Design:
     """Read the table, tune where it says so, and write the law."""
-    reference, measurement, output = _wires(request)
+    wires = find_wires(request)
     tuned_by, gains = _gains(request)
-    pid = _pid(request, output, gains)
+    ahead = feedforward(request.table, request.plant, wires.reference)
+    pid = read_pid(request.table, request.period, wires, gains)
+    if ahead is not None:
+        pid = replace(pid, added=ahead.size(wires.reference))
     figures = {
         **{"kp": pid.kp, "ki": pid.ki, "kd": pid.kd},
         **({"tf_s": pid.tf, "c": pid.c} if pid.differentiates else {}),
         **{"b": pid.b, "u_min": pid.u_min, "u_max": pid.u_max},
         **({"tt_s": pid.period / pid.tracking} if pid.tracking else {}),
     }
-    return Design(_law(request, pid, reference, measurement, output), figures, tuned_by)
+    ranges = state_ranges(pid, wires.reference, wires.measurement, wires.output)
+    z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
+    says = _says(pid, wires.measurement, wires.output) + (ahead.says() if ahead else "")
+    law = write(request, says, pid, factors(pid), z, wires, ranges, {}, ahead)
+    settings: dict[str, object] | None = {} if choice(request.table, "form", "default", FORMS) in TIMES else None
+    return Design(law, figures, tuned_by, settings)
 
 
-def _wires(request: Request) -> tuple[Signal, Signal, Signal]:
-    """Pick reference, measurement and output, and check their units."""
-    if len(request.inputs) != 2 or len(request.outputs) != 1:
-        inputs, outputs = (", ".join(wire.name for wire in wires) for wires in (request.inputs, request.outputs))
+def find_wires(request: Request) -> Wires:
+    """Pick reference, measurement and output, and the inputs that the table names; check their units."""
+    table, by_name = request.table, {wire.name: wire for wire in request.inputs}
+    extra: dict[str, Signal] = {}
+    for key in WIRE_KEYS:
+        if key in table:
+            extra[key] = by_name[choice(table, key, None, by_name)]
+    if ("manual" in extra) != ("automatic" in extra):
+        one, other = ("manual", "automatic") if "manual" in extra else ("automatic", "manual")
+        raise DesignError(f"controller.{one} is given without {other}; name a signal for both, or for neither")
+    names = [wire.name for wire in extra.values()]
+    if len(set(names)) != len(names):
+        raise DesignError(
+            f"controller.manual, automatic and tracking name the same signal ({names}); give each its own"
+        )
+    loop = tuple(wire for wire in request.inputs if wire.name not in names)
+    if len(loop) != 2 or len(request.outputs) != 1:
+        inputs, outputs = (", ".join(wire.name for wire in wires) for wires in (loop, request.outputs))
         raise DesignError(
             f"controller.kind = 'pid' has the inputs ({inputs}) and the outputs ({outputs}); it needs exactly a "
             "reference, a measurement and one output: correct [signals] or controller.outputs"
         )
-    at_reference, at_measurement = reference_and_measurement(request.inputs)
-    reference, measurement, output = request.inputs[at_reference], request.inputs[at_measurement], request.outputs[0]
+    at_reference, at_measurement = reference_and_measurement(loop)
+    reference, measurement, output = loop[at_reference], loop[at_measurement], request.outputs[0]
     if reference.unit != measurement.unit:
         raise DesignError(
             f"signals.{reference.name} is in '{reference.unit}', signals.{measurement.name} in '{measurement.unit}'; "
             "a PID subtracts one from the other: give both the same unit"
         )
-    return reference, measurement, output
+    for key in ("manual", "tracking"):
+        if key in extra and extra[key].unit != output.unit:
+            raise DesignError(
+                f"controller.{key} names signals.{extra[key].name} in '{extra[key].unit}', but signals.{output.name} "
+                f"is in '{output.unit}'; give both the same unit"
+            )
+    switch = extra.get("automatic")
+    if switch is not None and not switch.low <= 0.5 < switch.high:
+        raise DesignError(
+            f"controller.automatic names signals.{switch.name}, which ranges from {switch.low:g} to {switch.high:g}; "
+            "it is a switch, 0 for manual and 1 for automatic"
+        )
+    return Wires(reference, measurement, output, extra.get("manual"), switch, extra.get("tracking"))
 
 
 def _gains(request: Request) -> tuple[str | None, Gains]:
@@ -83,13 +138,13 @@ def _gains(request: Request) -> tuple[str | None, Gains]:
     table = request.table
     if "tune" not in table:
         check_keys(table, KEYS, "a pid without 'tune'")
-        gains = Gains(real(table, "kp", None), real(table, "ki", 0.0), real(table, "kd", 0.0), "given")
+        gains = given_gains(table)
         if gains.kp == gains.ki == gains.kd == 0:
             raise DesignError('controller.kp, ki and kd are all 0; give at least one gain, or tune = "simc"')
         return None, gains
     rule = rules()[choice(table, "tune", None, rules())]
     check_keys(table, (*KEYS, *rule.keys), f"a pid tuned by '{rule.name}'")
-    given = [key for key in GAIN_KEYS if key in table]
+    given = [key for key in (*GAIN_KEYS, "ti_s", "td_s") if key in table]
     if given:
         raise DesignError(
             f"controller.{given[0]} = {table[given[0]]!r} is given beside tune = '{rule.name}'; remove one of the two"
@@ -99,15 +154,34 @@ def _gains(request: Request) -> tuple[str | None, Gains]:
     return rule.name, rule.tune(linearize(request.plant), request.period, table)
 
 
-def _pid(request: Request, output: Signal, gains: Gains) -> Pid:
-    """Fill every constant in, with the defaults of the module docstring."""
-    table, period = request.table, request.period
+def given_gains(table: Mapping[str, object]) -> Gains:
+    """Read the gains in the words of their form, and return those of the parallel one."""
     form = choice(table, "form", "default", FORMS)
+    kp = real(table, "kp", None)
+    times, rates = ("ti_s", "td_s"), ("ki", "kd")
+    for key in rates if form in TIMES else times:
+        if key in table:
+            words = ("ti_s and td_s" if form in TIMES else "ki and kd", form)
+            raise DesignError(
+                f"controller.{key} has no place in form = '{words[1]}', which takes {words[0]}; convert it"
+            )
+    if form not in TIMES:
+        return Gains(kp, real(table, "ki", 0.0), real(table, "kd", 0.0), "given")
+    inverse = 1 / positive(table, "ti_s", None) if "ti_s" in table else 0.0
+    td = real(table, "td_s", 0.0, 0.0)
+    return Gains(kp * (1 + td * inverse) if form == "series" else kp, kp * inverse, kp * td, "given")
+
+
+def read_pid(table: Mapping[str, object], period: float, wires: Wires, gains: Gains) -> Pid:
+    """Fill every constant in, with the defaults of the module docstring."""
+    output = wires.output
+    form = "tustin" if choice(table, "form", "default", FORMS) == "tustin" else "default"
     anti_windup = choice(table, "anti_windup", "back_calculation", ANTI_WINDUP)
     u_min = real(table, "u_min", output.low, output.low, output.high)
     u_max = real(table, "u_max", output.high, output.low, output.high)
     if u_min >= u_max:
         raise DesignError(f"controller.u_min = {u_min:g} is not below u_max = {u_max:g}; exchange or correct them")
+    rate = positive(table, "rate_limit_per_s", None) if "rate_limit_per_s" in table else math.inf
     pid = Pid(
         period=period,
         kp=gains.kp,
@@ -121,11 +195,25 @@ def _pid(request: Request, output: Signal, gains: Gains) -> Pid:
         tracking=_tracking(table, gains, period) if anti_windup == "back_calculation" else 0.0,
         anti_windup=anti_windup,
         form=form,
+        rate=rate,
+        target=_target(wires, rate, u_min, u_max),
     )
+    if wires.tracking is not None and anti_windup != "back_calculation":
+        raise DesignError(f"controller.tracking needs anti_windup = 'back_calculation', but it is '{anti_windup}'")
+    if (wires.tracking is not None or wires.manual is not None) and not pid.integrates:
+        raise DesignError("controller.tracking and manual act on the integral, but there is none; give ki or tt_s")
     for what, factor in {"ki h": pid.ki * period, "kd/(tf+h)": pid.slope, "kp b": pid.kp * pid.b}.items():
         if not math.isfinite(factor):
             raise DesignError(f"the factor {what} of the pid is {factor}: the gains are too large; give smaller ones")
     return pid
+
+
+def _target(wires: Wires, rate: float, u_min: float, u_max: float) -> tuple[float, float] | None:
+    """Return the range of what the integral tracks; None where that is v between its limits."""
+    if wires.tracking is None:
+        return (u_min, u_max) if math.isfinite(rate) or wires.manual is not None else None
+    low, high = wires.tracking.low, wires.tracking.high
+    return (min(low, u_min), max(high, u_max)) if wires.manual is not None else (low, high)
 
 
 def _filter(table: Mapping[str, object], gains: Gains, form: str) -> float:
@@ -156,89 +244,6 @@ def _tracking(table: Mapping[str, object], gains: Gains, period: float) -> float
         return 0.0
     usual = math.sqrt(abs(gains.kd / gains.ki)) if gains.kd else abs(gains.kp / gains.ki)
     return period / max(usual, period)
-
-
-def _law(request: Request, pid: Pid, reference: Signal, measurement: Signal, output: Signal) -> Law:
-    """Write the difference equations of the module docstring as a CasADi function."""
-    ranges = state_ranges(pid, reference, measurement, output)
-    state, why = tuple(signal for signal, _ in ranges), tuple(why for _, why in ranges)
-    names = [signal.name for signal in state]
-    x = {name: ca.SX.sym(name) for name in names}
-    z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
-    r, y = z[reference.name], z[measurement.name]
-    nexts: dict[str, ca.SX] = {}
-    named: dict[str, tuple[str, ca.SX]] = {}
-
-    error = r - y
-    # r - y is written once, so that it is computed once
-    weighted = {1.0: error} | {weight: weight * r - y for weight in {pid.b, pid.c} - {1.0}}
-    terms: list[ca.SX] = []
-    if pid.kp != 0:
-        proportional = pid.kp * weighted[pid.b]
-        named["proportional"] = (output.unit, proportional)
-        terms.append(proportional)
-    if pid.integrates:
-        named["error"] = (measurement.unit, error)
-        terms.append(x["integral"] + pid.half_step * error if pid.half_step else x["integral"])
-    if pid.differentiates:
-        difference = ca.if_else(x["started"] > 0.5, weighted[pid.c] - x["last"], 0)
-        derivative = pid.slope * difference
-        if "derivative" in x:
-            derivative = pid.forget * x["derivative"] + derivative
-            nexts["derivative"] = derivative
-        nexts |= {"last": weighted[pid.c], "started": ca.SX(1)}
-        named["derivative_term"] = (output.unit, derivative)
-        terms.append(derivative)
-    unlimited = sum(terms[1:], start=terms[0])
-    limited = ca.fmin(ca.fmax(unlimited, pid.u_min), pid.u_max)
-    named["unlimited"] = (output.unit, unlimited)
-    if pid.integrates:
-        nexts["integral"] = _integral(pid, x["integral"], error, unlimited, limited)
-
-    _check_names(request, [*names, *named])
-    stage = ca.Function(
-        "law",
-        [ca.vertcat(*x.values()), ca.vertcat(*z.values())],
-        [
-            ca.vertcat(*(nexts[name] for name in names)),
-            limited,
-            limited != unlimited,
-            ca.vertcat(*(value for _, value in named.values())),
-        ],
-        ["x", "z"],
-        ["x_next", "u", "flags", "named"],
-    )
-    signals = tuple(Signal(name, unit, -math.inf, math.inf) for name, (unit, _) in named.items())
-    return Law(
-        name=request.name,
-        says=_says(pid, measurement, output),
-        period=request.period,
-        inputs=request.inputs,
-        outputs=request.outputs,
-        state=state,
-        start=(0.0,) * len(state),
-        why=why,
-        flags=(Flag("saturated", "the output stands at its limit"),),
-        stages=(Scalar(stage, signals),),
-    )
-
-
-def _integral(pid: Pid, integral: ca.SX, error: ca.SX, unlimited: ca.SX, limited: ca.SX) -> ca.SX:
-    """Return I[k+1]."""
-    step = (pid.ki * pid.period) * error
-    if pid.anti_windup == "back_calculation":
-        return integral + step + pid.tracking * (limited - unlimited)
-    if pid.anti_windup == "none":
-        return integral + step
-    upward, downward = (error > 0, error < 0) if pid.ki > 0 else (error < 0, error > 0)
-    outward = ca.logic_or(ca.logic_and(unlimited > pid.u_max, upward), ca.logic_and(unlimited < pid.u_min, downward))
-    return integral + ca.if_else(ca.logic_not(outward), step, 0)
-
-
-def _check_names(request: Request, own: list[str]) -> None:
-    for wire in request.inputs + request.outputs:
-        if wire.name in own:
-            raise DesignError(f"signals.{wire.name} is also the name of a value inside the pid; rename the signal")
 
 
 def _says(pid: Pid, measurement: Signal, output: Signal) -> str:

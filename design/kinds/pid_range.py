@@ -15,6 +15,12 @@ The equations and their symbols stand in `pid.py`. For all inputs within their r
 - I, clamping, upper bound. I grows only while v <= u_max and ki e > 0; hence I <= max(0, f(1) where ki e >= 0).
 - The lower bounds likewise, with all signs turned.
 - I, no anti-windup: a constant error moves I without end.
+- I, where u is not v within u_min and u_max alone (a rate limit, manual mode, an outside value that is tracked): u, or
+  what stands in its place, keeps a range [t_min, t_max] by itself. Tracking then gives the convex combination
+  I+ = (1-a) I + a (u - w + ki h e / a), manual mode I+ = u - w, clamping at most I+ = u - w + ki h e; hence
+  I <= max(0, t_max - w + s ki h e) over all corners and s = 0, 1, 1/a.
+
+A feedforward f, |f| <= F, adds to w: it moves both ends of I's range by F at most.
 
 Ranges are widened by one percent, so that rounding cannot leave them.
 """
@@ -48,6 +54,9 @@ class Pid:
     tracking: float  # h/tt; 0 without back-calculation
     anti_windup: str
     form: str
+    rate: float = math.inf  # most that u moves, per s
+    added: float = 0.0  # most that a feedforward adds to v, either way; it is no part of w above
+    target: tuple[float, float] | None = None  # range of what I tracks where that is not u = v within its limits
 
     @property
     def integrates(self) -> bool:
@@ -85,13 +94,16 @@ def state_ranges(pid: Pid, reference: Signal, measurement: Signal, output: Signa
     d_high = abs(pid.slope) * (x_high - x_low) / (1 - max(0.0, -pid.forget)) if pid.differentiates else 0.0
     found: list[tuple[Signal, str]] = []
     if pid.integrates:
-        low, high = _integral_range(pid, reference, measurement, d_high)
-        found.append((_widened("integral", output.unit, low, high), INTEGRAL_WHY[pid.anti_windup]))
+        low, high = integral_range(pid, reference, measurement, d_high)
+        why = INTEGRAL_WHY[pid.anti_windup] if pid.target is None else TRACKED_WHY
+        found.append((_widened("integral", output.unit, low - pid.added, high + pid.added), why))
     if pid.differentiates:
         if pid.forget != 0:
             found.append((_widened("derivative", output.unit, -d_high, d_high), DERIVATIVE_WHY))
         found.append((_widened("last", measurement.unit, x_low, x_high), LAST_WHY))
         found.append((Signal("started", "1", 0.0, 1.0), "0 before the first sample, 1 after it"))
+    if math.isfinite(pid.rate):
+        found.append((Signal("output_last", output.unit, pid.u_min, pid.u_max), "the output of the sample before"))
     for signal, _ in found:
         bounded = math.isfinite(signal.low) and math.isfinite(signal.high)
         if not bounded and not (signal.name == "integral" and pid.anti_windup == "none"):
@@ -104,12 +116,13 @@ INTEGRAL_WHY = {
     "clamping": "it moves outward only while the unlimited output is within its limits, at most one step beyond",
     "none": "no bound: without anti-windup a constant error moves the integral without end",
 }
+TRACKED_WHY = "it follows a value of known range less the rest of the output, plus ki tt times the error"
 DERIVATIVE_WHY = "a gain times the distance of c r - y from a mean of its past, hence at most the gain times its range"
 LAST_WHY = "c r - y of the sample before, from the ranges of reference and measurement"
 
 
-def _integral_range(pid: Pid, reference: Signal, measurement: Signal, d_high: float) -> tuple[float, float]:
-    """Find the extremes of f(1), f(1/a) and g of the module docstring, and of the start, 0."""
+def integral_range(pid: Pid, reference: Signal, measurement: Signal, d_high: float) -> tuple[float, float]:
+    """Find the extremes of f(1), f(1/a) and g of the module docstring, and of the start, 0; |D| <= `d_high`."""
     if pid.anti_windup == "none":
         return -math.inf, math.inf
     corners = list(itertools.product(_ends(reference), _ends(measurement)))
@@ -117,6 +130,8 @@ def _integral_range(pid: Pid, reference: Signal, measurement: Signal, d_high: fl
     if meeting[0] <= meeting[1]:
         corners += [(end, end) for end in meeting]  # where the line e = 0 leaves the box of r and y
     scales = (1.0, 1 / pid.tracking) if pid.tracking else (1.0,)
+    if pid.target is not None:
+        return _tracked_range(pid, corners, (0.0, *scales), d_high)
     low = high = 0.0
     for (r, y), d, scale in itertools.product(corners, (-d_high, d_high), scales):
         rest = pid.kp * (pid.b * r - y) + pid.half_step * (r - y) + d
@@ -128,6 +143,21 @@ def _integral_range(pid: Pid, reference: Signal, measurement: Signal, d_high: fl
             high = max(high, (pid.u_max if step >= 0 else pid.u_min) - rest + step)
         if step <= 0 or tracked:
             low = min(low, (pid.u_min if step <= 0 else pid.u_max) - rest + step)
+    return low, high
+
+
+def _tracked_range(
+    pid: Pid, corners: list[tuple[float, float]], scales: tuple[float, ...], d_high: float
+) -> tuple[float, float]:
+    """Find the extremes of t - w + s ki h e, t anywhere in its range."""
+    assert pid.target is not None, "asked for only then"
+    low = high = 0.0
+    for (r, y), d, scale in itertools.product(corners, (-d_high, d_high), scales):
+        rest = pid.kp * (pid.b * r - y) + pid.half_step * (r - y) + d
+        step = scale * pid.ki * pid.period * (r - y)
+        if not math.isfinite(rest) or not math.isfinite(step):
+            return -math.inf, math.inf
+        low, high = min(low, pid.target[0] - rest + step), max(high, pid.target[1] - rest + step)
     return low, high
 
 

@@ -81,12 +81,22 @@ def test_a_file_of_the_user(tmp_path: Path) -> None:
         ),
         (changed("set = 0x1", "set = 0x1_0000_0000"), r"setup\[1\].set = 4294967296: must be a whole number"),
         (changed('"built"', '"maybe"'), "tested = 'maybe': is unknown; known: run, built"),
+        (GOOD + 'boot = "rp2350"\n', "boot = 'rp2350': is unknown; known: rp2040"),
+        (GOOD + 'usb = ["0483-374b"]\n', "usb = '0483-374b': is not vendor:product"),
+        (GOOD + 'usb = "0483:374b"\n', "usb = '0483:374b': must be a list of texts"),
+        (GOOD + 'sources = ["gone.c"]\n', "sources = 'gone.c': cannot be read"),
+        (GOOD + 'sources = ["../mine.c"]\n', "sources = '../mine.c': is not a file's name"),
+        (GOOD + 'sources = ["a/mine.c"]\n', "sources = 'a/mine.c': names a .c file in the folder"),
+        (GOOD + 'flash = { drag = "exe" }\n', "flash.drag = 'exe': is unknown; known: bin, hex, uf2"),
+        (GOOD + 'flash = { openocd = ["a; b"] }\n', "flash.openocd = 'a; b': is not a file's name"),
+        (GOOD + 'flash = { avrdude = "m328" }\n', "flash.avrdude = 'm328': is an unknown key; known: pyocd"),
+        (changed("set = 0x1", "wait = -1"), r"setup\[1\].wait = -1: must be a whole number"),
         (GOOD + "colour = 3\n", "colour = 3: is an unknown key; known: .*links"),
     ],
 )
-def test_a_wrong_file_is_refused(text: str, says: str) -> None:
+def test_a_wrong_file_is_refused(text: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(CodegenError, match=says) as caught:
-        parse_target(text, "mine.toml")
+        parse_target(text, "mine.toml", tmp_path)
     assert str(caught.value).startswith("mine.toml: ")
     assert "\n" not in str(caught.value)
 
@@ -98,7 +108,7 @@ def test_a_target_that_is_not_there(name: str) -> None:
 
 
 def small_target() -> Target:
-    return parse_target(GOOD, "mine.toml")
+    return parse_target(GOOD, "mine.toml", Path())
 
 
 def test_firmware_is_the_same_twice() -> None:
@@ -111,7 +121,7 @@ def test_firmware_holds_the_controller_unchanged() -> None:
     program, bundle = tiny(2.0)
     files = firmware(program, bundle, small_target(), "uart")
     assert {name: files[f"controller/{name}"] for name in bundle.files} == dict(bundle.files)
-    assert "{0x40023830U, 0x00000000U, 0x00000001U}, /* clock of port A */" in files["main.c"]
+    assert "{0x40023830U, 0x00000000U, 0x00000001U, 0x00000000U}, /* clock of port A */" in files["board/setup.c"]
     assert "LENGTH = 8192" in files["link.ld"]
 
 

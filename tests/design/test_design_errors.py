@@ -38,7 +38,7 @@ GOOD = {"kp": 0.1, "ki": 1.0}
         ({**GOOD, "u_min": 5.0, "u_max": 5.0}, ["u_min", "not below"]),
         ({**GOOD, "anti_windup": "back_calculaton"}, ["back_calculaton", "did you mean 'back_calculation'"]),
         ({**GOOD, "anti_windup": 3}, ["anti_windup", "3", "not a text"]),
-        ({**GOOD, "form": "ideal"}, ["form", "ideal", "default, tustin"]),
+        ({**GOOD, "form": "ideal"}, ["ki", "ideal", "ti_s and td_s"]),
         ({"tune": "sinc"}, ["sinc", "did you mean 'simc'"]),
         ({"tune": "simc"}, ["simc", "needs a plant"]),
         ({"tune": "simc", "kp": 0.1}, ["kp", "beside", "remove one"]),

@@ -1,0 +1,109 @@
+"""Write a transfer function on reference - measurement, or on a single input, as a chain of sections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import casadi as ca
+
+from design.kinds import Design, Request
+from design.law import DesignError
+from design.linear_law import Draft, Element, limited_law, symbols, weighted_sum
+from design.rational import METHODS, Rational, from_s
+from design.roles import reference_and_measurement
+from design.sections import FORMS, Section, sections
+from design.table import choice, limits, positive
+from identify.signal import Signal
+
+METHOD_KEYS = ("discretize", "prewarp_rad_s")
+OUTPUT_KEYS = ("form", "u_min", "u_max")
+
+
+def sampled(request: Request, numerator: list[float], denominator: list[float], usual: str, warp: float) -> Rational:
+    """Sample a function of s by the table's `discretize`; `usual` and `warp` (rad/s) where the table says nothing."""
+    method = choice(request.table, "discretize", usual, METHODS)
+    prewarp = 0.0
+    if method == "prewarp":
+        prewarp = positive(request.table, "prewarp_rad_s", warp or None)
+        below_nyquist(request, "prewarp_rad_s", prewarp)
+    elif "prewarp_rad_s" in request.table:
+        raise DesignError(
+            f"controller.prewarp_rad_s has no use with discretize = '{method}'; remove it, or use 'prewarp'"
+        )
+    return from_s(numerator, denominator, request.period, method, prewarp)
+
+
+def below_nyquist(request: Request, key: str, frequency: float) -> None:
+    """Refuse a frequency (rad/s) at or above half the sample rate."""
+    nyquist = math.pi / request.period
+    if frequency >= nyquist:
+        raise DesignError(
+            f"controller.{key} = {frequency:g} rad/s is not below Nyquist's frequency pi/period_s = {nyquist:g} rad/s; "
+            f"sample faster (period_s below {math.pi / frequency:.3g}) or lower it"
+        )
+
+
+def sectioned(request: Request, rational: Rational, says: str, gains: Mapping[str, float]) -> Design:
+    """Split, write and limit."""
+    chain = sections(rational, choice(request.table, "form", "auto", FORMS))
+    output = one_output(request)
+    low, high = limits(request.table, request.outputs)
+    inputs = symbols([wire.name for wire in request.inputs])
+    named: dict[str, tuple[str, ca.SX]] = {}
+    if len(inputs) == 1:
+        value = inputs[0]
+    else:
+        at_reference, at_measurement = reference_and_measurement(request.inputs)
+        value = inputs[at_reference] - inputs[at_measurement]
+        named["error"] = (request.inputs[at_measurement].unit, value)
+    state: list[Element] = []
+    if not chain:
+        value = weighted_sum([rational.gain], [value])
+    for k, section in enumerate(chain, 1):
+        value, held = _written(section, k, value, output.unit)
+        state += held
+        named["unlimited" if k == len(chain) else f"section_{k}"] = (output.unit, value)
+    figures = dict(gains)
+    for k, section in enumerate(chain, 1):
+        figures |= {f"section_{k}_b{j}": factor for j, factor in enumerate(section.b)}
+        figures |= {f"section_{k}_a{j}": factor for j, factor in enumerate(section.a, 1)}
+    forms = "+".join(section.form for section in chain)
+    head = f"{says}; {len(chain)} section{'' if len(chain) == 1 else 's'} ({forms})" if chain else says
+    return Design(
+        limited_law(request, Draft(head, inputs, tuple(state), (value,), named), low, high), figures, None, {}
+    )
+
+
+def one_output(request: Request) -> Signal:
+    """Return the one output; refuse wires that a single-loop controller has no use for."""
+    if len(request.outputs) != 1 or len(request.inputs) not in (1, 2):
+        raise DesignError(
+            f"this controller has the inputs ({_names(request.inputs)}) and the outputs ({_names(request.outputs)}); "
+            "it needs a reference and a measurement, or one input, and one output: correct [signals]"
+        )
+    units = {wire.unit for wire in request.inputs}
+    if len(units) > 1:
+        one, other = request.inputs
+        raise DesignError(
+            f"signals.{one.name} is in '{one.unit}', signals.{other.name} in '{other.unit}'; "
+            "one is subtracted from the other: give both the same unit"
+        )
+    return request.outputs[0]
+
+
+def _written(section: Section, k: int, e: ca.SX, unit: str) -> tuple[ca.SX, list[Element]]:
+    """Return what section `k` puts out for `e`, and its state."""
+    held = symbols([f"w{k}_{j}" for j in range(1, len(section.a) + 1)])
+    y = weighted_sum([section.b[0], 1.0], [e, held[0]])
+    state = []
+    for j, symbol in enumerate(held):
+        kept = 1.0 if section.form == "delta" else 0.0
+        further = held[j + 1] if j + 1 < len(held) else ca.SX(0)
+        after = weighted_sum([kept, section.b[j + 1], -section.a[j], 1.0], [symbol, e, y, further])
+        state.append(Element(symbol.name(), unit, symbol, after))
+    return y, state
+
+
+def _names(wires: Iterable[Signal]) -> str:
+    return ", ".join(wire.name for wire in wires)

@@ -1,0 +1,91 @@
+"""What travels beside the C works: the vector test builds and passes, fails on a wrong controller, CMake runs it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codegen.bundle import write_files
+from codegen.emit import emit
+from codegen.package import package
+from identify.compiler import run_compiler
+from quantize.lower import ARITHMETICS, lower
+from quantize.program import Program
+from tests.laws import FULL, pid
+from verify.host import WARNINGS
+from verify.vectors import golden
+
+COMMAND = "firmloop generate motor_pid.toml"
+
+
+def written(arithmetic: str, folder: Path) -> Program:
+    program = lower(pid(FULL), arithmetic)
+    bundle = emit(program, COMMAND)
+    inputs, trace = golden(program)
+    write_files({**bundle.files, **package(program, bundle, COMMAND, inputs, trace.outputs, trace.status)}, folder)
+    return program
+
+
+def outcome(folder: Path) -> tuple[int, str]:
+    sources = ["motor_pid.c", "motor_pid_test.c"]
+    run_compiler(["gcc", *WARNINGS, "-O2", "-ffp-contract=off", "-o", "test", *sources], folder)
+    done = subprocess.run([str(folder / "test")], capture_output=True, text=True, timeout=20, check=False)
+    return done.returncode, done.stdout
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_the_vector_test_passes_and_catches_a_wrong_gain(arithmetic: str, tmp_path: Path) -> None:
+    written(arithmetic, tmp_path)
+    status, said = outcome(tmp_path)
+    assert status == 0 and "480 steps agree" in said
+    source = tmp_path / "motor_pid.c"
+    line = next(line for line in source.read_text().splitlines() if "const" in line and " proportional = " in line)
+    wrong = line.replace(" proportional = ", " proportional = 4096 + ")
+    source.write_text(source.read_text().replace(line, wrong))
+    status, said = outcome(tmp_path)
+    assert status == 1 and "differs" in said
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_the_vectors_are_what_the_reference_computes(arithmetic: str, tmp_path: Path) -> None:
+    program = written(arithmetic, tmp_path)
+    inputs, trace = golden(program)
+    with (tmp_path / "vectors.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0]) == ["start", "reference", "measurement", "output", "status"]
+    read = float.fromhex if arithmetic.startswith("float") else int
+    got = np.array([[read(row[name]) for name in ("reference", "measurement", "output")] for row in rows])
+    expected = np.concatenate([inputs.reshape(-1, 2), trace.outputs.reshape(-1, 1)], axis=1)
+    np.testing.assert_array_equal(got, expected)
+    assert [int(row["status"]) for row in rows] == trace.status.ravel().tolist()
+    assert sum(int(row["start"]) for row in rows) == len(inputs)
+    assert len({row["status"] for row in rows}) > 2, "limits and inputs out of range are among them"
+
+
+def test_the_same_program_gives_the_same_files(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        written("fixed32", tmp_path / name)
+    assert {p.name: p.read_bytes() for p in (tmp_path / "one").iterdir()} == {
+        p.name: p.read_bytes() for p in (tmp_path / "two").iterdir()
+    }
+
+
+def test_the_compilation_database_names_files_that_are_there(tmp_path: Path) -> None:
+    written("float32", tmp_path)
+    for entry in json.loads((tmp_path / "compile_commands.json").read_text()):
+        run_compiler(["gcc", *entry["arguments"][1:]], tmp_path / entry["directory"])
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
+def test_cmake_builds_and_runs_it(tmp_path: Path) -> None:
+    written("fixed16", tmp_path)
+    for command in (["cmake", "-B", "build"], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert "100% tests passed" in done.stdout

@@ -1,0 +1,107 @@
+"""What every controller kind must pass, found by discovery: its formula, its proofs, its C."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from codegen.emit import emit
+from codegen.target import load_target
+from design.kinds import Kind, kinds
+from design.law import Law
+from quantize.lower import ARITHMETICS, lower
+from tests.kind_formulas import FORMULAS
+from tests.quantize.test_lower import leaves_bounds
+from verify.compare import compare
+from verify.host import build_host
+from verify.links.library import LibraryLink
+from verify.reference import run
+from verify.rounding import measure_rounding
+from verify.stimuli import stimuli
+
+HOST = load_target("host")
+EVERY = list(kinds().values())
+NAMES = [kind.name for kind in EVERY]
+
+
+def rows_of(law: Law, steps: int, seed: int) -> np.ndarray:
+    """Slow walks over each input's range with small departures, so that no limit holds for long."""
+    random = np.random.default_rng(seed)
+    low, high = (np.array([getattr(wire, end) for wire in law.inputs]) for end in ("low", "high"))
+    walk = np.cumsum(random.normal(size=(steps, 1)), axis=0) * 0.02 + random.uniform(-1, 1)
+    apart = np.cumsum(random.normal(size=(steps, len(low))), axis=0) * 0.002
+    return low + (high - low) * (0.5 + 0.5 * np.sin(walk + apart + 0.01 * random.normal(size=apart.shape)))
+
+
+def free_run(law: Law, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States after each sample, outputs, flags."""
+    x, u, flags, _ = law.stages[0].function.mapaccum(len(rows))(np.array(law.start), rows.T)
+    return np.array(x).T, np.array(u).T, np.array(flags).T
+
+
+def test_every_kind_has_a_formula() -> None:
+    assert set(NAMES) == set(FORMULAS)
+
+
+@pytest.mark.parametrize("kind", EVERY, ids=NAMES)
+def test_the_law_is_the_formula(kind: Kind) -> None:
+    law = kind.design(kind.example).law
+    free = 0.0
+    for seed in range(4):
+        rows = rows_of(law, 1500, seed)
+        _, u, flags = free_run(law, rows)
+        expected = FORMULAS[kind.name](kind.example, rows)
+        scale = np.array([wire.high - wire.low for wire in law.outputs])
+        assert np.max(np.abs(u - expected) / scale) < 1e-9
+        free += float(np.mean(flags == 0)) / 4
+    assert free > 0.05, "the output is not always at its limit"
+
+
+@pytest.mark.parametrize("kind", EVERY, ids=NAMES)
+def test_no_state_leaves_its_range_and_none_is_much_wider(kind: Kind) -> None:
+    law = kind.design(kind.example).law
+    random = np.random.default_rng(3)
+    low, high = (np.array([getattr(wire, end) for wire in law.inputs]) for end in ("low", "high"))
+    most = np.zeros(len(law.state))
+    for longest in (1, 10, 100, 1000):
+        steps = 6000
+        dwell = np.exp(random.uniform(0, np.log(longest + 1), steps)).astype(int) + 1
+        piece = np.repeat(np.arange(steps), dwell)[:steps]
+        rows = np.where(random.random((steps, len(low))) < 0.5, low, high)[piece]
+        x, _, _ = free_run(law, rows)
+        for k, state in enumerate(law.state):
+            assert state.low <= x[:, k].min() and x[:, k].max() <= state.high, state.name
+            most[k] = max(most[k], np.max(np.abs(x[:, k])) / max(abs(state.low), abs(state.high)))
+    assert all(np.isfinite([signal.low, signal.high]).all() for signal in law.state)
+    assert len(most) == 0 or most.min() > 0.02
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+@pytest.mark.parametrize("kind", EVERY, ids=NAMES)
+def test_program_and_c(kind: Kind, arithmetic: str) -> None:
+    """The program keeps bounds and distance; the C is the program; two instances do not touch; init starts over."""
+    law = kind.design(kind.example).law
+    program = lower(law, arithmetic)
+    blocks = stimuli(program, [], 6_000, 5)
+    traces = [run(program, block.inputs) for block in blocks]
+    assert leaves_bounds(program, blocks) == []
+    for rounded in measure_rounding(law, program, blocks, traces):
+        assert rounded.worst <= rounded.bound < np.inf
+
+    library = build_host(emit(program, "firmloop generate test.toml"), HOST)
+    one, other = LibraryLink(library, program), LibraryLink(library, program)
+    done = compare(program, one, blocks, traces, lambda fraction, label: None)
+    assert (done.steps, done.differences) == (6_000, 0)
+    lanes = [np.ascontiguousarray(lane[:200]) for lane in blocks[0].inputs[:2]]
+    size = lanes[0].itemsize * lanes[0].shape[1]
+    alone = []
+    for link, lane in zip((one, other), lanes, strict=True):
+        link.reset()
+        alone.append(link.step(lane.tobytes(), len(lane)))
+    one.reset()
+    other.reset()
+    mixed = [b"", b""]
+    for k in range(len(lanes[0])):
+        for i, link in enumerate((one, other)):
+            mixed[i] += link.step(lanes[i].tobytes()[k * size : (k + 1) * size], 1)
+    assert mixed == alone

@@ -1,0 +1,22 @@
+"""Choose golden vectors: short lanes of every character of stimulus, with what the reference answers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from quantize.program import Program
+from verify.reference import Raw, Trace, run
+from verify.stimuli import LANE_STEPS, stimuli
+
+STEPS = 60  # of a lane: enough to fill the state and to meet limits, few enough to read
+LANES = 2  # of each character
+SEED = 1
+DRAWN = 30 * LANE_STEPS  # steps to draw, so that every character has whole lanes
+
+
+def golden(program: Program) -> tuple[Raw, Trace]:
+    """Return raw inputs (lanes, STEPS, m) and the reference's run on them."""
+    blocks = [block.inputs for block in stimuli(program, [], DRAWN, SEED)]
+    whole = [inputs[:LANES, :STEPS] for inputs in blocks if inputs.shape[1] >= STEPS]
+    inputs = np.concatenate(whole)
+    return inputs, run(program, inputs)
