@@ -6,22 +6,16 @@ import os
 import struct
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from codegen.firmware import firmware
-from codegen.target import Target, load_target
+from codegen.target import load_target
 from tests.verify.tiny import tiny
 from verify.build import build_image
 from verify.links.framed import FramedLink
-from verify.links.semihosting import open_semihosting
-from verify.links.uart import open_qemu_uart
+from verify.links.opener import openers
 
 TARGET = load_target("qemu_mps2_an386")
-OPENERS: dict[str, Callable[[Target, Path, str], FramedLink]] = {
-    "semihosting": open_semihosting,
-    "uart": open_qemu_uart,
-}
 ROUNDS = 5  # the best one is told beside the median: the others shared the machine with something else
 SECONDS = 1.0  # per round
 ONE = struct.pack("<2f", 1.2345, -0.777)
@@ -40,12 +34,13 @@ def exchanges_per_second(link: FramedLink, steps: int) -> float:
 
 def measure(name: str) -> None:
     program, bundle = tiny(2.0)
+    opener = openers()[name]
     with tempfile.TemporaryDirectory() as folder:
-        image = build_image(firmware(program, bundle, TARGET, name), TARGET, Path(folder))
+        image = build_image(firmware(program, bundle, TARGET, opener.transport), TARGET, Path(folder))
         for steps in (1, 64):
             rates = []
             for _ in range(ROUNDS):
-                with OPENERS[name](TARGET, image.elf, program.id) as link:
+                with opener.open(TARGET, image.elf, program.id) as link:
                     rates.append(exchanges_per_second(link, steps))
             rates.sort()
             best, median = rates[-1], rates[ROUNDS // 2]
@@ -57,5 +52,5 @@ def measure(name: str) -> None:
 
 if __name__ == "__main__":
     print(f"load average {os.getloadavg()[0]:.2f} on {os.cpu_count()} processors")
-    for link_name in OPENERS:
+    for link_name in openers():
         measure(link_name)

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import shutil
 import subprocess
 from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from codegen.target import load_target, target_names
 from firmloop.console import Console, table
+from verify.links.ports import boards_at, find_ports
 
 NO_TOOL = 3
+PACKAGES = (
+    ("casadi", "plants and control laws"),
+    ("numpy", "all arithmetic"),
+    ("scipy", "fitting"),
+    ("control", "margins"),
+    ("jinja2", "printing C"),
+    ("pyserial", "boards"),
+    ("matplotlib", "figures of the report"),
+    ("h5py", "MATLAB 7.3 recordings"),
+    ("z3-solver", "the second proof of fixed-point ranges"),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """One program this machine has (`version`) or lacks (None); `needed_for` says who would miss it."""
+    """One program or package this machine has (`version`) or lacks (None); `needed_for` says who would miss it."""
 
     name: str
     version: str | None
@@ -27,22 +41,65 @@ class Tool:
 def targets(console: Console) -> int:
     """Show every target of targets/."""
     known = [load_target(name) for name in target_names()]
-    console.lines(table([(target.name, target.says) for target in known]))
-    console.result("targets", [{"name": target.name, "says": target.says, "core": target.core} for target in known])
+    ran = {"run": "run in the tests", "built": "only built and measured in the tests"}
+    console.lines(table([(target.name, target.says, ran[target.tested]) for target in known]))
+    facts = [(target.name, target.says, target.core, target.tested, target.links) for target in known]
+    console.result(
+        "targets", [dict(zip(("name", "says", "core", "tested", "links"), fact, strict=True)) for fact in facts]
+    )
+    return 0
+
+
+def ports(console: Console) -> int:
+    """Show every serial port, and the boards that it may belong to."""
+    known = [load_target(name) for name in target_names()]
+    found = [(port, boards_at(port, known)) for port in find_ports()]
+    console.lines(table([(port.device, port.usb or "-", port.says, ", ".join(boards)) for port, boards in found]))
+    if not found:
+        console.lines(["no serial port: is the board plugged in, and may you use it (group dialout)?"])
+    console.result("ports", [{**asdict(port), "targets": list(boards)} for port, boards in found])
     return 0
 
 
 def doctor(console: Console) -> int:
-    """Show what is here and what is not; status 3 if anything is not."""
-    tools = survey()
-    console.lines(
-        table([(tool.name, tool.version or f"MISSING: {tool.install}", f"({tool.needed_for})") for tool in tools])
-    )
+    """Show what is here and what is not; status 3 if anything that is needed is not."""
+    needed, extra = (*survey(), *packages()), comforts()
+    rows = [(tool.name, tool.version or f"MISSING: {tool.install}", f"({tool.needed_for})") for tool in needed]
+    rows += [(tool.name, tool.version or f"not here: {tool.install}", f"({tool.needed_for})") for tool in extra]
+    console.lines(table([("python", platform.python_version()), *rows]))
     console.result("python", platform.python_version())
-    console.result("tools", [asdict(tool) for tool in tools])
-    missing = [tool.name for tool in tools if tool.version is None]
+    console.result("tools", [asdict(tool) for tool in survey()])
+    console.result("packages", [asdict(tool) for tool in packages()])
+    console.result("comforts", [asdict(tool) for tool in extra])
+    refused = [port.device for port in find_ports() if not os.access(port.device, os.R_OK | os.W_OK)]
+    if refused:
+        console.lines([f"  not allowed: {', '.join(refused)}: sudo usermod -aG dialout $USER, then log in again"])
+    console.result("ports_refused", refused)
+    missing = [tool.name for tool in needed if tool.version is None]
     console.lines([f"missing: {', '.join(missing)}" if missing else "everything is here"])
     return NO_TOOL if missing else 0
+
+
+def packages() -> tuple[Tool, ...]:
+    """Every Python package that firmloop imports."""
+    found = []
+    for name, needed_for in PACKAGES:
+        try:
+            here: str | None = version(name)
+        except PackageNotFoundError:
+            here = None
+        found.append(Tool(name, here, needed_for, f"pip install {name}"))
+    return tuple(found)
+
+
+def comforts() -> tuple[Tool, ...]:
+    """Programs without which everything still works, with less comfort."""
+    return (
+        Tool("make", _version("make"), "the Makefile of an image", "apt-get install make"),
+        Tool("setpriv", _version("setpriv"), "ends QEMU when firmloop is killed", "apt-get install util-linux"),
+        Tool("pyocd", _version("pyocd"), "flashing a board", "pip install pyocd"),
+        Tool("openocd", _version("openocd"), "flashing a board, instead of pyocd", "apt-get install openocd"),
+    )
 
 
 def survey() -> tuple[Tool, ...]:

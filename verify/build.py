@@ -13,6 +13,7 @@ from codegen.bundle import CodegenError, write_files
 from codegen.firmware import LINK_FLAGS, compile_flags
 from codegen.target import Target
 from identify.compiler import compiler_version, run_compiler
+from verify.elf import check_start
 
 ELF = "image.elf"
 CONTROLLER = "controller/"  # where firmware() puts the controller's own files
@@ -62,6 +63,7 @@ def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         objects = list(pool.map(lambda source: _compile(target.compiler, flags, source, folder), sources))
     run_compiler([target.compiler, *flags, *objects, *LINK_FLAGS, "-o", ELF], folder)
+    check_start(folder / ELF, target)
     own = [name for name in objects if name.startswith(CONTROLLER)]
     graph = "\n".join((folder / name).with_suffix(".ci").read_text() for name in own)
     stack = stack_of(graph, "_step")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,31 +12,28 @@ from numpy.typing import NDArray
 
 from codegen.bundle import Bundle
 from codegen.firmware import firmware
-from codegen.target import Target
+from codegen.target import Target, load_target
 from design.law import Law
 from identify.compiler import compiler_version
 from quantize.program import Program
 from verify.build import Image, build_image
+from verify.closed_loop import LoopCheck, PlantLoop, check_loop
 from verify.compare import Comparison, compare
 from verify.cost import instructions
 from verify.explain import explain
 from verify.host import FLAGS, build_host, run_sanitized, total_steps
 from verify.links.framed import FramedLink
 from verify.links.library import LibraryLink
-from verify.links.semihosting import open_semihosting
-from verify.links.uart import open_port, open_qemu_uart
+from verify.links.opener import openers
+from verify.links.uart import open_port
 from verify.reference import Trace, run
 from verify.rounding import measure_rounding
-from verify.stimuli import Block, stimuli
-from verify.verdict import NO_COST, Cost, Difference, Verdict
+from verify.stimuli import Block, stimuli, to_physical
+from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Verdict, Worst
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-OPENERS: Mapping[str, Callable[[Target, Path, str], FramedLink]] = {
-    "semihosting": open_semihosting,
-    "uart": open_qemu_uart,
-}
 REFERENCE_SHARE = 0.4  # of the time, roughly: the rest is the target's
 
 
@@ -49,6 +47,7 @@ def verify(
     seed: int,
     port: str | None,
     progress: Progress,
+    loop: PlantLoop | None = None,
 ) -> Verdict:
     """Build the C for `target`, run it against the bit-exact reference and say whether every bit agreed.
 
@@ -60,6 +59,8 @@ def verify(
         generated stimuli, in controller steps
     port
         None for the target's usual link, the name of another of its links, or a port of a board that runs already
+    loop
+        what to close the loop with, on the host and then on the target; a step that is not the same counts as different
 
     Raises
     ------
@@ -71,10 +72,10 @@ def verify(
     for k, block in enumerate(blocks):
         progress(REFERENCE_SHARE * k / len(blocks), f"reference: {block.name}")
         traces.append(run(program, block.inputs))
-    proof = _Proof(program, bundle, target, blocks, traces, _later(progress))
+    proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop)
     if "library" in target.links:
         comparison, details = proof.on_host()
-    elif port is None or port in OPENERS:
+    elif port is None or port in openers():
         comparison, details = proof.on_emulator(port or target.links[0])
     else:
         comparison, details = proof.on_port(port)
@@ -90,11 +91,12 @@ def verify(
         seed=seed,
         stimuli=_count(blocks),
         saturated=_status_share(traces),
-        differences=comparison.differences,
-        first=_first(program, bundle, blocks, comparison),
+        differences=comparison.differences + (len(proof.looped.different) if proof.looped else 0),
+        first=_first(program, bundle, blocks, comparison) or _first_in_loop(program, proof.looped),
         rounding=measure_rounding(law, program, blocks, traces),
         cost=cost,
         sanitized=sanitized,
+        closed_loop=_closed_loop(proof.looped),
     )
 
 
@@ -112,8 +114,10 @@ class _Proof:
         blocks: Sequence[Block],
         traces: Sequence[Trace],
         progress: Progress,
+        loop: PlantLoop | None,
     ) -> None:
-        self.program, self.bundle, self.target = program, bundle, target
+        self.program, self.bundle, self.target, self.loop = program, bundle, target, loop
+        self.looped: LoopCheck | None = None
         self.blocks, self.traces, self.progress = blocks, traces, progress
 
     def on_host(self) -> tuple[Comparison, Details]:
@@ -126,24 +130,27 @@ class _Proof:
         flags = (*FLAGS, *self.target.flags)
         return comparison, ("library", compiler_version("gcc"), flags, NO_COST, sanitized)
 
-    def on_emulator(self, transport: str) -> tuple[Comparison, Details]:
-        files = firmware(self.program, self.bundle, self.target, transport)
+    def on_emulator(self, name: str) -> tuple[Comparison, Details]:
+        opener = openers()[name]
+        files = firmware(self.program, self.bundle, self.target, opener.transport)
         with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
             image = build_image(files, self.target, Path(folder))
-            with OPENERS[transport](self.target, image.elf, self.program.id) as link:
+            with opener.open(self.target, image.elf, self.program.id) as link:
                 comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
                 cost = self._cost(image, comparison, link)
-        return comparison, (transport, image.compiler, image.flags, cost, 0)
+                self._close_loop(link)
+        return comparison, (name, image.compiler, image.flags, cost, 0)
 
     def on_port(self, port: str) -> tuple[Comparison, Details]:
         with open_port(self.target, port, self.program.id) as link:
             comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
-        return comparison, (port, "unknown: the image ran already", (), NO_COST, 0)
+            cost = self._cycles(comparison, link) if self.target.counts_cycles else NO_COST
+            self._close_loop(link)
+        return comparison, (port, "unknown: the image ran already", (), cost, 0)
 
     def _cost(self, image: Image, comparison: Comparison, link: FramedLink) -> Cost:
         counts = instructions(comparison.ticks, link.hello().overhead_ticks, self.target)
-        first = np.ascontiguousarray(self.blocks[0].inputs[0])
-        stack = image.stack_bytes if image.stack_bytes is not None else link.stack(first.tobytes())
+        painted = self._painted(link)
         return Cost(
             instructions_max=int(counts.max()),
             instructions_mean=round(float(counts.mean()), 2),
@@ -151,8 +158,43 @@ class _Proof:
             text_bytes=image.controller.text_bytes,
             data_bytes=image.controller.data_bytes,
             bss_bytes=image.controller.bss_bytes,
-            stack_bytes=stack,
+            stack_bytes=image.stack_bytes if image.stack_bytes is not None else painted,
+            stack_painted_bytes=painted,
+            worst=self._worst(int(counts.argmax())),
         )
+
+    def _cycles(self, comparison: Comparison, link: FramedLink) -> Cost:
+        counts = comparison.ticks.astype(np.int64) - link.hello().overhead_ticks
+        painted = self._painted(link)
+        return replace(
+            NO_COST,
+            stack_bytes=painted,
+            stack_painted_bytes=painted,
+            cycles_max=int(counts.max()),
+            cycles_mean=round(float(counts.mean()), 2),
+            worst=self._worst(int(counts.argmax())),
+        )
+
+    def _close_loop(self, link: FramedLink) -> None:
+        if self.loop is not None:
+            host = LibraryLink(build_host(self.bundle, load_target("host")), self.program)
+            self.looped = check_loop(self.program, self.loop, host, link)
+
+    def _painted(self, link: FramedLink) -> int:
+        return link.stack(np.ascontiguousarray(self.blocks[0].inputs[0]).tobytes())
+
+    def _worst(self, step: int) -> Worst:
+        """Return what the step read; `step` counts through all lanes of all blocks."""
+        left = step
+        for block in self.blocks:
+            lanes, length, _ = block.inputs.shape
+            if left < lanes * length:
+                lane, at = divmod(left, length)
+                read = block.inputs[lane, at]
+                values = {v.name: float(to_physical(v, x)) for v, x in zip(self.program.inputs, read, strict=True)}
+                return Worst(step, f"{block.name} {lane}, step {at}", values)
+            left -= lanes * length
+        raise AssertionError("a step of no block")
 
 
 def _first(program: Program, bundle: Bundle, blocks: Sequence[Block], comparison: Comparison) -> Difference | None:
@@ -171,6 +213,29 @@ def _first(program: Program, bundle: Bundle, blocks: Sequence[Block], comparison
         unit=unit,
         operation=explain(program, bundle, lane, first.step, first.output),
     )
+
+
+def _first_in_loop(program: Program, looped: LoopCheck | None) -> Difference | None:
+    if looped is None or not looped.different:
+        return None
+    step, output = looped.different[0], program.outputs[0]
+    return Difference(
+        step=step,
+        lane=f"closed loop, step {step}",
+        output=output.name,
+        expected=float(looped.expected.command[step]),
+        got=float(looped.run.command[step]),
+        unit=output.unit,
+        operation="in the closed loop with the plant",
+    )
+
+
+def _closed_loop(looped: LoopCheck | None) -> ClosedLoop | None:
+    if looped is None:
+        return None
+    run = looped.run
+    columns = [tuple(column.tolist()) for column in (run.reference, run.measurement, run.command)]
+    return ClosedLoop(len(run.reference), len(looped.different), *columns)
 
 
 def _later(progress: Progress) -> Progress:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 
@@ -32,6 +32,15 @@ class Rounded:
 
 
 @dataclass(frozen=True, slots=True)
+class Worst:
+    """The step that took longest: which, and what it read, in the units of the inputs."""
+
+    step: int
+    lane: str
+    inputs: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Cost:
     """What one step costs; None where it was not measured."""
 
@@ -42,9 +51,24 @@ class Cost:
     data_bytes: int | None
     bss_bytes: int | None
     stack_bytes: int | None
+    stack_painted_bytes: int | None = None  # what the steps really wrote; stack_bytes is the compiler's sum where known
+    cycles_max: int | None = None  # of a real processor; an emulator knows none
+    cycles_mean: float | None = None
+    worst: Worst | None = None
 
 
 NO_COST = Cost(None, None, None, None, None, None, None)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoop:
+    """The controller on the target against the plant in this process; arrays one value a step, physical units."""
+
+    steps: int
+    differences: int  # steps at which it was not the run with the controller on the host, bit for bit
+    reference: Sequence[float]
+    measurement: Sequence[float]
+    command: Sequence[float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +90,7 @@ class Verdict:
     rounding: tuple[Rounded, ...]
     cost: Cost
     sanitized: int  # steps repeated under the undefined-behavior and address sanitizers; 0 where not done
+    closed_loop: ClosedLoop | None = None  # not run without a plant, nor on the host, which it is compared with
 
     @property
     def agrees(self) -> bool:
@@ -113,12 +138,24 @@ class Verdict:
                 "instructions_max": self.cost.instructions_max,
                 "instructions_mean": self.cost.instructions_mean,
                 "instructions_min": self.cost.instructions_min,
-                "cycles_max": None,
+                "cycles_max": self.cost.cycles_max,
+                "cycles_mean": self.cost.cycles_mean,
                 "text_bytes": self.cost.text_bytes,
                 "data_bytes": self.cost.data_bytes,
                 "bss_bytes": self.cost.bss_bytes,
                 "stack_bytes": self.cost.stack_bytes,
+                "stack_painted_bytes": self.cost.stack_painted_bytes,
             },
+            "worst_step": None
+            if self.cost.worst is None
+            else {
+                "step": self.cost.worst.step,
+                "lane": self.cost.worst.lane,
+                "inputs": {name: _finite(value) for name, value in self.cost.worst.inputs.items()},
+            },
+            "closed_loop": None
+            if self.closed_loop is None
+            else {"steps": self.closed_loop.steps, "differences": self.closed_loop.differences},
             "verdict": "agrees" if self.agrees else "differs",
         }
 

@@ -1,19 +1,25 @@
 /* board.h -- what main.c needs of a board: one startup, one timer, one transport, and a UART if the transport is one
  *
- * A new UART family is one file that defines the three uart_ functions; a new board is one TOML file of firmloop.
+ * A new UART family is one file that defines the four uart_ functions; a new board is one TOML file of firmloop.
  */
 #ifndef FIRMLOOP_BOARD_H
 #define FIRMLOOP_BOARD_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-/** One register of the board to change before anything else: value = (value & ~clear) | set. */
+/** One register of the board to change before anything else: value = (value & ~clear) | set, if either names a bit;
+ * then wait until the bits of `wait` are set. */
 typedef struct {
     uint32_t address;
     uint32_t clear;
     uint32_t set;
+    uint32_t wait;
 } fl_write_t;
+
+/* setup.c, where the target has registers to write */
+void board_setup(void);
 
 /* transport_*.c */
 void transport_open(void);
@@ -27,16 +33,27 @@ void transport_fail(void);
 
 /* timer_*.c */
 void timer_start(void);
+/** The reading that a measurement begins with; a narrow counter starts anew, so only one measurement runs at a time. */
+uint32_t timer_begin(void);
 /** Counts up, BOARD_TIMER_MASK wide. */
 uint32_t timer_now(void);
 
 /* uart_*.c */
 void uart_start(void);
+/** Waits until the transmitter takes the byte. */
 void uart_put(uint8_t byte);
+/** Whether uart_put() would not wait. */
+bool uart_ready(void);
 /** The next byte, or -1 if none has come. */
 int32_t uart_get(void);
 
+/* The user's own, with the UART driver `user` */
+bool board_putc(uint8_t byte);
+int board_getc(void);
+
 /* startup_*.c */
+/** Of a timer that has one; otherwise it is a fault. */
+void systick_handler(void);
 /** Fills the stack below the caller with a pattern. */
 void stack_paint(void);
 /** Bytes below the caller that were written since stack_paint(). */

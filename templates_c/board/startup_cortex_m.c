@@ -6,8 +6,6 @@
 
 #include "board.h"
 
-#define STACK_PATTERN 0xA5C35A3CUL
-
 /* Places given by the linker script; only their addresses mean anything. */
 extern uint32_t stack_bottom[];
 extern uint32_t stack_top[];
@@ -33,19 +31,25 @@ typedef struct {
 __attribute__((section(".vectors"), used)) const vector_table_t vector_table = {
     stack_top,
     {
-        reset_handler, fault_handler, /* NMI */
-        fault_handler,                /* HardFault */
-        fault_handler,                /* MemManage */
-        fault_handler,                /* BusFault */
-        fault_handler,                /* UsageFault */
-        0, 0, 0, 0,                   /* reserved */
-        fault_handler,                /* SVCall */
-        fault_handler,                /* DebugMonitor */
-        0,                            /* reserved */
-        fault_handler,                /* PendSV */
-        fault_handler,                /* SysTick */
+        reset_handler,
+        fault_handler, /* NMI */
+        fault_handler, /* HardFault */
+        fault_handler, /* MemManage */
+        fault_handler, /* BusFault */
+        fault_handler, /* UsageFault */
+        0,
+        0,
+        0,
+        0,             /* reserved */
+        fault_handler, /* SVCall */
+        fault_handler, /* DebugMonitor */
+        0,             /* reserved */
+        fault_handler, /* PendSV */
+        systick_handler,
     },
 };
+
+void systick_handler(void) __attribute__((weak, alias("fault_handler")));
 
 /* The compiler may use floating-point registers in any C function, so the unit is switched on before the first one. */
 __attribute__((naked, used)) void reset_handler(void) {
@@ -56,6 +60,13 @@ __attribute__((naked, used)) void reset_handler(void) {
                      "str r1, [r0]\n"
                      "dsb\n"
                      "isb\n");
+#endif
+#if !defined(__ARM_ARCH_6M__)
+    /* An image that a boot loader or a debugger started may find the vectors of another one in force. */
+    __asm__ volatile("ldr r0, =0xE000ED08\n" /* VTOR */
+                     "ldr r1, =vector_table\n"
+                     "str r1, [r0]\n"
+                     "dsb\n");
 #endif
     __asm__ volatile("ldr r0, =stack_top\n"
                      "mov sp, r0\n"
@@ -122,21 +133,35 @@ __attribute__((used, noreturn)) void fault_report(const uint32_t *frame, uint32_
     }
 }
 
-/* Both are leaves without a frame of their own, so the caller's stack pointer is where the painted stack begins. */
-void stack_paint(void) {
-    const uint32_t *const top = (const uint32_t *)__builtin_dwarf_cfa();
-    for (volatile uint32_t *word = stack_bottom; word < top; word++) {
-        *word = STACK_PATTERN;
-    }
+/* In assembly because both have to know that they put nothing of their own below the caller's stack pointer; a compiler
+ * may save a register there, as it does on ARMv8.1-M to count a loop. */
+__attribute__((naked)) void stack_paint(void) {
+    __asm__ volatile(".syntax unified\n"
+                     "ldr r0, =stack_bottom\n"
+                     "mov r1, sp\n"
+                     "ldr r2, =0xA5C35A3C\n"
+                     "1: cmp r0, r1\n"
+                     "bhs 2f\n"
+                     "str r2, [r0]\n"
+                     "adds r0, r0, #4\n"
+                     "b 1b\n"
+                     "2: bx lr\n");
 }
 
-uint32_t stack_depth(void) {
-    const uint32_t *const top = (const uint32_t *)__builtin_dwarf_cfa();
-    const volatile uint32_t *word = stack_bottom;
-    while (word < top && *word == STACK_PATTERN) {
-        word++;
-    }
-    return (uint32_t)((uintptr_t)top - (uintptr_t)word);
+__attribute__((naked)) uint32_t stack_depth(void) {
+    __asm__ volatile(".syntax unified\n"
+                     "ldr r1, =stack_bottom\n"
+                     "mov r2, sp\n"
+                     "ldr r3, =0xA5C35A3C\n"
+                     "1: cmp r1, r2\n"
+                     "bhs 2f\n"
+                     "ldr r0, [r1]\n"
+                     "cmp r0, r3\n"
+                     "bne 2f\n"
+                     "adds r1, r1, #4\n"
+                     "b 1b\n"
+                     "2: subs r0, r2, r1\n"
+                     "bx lr\n");
 }
 
 /* The compiler calls these two by name for structures and buffers; there is no C library to take them from. Volatile

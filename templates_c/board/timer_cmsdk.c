@@ -16,6 +16,10 @@ void timer_start(void) {
     TIMER_CTRL = 1U;
 }
 
+uint32_t timer_begin(void) {
+    return ~TIMER_VALUE;
+}
+
 uint32_t timer_now(void) {
     return ~TIMER_VALUE;
 }

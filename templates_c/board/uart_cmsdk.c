@@ -18,9 +18,13 @@ void uart_start(void) {
 }
 
 void uart_put(uint8_t byte) {
-    while ((UART_STATE & STATE_TX_FULL) != 0U) {
+    while (!uart_ready()) {
     }
     UART_DATA = byte;
+}
+
+bool uart_ready(void) {
+    return (UART_STATE & STATE_TX_FULL) == 0U;
 }
 
 int32_t uart_get(void) {

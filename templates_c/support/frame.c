@@ -4,6 +4,37 @@
  */
 #include "frame.h"
 
+#include <string.h>
+
+#define MASK_4 (0x01010101UL * FRAME_MASK)
+
+/* Four bytes at once, wherever they lie; a core that can read them unaligned does so in one instruction. */
+static uint32_t load_4(const uint8_t *bytes) {
+    uint32_t word;
+    memcpy(&word, bytes, sizeof word);
+    return word;
+}
+
+static void store_4(uint8_t *bytes, uint32_t word) {
+    memcpy(bytes, &word, sizeof word);
+}
+
+/* Mycroft's test: a byte that is zero borrows from above and has its top bit clear. */
+static bool has_zero(uint32_t word) {
+    return ((word - 0x01010101UL) & ~word & 0x80808080UL) != 0U;
+}
+
+size_t frame_find_zero(const uint8_t *bytes, size_t begin, size_t end) {
+    size_t at = begin;
+    while (end - at >= 4U && !has_zero(load_4(bytes + at))) {
+        at += 4U;
+    }
+    while (at < end && bytes[at] != 0U) {
+        at++;
+    }
+    return at;
+}
+
 uint32_t frame_crc32(const uint8_t *bytes, size_t count) {
     static const uint32_t table[256] = {
         0x00000000UL, 0x77073096UL, 0xEE0E612CUL, 0x990951BAUL, 0x076DC419UL, 0x706AF48FUL, 0xE963A535UL, 0x9E6495A3UL,
@@ -40,7 +71,16 @@ uint32_t frame_crc32(const uint8_t *bytes, size_t count) {
         0xB3667A2EUL, 0xC4614AB8UL, 0x5D681B02UL, 0x2A6F2B94UL, 0xB40BBE37UL, 0xC30C8EA1UL, 0x5A05DF1BUL, 0x2D02EF8DUL,
     };
     uint32_t crc = 0xFFFFFFFFUL;
-    for (size_t i = 0; i < count; i++) {
+    size_t i = 0;
+    while (count - i >= 4U) {
+        crc ^= load_4(bytes + i);
+        crc = (crc >> 8) ^ table[crc & 0xFFU];
+        crc = (crc >> 8) ^ table[crc & 0xFFU];
+        crc = (crc >> 8) ^ table[crc & 0xFFU];
+        crc = (crc >> 8) ^ table[crc & 0xFFU];
+        i += 4U;
+    }
+    for (; i < count; i++) {
         crc = (crc >> 8) ^ table[(crc ^ bytes[i]) & 0xFFU];
     }
     return ~crc;
@@ -49,8 +89,17 @@ uint32_t frame_crc32(const uint8_t *bytes, size_t count) {
 size_t frame_stuff(const uint8_t *bytes, size_t count, uint8_t *block) {
     size_t code_at = 0;
     size_t end = 1;
-    for (size_t i = 0; i < count; i++) {
+    size_t i = 0;
+    while (i < count) {
+        const uint32_t word = (count - i >= 4U) ? load_4(bytes + i) ^ MASK_4 : 0U;
+        if (end - code_at <= 250U && !has_zero(word)) {
+            store_4(block + end, word);
+            end += 4U;
+            i += 4U;
+            continue;
+        }
         const uint8_t byte = bytes[i] ^ FRAME_MASK;
+        i++;
         if (byte != 0U) {
             block[end] = byte;
             end++;
@@ -73,7 +122,13 @@ size_t frame_unstuff(uint8_t *block, size_t count) {
         if (code == 0U || code > count - in) {
             return SIZE_MAX;
         }
-        for (size_t i = 1; i < code; i++) {
+        size_t i = 1;
+        while (code - i >= 4U) {
+            store_4(block + out, load_4(block + in + i) ^ MASK_4);
+            out += 4U;
+            i += 4U;
+        }
+        for (; i < code; i++) {
             block[out] = block[in + i] ^ FRAME_MASK;
             out++;
         }

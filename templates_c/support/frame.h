@@ -32,6 +32,9 @@ typedef struct {
     const uint8_t *payload;
 } fl_message_t;
 
+/** The place of the first zero byte from `begin` on, `end` if there is none before it. */
+size_t frame_find_zero(const uint8_t *bytes, size_t begin, size_t end);
+
 /** CRC-32 (IEEE 802.3, reflected 0xEDB88320, as in zlib). */
 uint32_t frame_crc32(const uint8_t *bytes, size_t count);
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -30,13 +31,20 @@ _HELLO = struct.Struct("<IHHHHI16s")
 _DEPTH = struct.Struct("<I")
 COST_BYTES = 8  # status and ticks of one step
 NOISE_MOST = 1 << 18  # bytes without a zero byte that are kept; longer than any frame
-REPEATS_MOST = 16  # of one request when the far end says at once that it came damaged
 
 
 class FramedLink:
     """A controller behind a byte stream that may lose, damage or repeat bytes."""
 
-    def __init__(self, stream: Stream, where: str, program_id: str, timeout: float, attempts: int) -> None:
+    def __init__(
+        self,
+        stream: Stream,
+        where: str,
+        program_id: str,
+        timeout: float,
+        attempts: int,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         """Greet the far end and check that it runs the program `program_id`; close the stream if that fails.
 
         Parameters
@@ -47,11 +55,14 @@ class FramedLink:
             s, for the reply to one attempt
         attempts
             how often a request without a reply is sent
+        clock
+            tells the time in s by which replies are late
         """
         self._stream = stream
         self._where = where
         self._timeout = timeout
         self._attempts = attempts
+        self._clock = clock
         self._pending = b""  # what came after the last zero byte
         self._blocks: list[bytes] = []  # complete blocks nobody looked at yet
         self._sequence = os.urandom(1)[0]
@@ -130,7 +141,7 @@ class FramedLink:
         self._sequence = sequence = (self._sequence + 1) & 0xFF
         frame = seal(kind, sequence, payload)
         self._stream.write(frame)
-        begin = time.monotonic()
+        begin = self._clock()
         data = self._stream.read(self._timeout)
         # Nearly always one whole frame comes at once: spare it the general way, which costs as much as all the rest.
         if data.count(0) == 2 and data[0] == 0 == data[-1] and not self._blocks and not self._pending:
@@ -145,12 +156,12 @@ class FramedLink:
 
     def _converse(self, kind: int, sequence: int, frame: bytes, begin: float) -> bytes:
         """Wait for the reply to a request first sent at `begin`, sending it again as often as allowed."""
-        repeats = 0
         for attempt in range(self._attempts):
             if attempt:
                 self._stream.write(frame)
-                begin = time.monotonic()
+                begin = self._clock()
             deadline = begin + self._timeout
+            damaged = False
             while (message := self._receive(deadline)) is not None:
                 found, number, reply = message
                 if found == kind | REPLY and number == sequence and self._is_ours(kind, reply):
@@ -159,8 +170,10 @@ class FramedLink:
                     continue  # a late reply to an earlier request
                 reason = reply[0] if reply else 0
                 if reason == NAK_DAMAGED:
-                    if repeats < REPEATS_MOST:
-                        repeats += 1
+                    # It may speak of noise before our request, whose reply then comes behind it; and one such noise
+                    # may be many blocks. So the request is sent again once, and when nothing else is at hand.
+                    if not damaged and not self._blocks:
+                        damaged = True
                         self._stream.write(frame)
                 elif number == sequence:
                     raise LinkError(self._refusal(reason))
@@ -188,7 +201,7 @@ class FramedLink:
                 except FrameError:
                     if block.startswith(b"FAULT "):
                         raise LinkError(f"{self._where}: the image faulted: {_printable(block)}") from None
-            left = deadline - time.monotonic()
+            left = deadline - self._clock()
             if left <= 0:
                 return None
             self._take(self._stream.read(left))

@@ -43,6 +43,7 @@ class QemuProcess:
             *arguments,
             *("-kernel", str(elf.resolve())),
         ]
+        self.machine = qemu.machine
         self._words = folder / "words"
         with self._words.open("wb") as words:
             self._process = subprocess.Popen(
@@ -60,12 +61,16 @@ class QemuProcess:
         """Say whether it runs."""
         return self._process.poll() is None
 
+    def words(self) -> str:
+        """Return what it has said so far."""
+        return self._words.read_text(errors="replace") if self._words.exists() else ""
+
     def fate(self) -> str:
         """Say how it ended, in its own words."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(PATIENCE)
         status = self._process.poll()
-        words = " ".join(self._words.read_text(errors="replace").split()) if self._words.exists() else ""
+        words = " ".join(self.words().split())
         quoted = f": {words[:QUOTED]}" if words else ""
         if status is None:
             return f"QEMU still runs but its line is closed{quoted}"

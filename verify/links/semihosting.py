@@ -14,6 +14,7 @@ from codegen.target import Target
 from verify.links import LinkError
 from verify.links.affinity import share_one_processor
 from verify.links.framed import FramedLink
+from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import PipeStream
 
@@ -76,3 +77,6 @@ def _open_writer(pipe: Path, process: QemuProcess, where: str) -> int:
         if time.monotonic() > deadline:
             raise LinkError(f"{where}: the image did not open its pipe within {OPENING:g} s: rebuild the image")
         time.sleep(0.002)
+
+
+LINK = Opener("semihosting", "semihosting", open_semihosting)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from codegen.target import Target
 from verify.links.framed import FramedLink
+from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import open_serial
 
@@ -72,3 +73,6 @@ def open_port(target: Target, url: str, program_id: str) -> FramedLink:
     baud = target.uart.baud if target.uart is not None else DEFAULT_BAUD
     stream = open_serial(url, baud, PORT_TIMEOUT, fate, nothing)
     return FramedLink(stream, where, program_id, PORT_TIMEOUT, PORT_ATTEMPTS)
+
+
+LINK = Opener("uart", "uart", open_qemu_uart)

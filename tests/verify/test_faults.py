@@ -1,0 +1,150 @@
+"""A slice of bench/faults.py, and what the whole command does when the far end is not what it should be."""
+
+from __future__ import annotations
+
+import os
+import pty
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from bench.faults import ATTEMPTS, TIMEOUT, run
+from firmloop.cli import main
+from tests.verify.wild import WildLine, build_image_library
+from verify.links import uart
+
+PROJECT = """\
+schema = 1
+name = "wheel"
+[controller]
+kind = "pid"
+period_s = 0.001
+kp = 0.05
+ki = 1.4
+[signals]
+reference = { unit = "rad/s", low = -400, high = 400 }
+measurement = { unit = "rad/s", low = -400, high = 400 }
+output = { unit = "V", low = -12, high = 12 }
+[arithmetic]
+number = "fixed"
+bits = 32
+[target]
+names = ["nucleo_f411re"]
+"""
+
+
+@pytest.mark.parametrize("share", [0.02, 0.15, 0.4])
+def test_no_wrong_value_and_no_hang(share: float, tmp_path: Path) -> None:
+    library = build_image_library(tmp_path)
+    line = WildLine(library, share, seed=7)
+    tally = run(line, library, 5_000, seed=7)
+    assert tally.harmed > 100 and tally.restarts == 5 and tally.resets_noticed >= 1
+    assert tally.wrong == 0
+    assert tally.clean_repeats <= 1
+    assert tally.longest <= TIMEOUT * ATTEMPTS
+    assert tally.given_up == 0 or share > 0.15
+
+
+@contextmanager
+def garbage() -> Iterator[str]:
+    """A port that answers whatever comes with what a wrong baud rate makes of it."""
+    master, slave = pty.openpty()
+    dice = random.Random(1)
+
+    def answer() -> None:
+        while True:
+            try:
+                count = len(os.read(master, 4096))
+                os.write(master, dice.randbytes(count))
+            except OSError:
+                return
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    try:
+        yield os.ttyname(slave)
+    finally:
+        os.write(slave, b"\n")
+        os.close(slave)
+        time.sleep(0.05)
+        os.close(master)
+        thread.join(2.0)
+
+
+def test_a_wrong_baud_rate_ends_with_status_3(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(uart, "PORT_TIMEOUT", 0.3)
+    (tmp_path / "wheel.toml").write_text(PROJECT)
+    begin = time.monotonic()
+    with garbage() as port:
+        status = main(["verify", str(tmp_path / "wheel.toml"), "--out", str(tmp_path / "out"), "--port", port])
+    assert status == 3
+    assert "no reply within 4 attempts of 0.3 s: check that the image runs, the baud rate" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert time.monotonic() - begin < 20.0
+
+
+def test_a_board_without_its_port_says_what_to_give(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "wheel.toml").write_text(PROJECT)
+    assert main(["verify", str(tmp_path / "wheel.toml"), "--out", str(tmp_path / "out"), "--steps", "100"]) == 3
+    assert "give the port of the board with --port" in capsys.readouterr().err
+
+
+def start_verify(folder: Path, steps: int) -> subprocess.Popen[str]:
+    """Start a verification in QEMU as a program of its own, whose temporary files are in `folder`."""
+    (folder / "wheel.toml").write_text(PROJECT)
+    command = [sys.executable, "-m", "firmloop", "verify", str(folder / "wheel.toml"), "--out", str(folder / "out")]
+    return subprocess.Popen(
+        [*command, "--target", "qemu_mps2_an386", "--steps", str(steps)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[2])},
+    )
+
+
+def emulator_of(folder: Path, deadline: float) -> int:
+    """Wait for the emulator that runs in a private folder there; 0 if none does until then."""
+    while time.monotonic() < deadline:
+        for process in Path("/proc").iterdir():
+            try:
+                name = process.name
+                if name.isdigit() and str(folder) in os.readlink(process / "cwd") and "to_host" in held(process):
+                    return int(name)
+            except OSError:
+                continue
+        time.sleep(0.02)
+    return 0
+
+
+def held(process: Path) -> str:
+    """The names of what a process has open."""
+    return " ".join(os.readlink(file) for file in (process / "fd").iterdir())
+
+
+@pytest.mark.qemu
+@pytest.mark.parametrize("victim", ["emulator", "host"])
+def test_who_is_killed_midway_leaves_nothing_and_the_next_run_works(victim: str, tmp_path: Path) -> None:
+    with start_verify(tmp_path, 100_000) as run_midway:
+        emulator = emulator_of(tmp_path, time.monotonic() + 60.0)
+        assert emulator, "no emulator came up"
+        os.kill(emulator if victim == "emulator" else run_midway.pid, signal.SIGKILL)
+        _, said = run_midway.communicate(timeout=30.0)
+    if victim == "emulator":
+        assert run_midway.returncode == 3
+        assert "QEMU ended with status -9; run again" in said
+        assert not list(tmp_path.glob("firmloop*"))
+    assert not (tmp_path / "out").exists()
+    assert emulator_of(tmp_path, time.monotonic() + 0.5) == 0
+    with start_verify(tmp_path, 500) as again:
+        again.communicate(timeout=60.0)
+    assert again.returncode == 0 and (tmp_path / "out" / "verdict.json").is_file()

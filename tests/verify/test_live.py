@@ -1,0 +1,159 @@
+"""A controller that runs by itself: its samples are those of its steps, it never waits, and what is lost is counted."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.live import SIGNALS, TARGET, running
+from codegen.bundle import CodegenError
+from codegen.emit import emit
+from codegen.firmware import live_firmware
+from codegen.target import load_target, target_names
+from firmloop.cli import main
+from firmloop.monitor import stream
+from firmloop.pipeline import design, generate, plant_of
+from firmloop.project import read_project
+from identify.recording import read_recording
+from quantize.lower import lower
+from tests.laws import FULL, pid
+from verify.build import build_image
+from verify.links import LinkError
+from verify.links.live import open_live_port
+from verify.reference import run
+
+PROJECT = """\
+schema = 1
+name = "tank"
+[recordings]
+train = ["seen.csv"]
+test = ["again.csv"]
+[plant]
+kind = "first_order"
+input = "voltage_V"
+outputs = ["temperature_C"]
+[plant.parameters]
+gain = { value = 10.0, free = true }
+time_constant_s = { value = 1.0, free = true }
+delay_s = { value = 0.0, free = false }
+[controller]
+kind = "pid"
+period_s = 0.001
+kp = 0.05
+ki = 0.4
+[signals]
+reference = { unit = "degC", low = -400, high = 400 }
+measurement = { unit = "degC", low = -400, high = 400 }
+output = { unit = "V", low = -12, high = 12 }
+[arithmetic]
+number = "float32"
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "tank.toml").write_text(PROJECT)
+    return tmp_path / "tank.toml"
+
+
+@pytest.mark.qemu
+def test_what_is_watched_is_what_the_reference_computes() -> None:
+    """From the samples alone: the inputs seen, fed to the bit-exact reference, give the outputs seen."""
+    program = lower(pid({"kp": 0.05}), "float32")  # has no state, so that any first sample will do
+    with running(program) as port, open_live_port(TARGET, port, program) as link:
+        seen = stream(link, SIGNALS, 2, 400, None)
+        state = link.state()
+    rows = seen.rows
+    assert (seen.lost_in_image, seen.lost_on_line, state.late) == (0, 0, 0)
+    assert len(rows) == 200 and (np.diff(rows["step"]) == 2).all()
+    inputs = np.stack([rows["reference"], rows["measurement"]], axis=-1)
+    trace = run(program, inputs[None])
+    np.testing.assert_array_equal(trace.outputs[0, :, 0], rows["output"])
+    np.testing.assert_array_equal(trace.status[0], rows["status"])
+
+
+@pytest.mark.qemu
+def test_a_line_that_stalls_costs_samples_and_no_step() -> None:
+    program = lower(pid(FULL), "float32")
+    with running(program) as port, open_live_port(TARGET, port, program) as link:
+        for pause in (1.5, 3.0, 6.0, 12.0):
+            link.watch(SIGNALS, 1)
+            before = link.state()
+            time.sleep(pause)  # nobody reads: the terminal's memory fills, then the ring
+            behind = link.state()
+            if behind.lost:
+                break
+        parts = [part for _ in range(20) for part in link.samples(0.1)]
+        seen = stream(link, ("output",), 1, 100, None)
+        after = link.state()
+    assert behind.steps - before.steps > behind.lost
+    assert behind.lost > 0 and behind.late == after.late == 0
+    numbers = np.concatenate([part.rows["step"] for part in parts])
+    gaps = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
+    assert 0 < gaps <= behind.lost + after.lost
+    assert (len(seen.rows), seen.lost_in_image, seen.lost_on_line) == (100, 0, 0)
+
+
+@pytest.mark.qemu
+def test_the_recording_is_one_that_identify_reads(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read = read_project(project)
+    program = generate(read, design(read, plant_of(read)), "test").program
+    with running(program) as port:
+        command = ["monitor", str(project), "--port", port, "--target", TARGET.name, "--seconds", "1.5"]
+        assert main([*command, "--out", str(tmp_path / "seen.csv")]) == 0
+        said = capsys.readouterr().out
+        assert main([*command, "--out", str(tmp_path / "again.csv")]) == 0
+        assert main([*command, "--out", str(tmp_path / "no.csv"), "--signals", "speed"]) == 2
+    assert "1,500 samples of reference, measurement, output" in said
+    assert "lost: 0 in the image, 0 on the line" in said
+    recording = read_recording(tmp_path / "seen.csv", {})
+    assert set(recording.columns) == {"reference_C", "temperature_C", "voltage_V"}
+    assert main(["identify", str(project), "--out", str(tmp_path / "fit")]) == 0
+    fitted = read_project(tmp_path / "fit" / "project.toml")
+    parameters = {parameter.name: parameter.value for parameter in plant_of(fitted).parameters}
+    assert parameters["gain"] == pytest.approx(40.0, rel=0.02)
+    assert parameters["time_constant_s"] == pytest.approx(0.1, rel=0.03)
+
+
+@pytest.mark.qemu
+def test_another_program_and_a_dead_line_are_told() -> None:
+    program = lower(pid(FULL), "float32")
+    with running(program) as port:
+        with pytest.raises(LinkError, match=r"the image runs program .* flash it again"):
+            open_live_port(TARGET, port, lower(pid(FULL), "float64"))
+    with pytest.raises(LinkError, match="cannot be opened"):
+        open_live_port(TARGET, port, program)
+
+
+@pytest.mark.cross
+@pytest.mark.parametrize("name", [name for name in target_names() if load_target(name).uart is not None])
+def test_a_live_image_builds_for_every_board(name: str, tmp_path: Path) -> None:
+    target, program = load_target(name), lower(pid(FULL), "fixed32")
+    own = {"io.c": f"{INPUT_OUTPUT.format(name=program.name)}"}
+    image = build_image(live_firmware(program, emit(program, "test"), target, own), target, tmp_path)
+    assert image.whole.text_bytes < 8_192
+
+
+INPUT_OUTPUT = """\
+#include "live.h"
+void live_read({name}_in_t *in) {{
+    in->reference = 0;
+    in->measurement = 0;
+}}
+void live_write(const {name}_out_t *out) {{
+    (void)out;
+}}
+"""
+
+
+def test_a_period_that_cannot_be_timed_is_refused() -> None:
+    program = lower(pid(FULL), "float32")
+    with pytest.raises(CodegenError, match="target host has no UART to watch it by"):
+        live_firmware(program, emit(program, "test"), load_target("host"), {})
+    with pytest.raises(CodegenError, match=r"is called live\.c, as the image's own is"):
+        live_firmware(program, emit(program, "test"), TARGET, {"live.c": ""})

@@ -1,0 +1,71 @@
+"""An image in QEMU behind a pseudo-terminal, which looks to a program as a board's serial port does."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from codegen.target import Target
+from verify.links import LinkError
+from verify.links.framed import FramedLink
+from verify.links.opener import Opener
+from verify.links.qemu import QemuProcess, qemu_of
+from verify.links.stream import open_serial
+from verify.links.uart import DEFAULT_BAUD, QEMU_ATTEMPTS, QEMU_TIMEOUT
+
+OPENING = 10.0  # s until QEMU must have said which terminal it took; it takes some 0.1 s
+
+
+def open_qemu_pty(target: Target, elf: Path, program_id: str) -> FramedLink:
+    """Run the image `elf` in QEMU and greet it over a pseudo-terminal.
+
+    Raises
+    ------
+    LinkError
+        when QEMU or the image dies, does not answer, or runs another program.
+    ToolError
+        when QEMU is not installed.
+    """
+    process, path = start_on_terminal(target, elf)
+    where = f"pseudo-terminal {path} of QEMU {process.machine}"
+
+    def fate() -> str:
+        return f"{where}: {process.fate()}"
+
+    with ExitStack() as undo:
+        undo.callback(process.stop)
+        stream = open_serial(path, DEFAULT_BAUD, QEMU_TIMEOUT, fate, process.stop)
+        undo.pop_all()
+    return FramedLink(stream, where, program_id, QEMU_TIMEOUT, QEMU_ATTEMPTS)
+
+
+def start_on_terminal(target: Target, elf: Path) -> tuple[QemuProcess, str]:
+    """Run the image `elf` and return the emulator, to be stopped by the caller, with the path of its terminal."""
+    with ExitStack() as undo:
+        folder = Path(tempfile.mkdtemp(prefix="firmloop."))
+        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        process = QemuProcess(qemu_of(target), elf, ("-serial", "pty"), (), folder)
+        undo.callback(process.stop)
+        path = _terminal(process, process.machine)
+        undo.pop_all()
+    return process, path
+
+
+def _terminal(process: QemuProcess, machine: str) -> str:
+    """Wait until QEMU says which pseudo-terminal it took."""
+    deadline = time.monotonic() + OPENING
+    while time.monotonic() < deadline:
+        found = re.search(r"redirected to (/\S+) ", process.words())
+        if found:
+            return found.group(1)
+        if not process.running():
+            break
+        time.sleep(0.005)
+    raise LinkError(f"pseudo-terminal of QEMU {machine}: {process.fate()}")
+
+
+LINK = Opener("pty", "uart", open_qemu_pty)
