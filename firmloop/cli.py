@@ -16,6 +16,7 @@ import threading
 import traceback
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -60,7 +61,9 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.verb in ("targets", "doctor"):
         from firmloop import machine
 
-        return machine.targets(console) if arguments.verb == "targets" else machine.doctor(console)
+        if arguments.verb == "doctor":
+            return machine.doctor(console)
+        return machine.ports(console) if arguments.ports else machine.targets(console)
 
     from firmloop.project import read_project
 
@@ -70,6 +73,28 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
 
         targets = campaign_targets(project, arguments.target or ())
         campaign = Campaign(targets, arguments.steps, arguments.seed, arguments.port)
+        if arguments.verb == "verify":
+            campaign = replace(campaign, baseline=arguments.baseline, growth=arguments.growth)
+
+    if arguments.verb == "diagnose":
+        from firmloop.diagnosis import diagnose_project
+
+        return diagnose_project(project, arguments.out, console)
+
+    if arguments.verb == "flash":
+        from firmloop.flash import flash
+        from firmloop.project import campaign_targets
+
+        name = campaign_targets(project, (arguments.target,))[0]
+        return flash(project, name, arguments.live, arguments.out, console)
+    if arguments.verb == "monitor":
+        from firmloop.monitor import Watch, monitor
+        from firmloop.project import campaign_targets
+
+        name = campaign_targets(project, (arguments.target,))[0]
+        names = tuple(part.strip() for part in arguments.signals.split(",") if part.strip())
+        watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds)
+        return monitor(project, watch, arguments.out, console)
 
     from firmloop import verbs
 
@@ -154,6 +179,7 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--fit-initial", action="store_true", help="fit the initial state instead of starting at rest"
     )
+    _verb(verbs, "diagnose", "say where simulation and recordings differ and why; DIR/diagnosis.json, DIR/report.html")
     _verb(verbs, "design", "tune the controller; margins and step metrics")
     _verb(verbs, "generate", "write the controller's C and DIR/manifest.json")
     for name, says in (
@@ -171,12 +197,34 @@ def _parser() -> argparse.ArgumentParser:
         verb.add_argument(
             "--seed", type=_seed, default=SEED, metavar="N", help=f"seed of the noise stimuli (default {SEED})"
         )
+        if name == "verify":
+            verb.add_argument(
+                "--baseline", type=Path, metavar="FILE", help="an older verdict.json; status 1 if a cost has grown"
+            )
+            verb.add_argument(
+                "--growth", type=_percent, default=2.0, metavar="PERCENT", help="that a cost may grow by (default 2)"
+            )
+
+    flash = _verb(verbs, "flash", "build the image of a board and put it there; DIR/image.elf")
+    flash.add_argument("--target", required=True, metavar="NAME", help="the board, as `firmloop targets` calls it")
+    flash.add_argument("--live", type=Path, metavar="FILE.c", help="run by itself on the two functions of this file")
+    watch = _verb(verbs, "monitor", "watch a controller that runs by itself; FILE.csv is a recording", "FILE.csv")
+    watch.add_argument("--target", required=True, metavar="NAME", help="the board, as `firmloop targets` calls it")
+    watch.add_argument(
+        "--port", required=True, metavar="URL", help="where it is: /dev/ttyACM0, COM3, socket://host:port"
+    )
+    watch.add_argument("--signals", default="", metavar="A,B", help="inputs, outputs, status (default all but status)")
+    watch.add_argument("--every", type=_steps, default=1, metavar="N", help="only every Nth step (default 1)")
+    watch.add_argument("--seconds", type=_seconds, default=10.0, metavar="S", help="how long (default 10)")
 
     for name, says in (
         ("targets", "what can be built for"),
         ("doctor", "what this machine has and lacks, with the install command"),
     ):
-        _json(verbs.add_parser(name, help=says, description=says, allow_abbrev=False))
+        verb = verbs.add_parser(name, help=says, description=says, allow_abbrev=False)
+        _json(verb)
+        if name == "targets":
+            verb.add_argument("--ports", action="store_true", help="the serial ports of this machine instead")
     return parser
 
 
@@ -206,6 +254,24 @@ def _steps(text: str) -> int:
 
 def _seed(text: str) -> int:
     return _whole(text, 0, 2**63 - 1)
+
+
+def _percent(text: str) -> float:
+    return _number(text, 0.0, 1000.0)
+
+
+def _seconds(text: str) -> float:
+    return _number(text, 0.001, 1e6)
+
+
+def _number(text: str, low: float, high: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = low - 1.0
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not a number from {low:g} to {high:g}")
+    return value
 
 
 def _whole(text: str, low: int, high: int) -> int:

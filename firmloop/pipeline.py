@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,31 +14,37 @@ from numpy.typing import NDArray
 
 from codegen.bundle import Bundle, CodegenError
 from codegen.emit import emit, manifest
+from codegen.package import package
 from codegen.target import load_target
 from design.kinds import Design
 from design.kinds import design as design_law
 from design.law import DesignError
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
+from design.roles import reference_and_measurement
 from firmloop.project import Campaign, Project, check_units
 from identify.compiler import ToolError
 from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
-from identify.kinds import make_plant
 from identify.linear import linearize
 from identify.plant import IdentifyError, Plant
+from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
 from quantize.lower import lower
 from quantize.program import Program, QuantizeError
 from quantize.proof import proof
 from verify.checker import Checked, ProofError, check_proof
+from verify.closed_loop import PlantLoop, SteppedPlant
 from verify.links import LinkError
 from verify.run import verify
+from verify.vectors import golden
 from verify.verdict import Verdict
 
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]  # told the share of the work that is done, and what is being done
 Start = Callable[[Project, Plant, Recording], Array | None]  # chooses the initial state; None is at rest
+
+LOOP_STEPS = 1000  # of the closed-loop run on a target, one exchange each
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +71,7 @@ class Generated:
     program: Program
     bundle: Bundle
     manifest: Mapping[str, object]
+    package: Mapping[str, str]  # golden vectors, their test and build files
     proof: Mapping[str, object]
     checked: Checked | None  # what the second, independent proof covered; None in floating point
 
@@ -92,7 +100,7 @@ def plant_of(project: Project) -> Plant:
     part = project.plant
     assert part is not None, "require() has seen to it"
     with located(project):
-        plant = make_plant(part.kind, part.input, part.outputs, part.parameters)
+        plant = plant_from_table(part.table.values)
     check_units(project, plant.inputs[0], plant.outputs[0])
     return plant
 
@@ -166,7 +174,9 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
         program = lower(designed.law, project.arithmetic)
         bundle = emit(program, command)
         ranges = proof(program, designed.law.why)
-        return Generated(program, bundle, manifest(program, bundle), ranges, check_proof(ranges))
+        inputs, trace = golden(program)
+        extra = package(program, bundle, command, inputs, trace.outputs, trace.status)
+        return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges))
 
 
 def verify_target(
@@ -182,6 +192,7 @@ def verify_target(
     with located(project):
         target = load_target(name)
     port = campaign.port if "library" not in target.links else None
+    loop = loop_of(project, designed)
     try:
         verdict = verify(
             designed.law,
@@ -193,10 +204,33 @@ def verify_target(
             campaign.seed,
             port,
             report,
+            loop,
         )
     except (ToolError, LinkError) as error:
         return Outcome(target.name, None, str(error))
     return Outcome(target.name, verdict, "")
+
+
+def loop_of(project: Project, designed: Design) -> PlantLoop | None:
+    """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
+
+    None where there is no plant, or none that can be moved step by step.
+    """
+    if project.plant is None:
+        return None
+    plant, law = plant_of(project), designed.law
+    reference, measurement = reference_and_measurement(law.inputs)
+    told = law.inputs[reference]
+    middle, span = (told.low + told.high) / 2.0, told.high - told.low
+    if not math.isfinite(span):
+        return None
+    course = np.full(LOOP_STEPS, middle + span / 8.0)
+    course[LOOP_STEPS // 2 :] = middle - span / 8.0
+    try:
+        SteppedPlant(plant, law.period)
+    except IdentifyError:
+        return None
+    return PlantLoop(plant, course, (told.name, law.inputs[measurement].name))
 
 
 def recorded_inputs(project: Project, data: Data, most: int) -> tuple[Mapping[str, Array], ...]:

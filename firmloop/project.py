@@ -94,6 +94,8 @@ class Campaign:
     steps: int
     seed: int
     port: str | None
+    baseline: Path | None = None  # an older verdict.json that the costs are compared with
+    growth: float = 2.0  # % by which a cost may exceed it
 
 
 def campaign_targets(project: Project, asked: Sequence[str]) -> tuple[str, ...]:
@@ -222,20 +224,40 @@ def _recordings(table: Table) -> Recordings:
 
 
 def _plant(table: Table) -> PlantPart:
-    table.only(("kind", "input", "outputs", "parameters", "effects"))
-    if table.values.get("effects"):
-        raise table.remark("effects", "effects are not understood by this version; leave [[plant.effects]] out")
+    effects = table.values.get("effects", [])
+    if not isinstance(effects, list) or not all(isinstance(entry, dict) for entry in effects):
+        raise table.wrong("effects", "must be tables: [[plant.effects]]")
+    if table.values.get("kind") == "ode":
+        return _ode(table)
+    table.only(("kind", "input", "outputs", "parameters", "effects", "force_per_unit", "torque_per_unit"))
     outputs = table.texts("outputs", 'outputs = ["speed_rad_s"]')
     if not outputs:
         raise table.missing("outputs", 'outputs = ["speed_rad_s"]')
+    parameters = _parameters(table)
+    return PlantPart(
+        table, table.text("kind", 'kind = "dc_motor"'), table.text("input", 'input = "voltage_V"'), outputs, parameters
+    )
+
+
+def _ode(table: Table) -> PlantPart:
+    """Check the outline of a plant given as text; `identify.ode` reads the expressions."""
+    table.only(("kind", "states", "inputs", "outputs", "derivatives", "balances", "parameters", "effects"))
+    inputs = table.texts("inputs", 'inputs = ["force_N"]')
+    if not inputs:
+        raise table.missing("inputs", 'inputs = ["force_N"]')
+    outputs = tuple(table.table("outputs").values)
+    if not outputs:
+        raise table.missing("outputs", '[plant.outputs] with position_m = "x_m"')
+    return PlantPart(table, "ode", inputs[0], outputs, _parameters(table))
+
+
+def _parameters(table: Table) -> Mapping[str, Mapping[str, object] | float]:
     parameters: dict[str, Mapping[str, object] | float] = {}
     for name, entry in table.table("parameters").values.items():
         if not isinstance(entry, dict | int | float):
             raise table.table("parameters").wrong(name, "must be a table, such as { value = 8.0, free = true }")
         parameters[name] = entry
-    return PlantPart(
-        table, table.text("kind", 'kind = "dc_motor"'), table.text("input", 'input = "voltage_V"'), outputs, parameters
-    )
+    return parameters
 
 
 def _controller(table: Table) -> ControllerPart:

@@ -13,8 +13,10 @@ from design.tuning import rules
 from firmloop.project import Project
 from identify.fit import interval95
 from identify.plant import Parameter, Plant
+from identify.plant_table import effects_table
 
-INLINE = (("plant", "parameters"), ("signals",))  # tables whose entries stand on one line each
+# Tables whose entries stand on one line each.
+INLINE = (("plant", "parameters"), ("plant", "balances"), ("plant", "effects"), ("signals",))
 
 
 def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
@@ -26,9 +28,29 @@ def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
     table = dict(_table(document["plant"]))
     given = project.document.table("plant").table("parameters").values
     table["parameters"] = {
-        parameter.name: _entry(parameter, given.get(parameter.name)) for parameter in plant.parameters
+        parameter.name: _entry(parameter, given.get(parameter.name))
+        for parameter in plant.parameters[: plant.rate.numel_in(2)]
+        if parameter.name in given or parameter.name not in table
     }
+    if plant.effects:
+        table["effects"] = effects_table(plant)
     return _text({**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
+
+
+def diagnosed_text(project: Project, plant: Plant, folder: Path) -> str:
+    """Return the project with the parameters and the effects of `plant`, to be kept in `folder`."""
+    document = _moved(project, folder)
+    table = dict(_table(document["plant"]))
+    given = project.document.table("plant").table("parameters").values
+    own = [parameter for parameter in plant.parameters if "." not in parameter.name]
+    table["parameters"] = {parameter.name: _entry(parameter, given.get(parameter.name)) for parameter in own}
+    table.pop("effects", None)
+    if plant.effects:
+        table["effects"] = [
+            {"name": use.name, **({} if use.output is None else {"output": use.output}), **use.values}
+            for use in plant.effects
+        ]
+    return _text({**document, "plant": table}, f"plant diagnosed by: firmloop diagnose {project.path.name}")
 
 
 def designed_text(project: Project, design: Design, folder: Path) -> str:
@@ -36,7 +58,7 @@ def designed_text(project: Project, design: Design, folder: Path) -> str:
     document = _moved(project, folder)
     rule = ("tune", *rules()[design.tuned_by].keys) if design.tuned_by else ()
     told = {key: value for key, value in _table(document["controller"]).items() if key not in rule}
-    gains = {**told, **design.gains}
+    gains = {**told, **(design.gains if design.settings is None else design.settings)}
     return _text({**document, "controller": gains}, f"controller designed by: firmloop design {project.path.name}")
 
 

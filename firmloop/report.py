@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from design.kinds import Design
 from design.roles import reference_and_measurement
 from firmloop import words
@@ -17,6 +19,7 @@ from firmloop.project import Project
 from identify.fit import Fit, RecordingScore
 from identify.recording import Recording
 from identify.units import unit_of
+from verify.verdict import ClosedLoop
 
 MOST_FIGURES = 12  # of recordings; the table holds the others
 STYLE = """
@@ -69,7 +72,7 @@ def report(walk: Walk) -> str:
         *_plant(walk),
         *_controller(walk),
         *_code(walk.generated),
-        *_targets(walk.outcomes),
+        *_targets(walk.outcomes, walk.design),
         f"<h2>This report</h2><p>was made by <code>{html.escape(walk.command)}</code></p>",
         "</body></html>",
     ]
@@ -206,7 +209,7 @@ def _step_function(source: str, name: str) -> str:
     return "\n".join(lines[begin : end + 1])
 
 
-def _targets(outcomes: Sequence[Outcome]) -> list[str]:
+def _targets(outcomes: Sequence[Outcome], design: Design) -> list[str]:
     parts = ["<h2>C against the bit-exact reference</h2>"]
     for outcome in outcomes:
         parts.append(f"<h3>{html.escape(outcome.target)}</h3>")
@@ -223,13 +226,32 @@ def _targets(outcomes: Sequence[Outcome]) -> list[str]:
             ("differences", f"{verdict.differences:,}"),
             *words.rounding_rows(verdict),
             *words.cost_rows(verdict),
+            *words.loop_rows(verdict),
             ("compiler", f"{verdict.compiler} {' '.join(verdict.flags)}"),
             ("seed", str(verdict.seed)),
         ]
         parts.append(_table(("figure", "value"), rows))
+        if verdict.closed_loop:
+            parts.append(step_figure(_target_loop(verdict.closed_loop, design)))
         if verdict.first:
             parts.append(f"<pre>{html.escape(chr(10).join(words.about_outcome(outcome)))}</pre>")
     return parts
+
+
+def _target_loop(loop: ClosedLoop, design: Design) -> Step:
+    """Return the run of the target's controller against the plant, for a figure."""
+    law = design.law
+    _, measurement = reference_and_measurement(law.inputs)
+    output = law.outputs[0]
+    return Step(
+        np.arange(loop.steps, dtype=np.float64) * law.period,
+        np.asarray(loop.reference),
+        np.asarray(loop.measurement),
+        np.asarray(loop.command),
+        law.inputs[measurement].unit,
+        output.unit,
+        (design.gains.get("u_min", output.low), design.gains.get("u_max", output.high)),
+    )
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

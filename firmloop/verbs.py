@@ -9,7 +9,8 @@ from pathlib import Path
 from codegen.bundle import write_files
 from design.kinds import Design
 from firmloop import documents, words
-from firmloop.console import Console, complain, progress
+from firmloop.baseline import growths
+from firmloop.console import Console, complain, progress, table
 from firmloop.output import results_file, results_folder
 from firmloop.pipeline import (
     Data,
@@ -105,10 +106,11 @@ def verify(project: Project, campaign: Campaign, out: Path, console: Console) ->
         outcomes = _verify(project, designed, generated, campaign, available_data(project), console)
         if not any(outcome.verdict for outcome in outcomes):
             raise ToolError("; ".join(f"{outcome.target} was not run: {outcome.not_run}" for outcome in outcomes))
+        grown = _baseline(campaign, outcomes, console)
         files = {**_c_files(generated), **_verdict_files(outcomes)}
         write_files(files, folder)
     _written(console, out, files)
-    return _status(outcomes)
+    return _status(outcomes) or (DIFFERS if grown else AGREES)
 
 
 def run(project: Project, campaign: Campaign, out: Path, console: Console) -> int:
@@ -178,6 +180,16 @@ def _verify(
     return tuple(outcomes)
 
 
+def _baseline(campaign: Campaign, outcomes: Sequence[Outcome], console: Console) -> bool:
+    """Tell how the costs stand to those of an older verdict; whether one has grown by more than is allowed."""
+    if campaign.baseline is None:
+        return False
+    found = growths(campaign.baseline, campaign.growth, outcomes)
+    console.lines([f"against {campaign.baseline}:", *table([(growth.figure, growth.says()) for growth in found])])
+    console.result("baseline", {growth.figure: [growth.before, growth.now] for growth in found})
+    return any(growth.too_much for growth in found)
+
+
 def _status(outcomes: Sequence[Outcome]) -> int:
     """Choose the exit status; a difference counts for more than a target that is not there."""
     for outcome in outcomes:
@@ -189,7 +201,8 @@ def _status(outcomes: Sequence[Outcome]) -> int:
 
 
 def _c_files(generated: Generated) -> dict[str, str]:
-    return {**generated.bundle.files, "manifest.json": _json(generated.manifest), "proof.json": _json(generated.proof)}
+    made = {**generated.bundle.files, **generated.package}
+    return {**made, "manifest.json": _json(generated.manifest), "proof.json": _json(generated.proof)}
 
 
 def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:

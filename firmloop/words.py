@@ -110,7 +110,7 @@ def about_outcome(outcome: Outcome) -> list[str]:
     if verdict is None:
         return [f"{outcome.target}: NOT RUN: {outcome.not_run}"]
     lines = [f"{verdict.target}: {verdict.steps:,} steps, {verdict.differences:,} differences: {verdict_word(verdict)}"]
-    lines += table(cost_rows(verdict) + rounding_rows(verdict))
+    lines += table(cost_rows(verdict) + loop_rows(verdict) + rounding_rows(verdict))
     first = verdict.first
     if first:
         where = f"  first at step {first.step} ({first.lane}): {first.output}"
@@ -133,6 +133,8 @@ def cost_rows(verdict: Verdict) -> list[tuple[str, str]]:
     if cost.instructions_max is not None and cost.instructions_mean is not None:
         text = f"{cost.instructions_max:.0f} at most, {cost.instructions_mean:.1f} on average"
         rows.append(("instructions per step", text))
+    if cost.cycles_max is not None and cost.cycles_mean is not None:
+        rows.append(("cycles per step", f"{cost.cycles_max} at most, {cost.cycles_mean:.1f} on average"))
     sizes = [
         f"{name} {size}"
         for name, size in (("text", cost.text_bytes), ("data", cost.data_bytes), ("bss", cost.bss_bytes))
@@ -143,6 +145,15 @@ def cost_rows(verdict: Verdict) -> list[tuple[str, str]]:
     if cost.stack_bytes is not None:
         rows.append(("stack", f"{cost.stack_bytes} bytes"))
     return rows
+
+
+def loop_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """How the run against the plant went, where there was one."""
+    loop = verdict.closed_loop
+    if loop is None:
+        return []
+    same = "the same bits as on the host" if not loop.differences else f"{loop.differences:,} NOT as on the host"
+    return [("closed loop", f"{loop.steps:,} steps against the plant, {same}")]
 
 
 def rounding_rows(verdict: Verdict) -> list[tuple[str, str]]:

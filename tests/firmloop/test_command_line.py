@@ -218,7 +218,7 @@ def test_doctor_survives_a_tool_that_does_not_run(
 BAD_COMMANDS = (
     [],
     ["fly"],
-    ["diagnose", "p.toml", "--out", "o"],
+    ["autotune", "p.toml", "--out", "o"],
     ["run"],
     ["run", "p.toml"],
     ["run", "p.toml", "--out"],

@@ -1,0 +1,222 @@
+"""Diagnose concealed physics and print the score: `python bench/blind.py --cases 200 --first 0`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.blind_cases import draw_case, write_case
+from firmloop.diagnosis import diagnosed
+from firmloop.pipeline import plant_of, read_data
+from firmloop.project import read_project
+from identify.compiler import ToolError
+from identify.condition import NONE
+from identify.fit import fit
+from identify.plant import IdentifyError
+from identify.recording import read_recording
+
+EQUATIONS = {
+    "friction": "torque",
+    "drag": "torque",
+    "load_": "torque",
+    "torque": "torque",
+    "stop": "torque",
+    "spring": "torque",
+    "coupling": "torque",
+    "backlash": "torque",
+    "heating": "voltage",
+    "brush": "voltage",
+    "inductance": "voltage",
+    "sensor": "sensor",
+    "eccentric": "sensor",
+    "clock": "timing",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """One case: what was hidden, what was said, and the figures of the table."""
+
+    seed: int
+    label: Mapping[str, Any]
+    said: Mapping[str, Any]
+    seconds: float
+    visible: float  # residual of the best nominal refit of noise-free data over the noise, largest output
+
+
+def equation_of(name: str) -> str:
+    """Return where an effect enters, by the table of the contract."""
+    return next((equation for word, equation in EQUATIONS.items() if word in name), "actuator")
+
+
+def work(seed: int) -> Scored:
+    """Make, diagnose and label one case."""
+    with tempfile.TemporaryDirectory() as place:
+        folder, labels = Path(place) / "case", Path(place) / "labels"
+        write_case(draw_case(seed), folder, labels)
+        begin = time.process_time()
+        try:
+            project = read_project(folder / "project.toml")
+            said: Mapping[str, Any] = diagnosed(project, read_data(project), _quiet).finding.as_dict()
+        except (IdentifyError, ToolError, ArithmeticError) as error:
+            said = {"verdict": "refused", "effects": [], "error": str(error), "fit": {}, "location": None}
+        seconds = time.process_time() - begin
+        label = json.loads((labels / "label.json").read_text(encoding="utf-8"))
+        return Scored(seed, label, said, seconds, _visible(project, labels, label) if label["effects"] else 0.0)
+
+
+def _quiet(fraction: float, label: str) -> None:
+    """Report progress to nobody."""
+
+
+def _visible(project: Any, labels: Path, label: Mapping[str, Any]) -> float:
+    """Refit the nominal plant to the noise-free recording; what is left is what a diagnosis could see."""
+    plant = plant_of(project)
+    clean = read_recording(labels / "train.csv", {})
+    try:
+        found = fit(plant, [clean], [], NONE)
+    except IdentifyError:
+        return 0.0
+    ratios = []
+    for k, signal in enumerate(plant.outputs):
+        left = clean.columns[signal.name] - found.train[0].simulated[:, k]
+        ratios.append(float(np.sqrt(np.mean(left**2))) / max(label["noise"][signal.name], 1e-12))
+    return max(ratios)
+
+
+def table(results: Sequence[Scored]) -> list[str]:
+    """Return the lines of the score."""
+    singles = [r for r in results if len(r.label["effects"]) == 1]
+    seen = [r for r in singles if r.visible >= 1.0]
+    nulls = [r for r in results if not r.label["effects"] and not r.label["outside"]]
+    outside = [r for r in results if r.label["outside"]]
+    lines = [
+        f"cases {len(results)}: {len(singles)} single ({len(seen)} visible), {len(nulls)} null, {len(outside)} outside"
+    ]
+    lines.append(_share("single, visible: exactly named", [_exact(r) for r in seen]))
+    lines.append(_share("single, visible: truth in the ambiguous set", [_covered(r) for r in seen]))
+    lines.append(_share("single, all: named wrongly", [_wrong(r) for r in singles]))
+    lines.append(_share("single, visible: silent", [r.said["verdict"] == "no_mismatch" for r in seen]))
+    for color in (False, True):
+        chosen = [r.said["verdict"] == "no_mismatch" for r in nulls if r.label["colored"] == color]
+        lines.append(_share(f"nothing concealed, {'colored' if color else 'white'}: silent", chosen))
+    lines.append(
+        _share("not in the library: unknown_physics", [r.said["verdict"] == "unknown_physics" for r in outside])
+    )
+    for count, word in ((2, "pairs"), (3, "triples")):
+        chosen = [_exact(r) for r in results if len(r.label["effects"]) == count]
+        lines.append(_share(f"{word} exact", chosen))
+    placed = [
+        equation_of(next(iter(r.label["effects"]))) == str(r.said["location"]["equation"]).replace("force", "torque")
+        for r in seen
+        if r.said["location"]
+    ]
+    lines.append(_share("equation right", placed))
+    errors, covers = _parameters([r for r in seen if _exact(r)])
+    if errors:
+        lines.append(f"parameter error: median {100 * float(np.median(errors)):.2f} %, {len(errors)} parameters")
+        lines.append(_share("95 % interval covers", covers))
+    after = [r.said["fit"]["test"]["after"] for r in seen if r.said["fit"].get("test", {}).get("after")]
+    if after:
+        lines.append(f"unseen residual / noise: median {np.median(after):.3f}, p90 {np.quantile(after, 0.9):.3f}")
+    tied = [r for r in singles if r.said["verdict"] == "ambiguous"]
+    lines.append(_share("ambiguous sets: hold the truth", [_covered(r) for r in tied]))
+    if tied:
+        lines.append(f"ambiguous sets: mean size {np.mean([len(r.said['effects']) for r in tied]):.2f}")
+    seconds = [r.seconds for r in results]
+    lines.append(f"time per case: median {np.median(seconds):.2f} s, p90 {np.quantile(seconds, 0.9):.2f} s of one core")
+    lines.append(_share("refused", [r.said["verdict"] == "refused" for r in results]))
+    return lines
+
+
+def confusion(results: Sequence[Scored]) -> list[str]:
+    """Return what was said for what, where that differs."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for r in results:
+        hidden = " + ".join(sorted(r.label["effects"])) or r.label["outside"] or "nothing"
+        if r.label["effects"] and r.visible < 1.0:
+            hidden += " (below the noise)"
+        said = " + ".join(sorted(each["name"] for each in r.said["effects"])) or r.said["verdict"]
+        if r.said["verdict"] == "ambiguous":
+            said = f"ambiguous: {said}"
+        if hidden != said:
+            counts[hidden, said] += 1
+    return [f"{count:4}  {hidden}  ->  {said}" for (hidden, said), count in sorted(counts.items())]
+
+
+def _names(r: Scored) -> list[str]:
+    return sorted(each["name"] for each in r.said["effects"])
+
+
+def _exact(r: Scored) -> bool:
+    return bool(r.said["verdict"] == "explained" and _names(r) == sorted(r.label["effects"]))
+
+
+def _covered(r: Scored) -> bool:
+    return set(r.label["effects"]) <= set(_names(r))
+
+
+def _wrong(r: Scored) -> bool:
+    return bool(r.said["verdict"] == "explained" and not set(_names(r)) <= set(r.label["effects"]))
+
+
+def _parameters(results: Sequence[Scored]) -> tuple[list[float], list[bool]]:
+    """Compare the first parameter of every effect, which is the one that says how much."""
+    errors, covers = [], []
+    for r in results:
+        for effect in r.said["effects"]:
+            for name, value in r.label["effects"][effect["name"]].items():
+                key = next((key for key in effect["parameters"] if key.startswith(name)), None)
+                if key is None or "phase" in name:
+                    continue
+                found = effect["parameters"][key]
+                errors.append(abs(found["value"] - value) / max(abs(value), 1e-30))
+                if found["ci95"] is not None:
+                    covers.append(bool(found["ci95"][0] <= value <= found["ci95"][1]))
+    return errors, covers
+
+
+def _share(what: str, hits: Sequence[bool]) -> str:
+    if not hits:
+        return f"{what}: no such case"
+    return f"{what}: {sum(hits)} of {len(hits)} ({100.0 * sum(hits) / len(hits):.1f} %)"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first case")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--detail", action="store_true", help="one line per case on stderr")
+    asked = parser.parse_args()
+    results = []
+    with ProcessPoolExecutor(asked.processes) as pool:
+        for r in pool.map(work, range(asked.first, asked.first + asked.cases)):
+            results.append(r)
+            if asked.detail:
+                hidden = ", ".join(sorted(r.label["effects"])) or r.label["outside"] or "-"
+                line = (
+                    f"{r.seed:5} {hidden:40} size {r.label['size']:<5} seen {r.visible:8.2f} {r.label['machine']} "
+                    f"{'/'.join(r.label['sensors'])} {r.label['excitation']} {'closed ' if r.label['closed'] else ''}"
+                    f"{'colored' if r.label['colored'] else 'white'} -> {r.said['verdict']} {_names(r)} "
+                    f"{r.said['fit'].get('train')} {r.seconds:.1f} s {r.said.get('error', '')}"
+                )
+                print(line, file=sys.stderr, flush=True)
+    print("\n".join(table(results)))
+    print("\nwhat was hidden -> what was said, where they differ")
+    print("\n".join(confusion(results)))
+
+
+if __name__ == "__main__":
+    main()

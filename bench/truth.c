@@ -1,0 +1,184 @@
+/* truth.c -- what the blind benchmark conceals: a motor or a stage, moved by other means than the fitting simulator.
+ *
+ * The smooth part is moved by Runge-Kutta over fixed substeps; dry friction is set-valued and acts as an impulse before
+ * and after each of them (Strang splitting), clipped so that it can stop the shaft and never reverse it. Inputs are held
+ * from row to row; a switch inside a substep counts with its share. The trajectory of every substep is returned.
+ */
+#include <math.h>
+#include <stdlib.h>
+
+/* In the order of PARAMETERS in truth.py. */
+enum {
+    IS_MOTOR, R, L, KE, KT, J, B,
+    COULOMB, STATIC, STRIBECK, POSITIVE, NEGATIVE, LOAD_RATIO, BRISTLE, BRISTLE_LEVEL,
+    DRAG, LOAD, STEP, STEP_TIME, GRAVITY, GRAVITY_PHASE, COGGING, COGGING_N, COGGING_PHASE, RIPPLE, RIPPLE_N, RIPPLE_PHASE,
+    STOP, STOP_STIFFNESS, SPRING, CUBIC,
+    COUPLING, COUPLING_DAMPING, COUPLED_INERTIA, GAP, KT_SATURATION, HEAT_RISE, HEAT_TIME, BRUSH, L_SATURATION,
+    DEAD_ZONE, LIMIT, SLEW, DELAY, SUPPLY, SAG,
+    ANGLE_DAMPING, PERIODIC, PERIODIC_HZ, GAIN_ASYMMETRY, HYSTERESIS, HYSTERESIS_REACH,
+    COUNT
+};
+enum { CURRENT, SPEED, POSITION, LOAD_SPEED, TWIST, HEAT, BRISTLE_STATE, LOOP_STATE, STATES };
+
+static double sign(double x) { return (x > 0.0) - (x < 0.0); }
+
+static double driver(const double *p, double u) {
+    double v = u;
+    if (p[DEAD_ZONE] > 0.0) {
+        v = fabs(v) > p[DEAD_ZONE] ? v - sign(v) * p[DEAD_ZONE] : 0.0;
+    }
+    if (p[LIMIT] > 0.0) {
+        v = fmin(fmax(v, -p[LIMIT]), p[LIMIT]);
+    }
+    return v > 0.0 ? v * (1.0 + p[GAIN_ASYMMETRY]) : v;
+}
+
+static double motor_torque(const double *p, const double *x, double v) {
+    if (p[IS_MOTOR] == 0.0) {
+        return v;
+    }
+    const double i = x[CURRENT];
+    double kt = p[KT];
+    if (p[KT_SATURATION] > 0.0) {
+        kt /= 1.0 + i * i / (p[KT_SATURATION] * p[KT_SATURATION]);
+    }
+    return kt * i * (1.0 - p[RIPPLE] * sin(p[RIPPLE_N] * x[POSITION] + p[RIPPLE_PHASE]));
+}
+
+static void rates(const double *p, const double *x, double v, double torque, double t, double *d) {
+    const double w = x[SPEED];
+    const double a = x[POSITION];
+    double sum = motor_torque(p, x, v) + torque - p[B] * w * (1.0 + p[ANGLE_DAMPING] * sin(2.0 * a));
+    double inductance = p[L];
+    double resistance = p[R];
+    sum -= p[DRAG] * fabs(w) * w + p[LOAD] + (t >= p[STEP_TIME] ? p[STEP] : 0.0);
+    sum -= p[GRAVITY] * sin(a + p[GRAVITY_PHASE]) + p[COGGING] * sin(p[COGGING_N] * a + p[COGGING_PHASE]);
+    sum -= p[SPRING] * a + p[CUBIC] * a * a * a + p[PERIODIC] * sin(6.283185307179586 * p[PERIODIC_HZ] * t);
+    if (p[STOP_STIFFNESS] > 0.0 && a > p[STOP]) {
+        sum -= p[STOP_STIFFNESS] * (a - p[STOP]);
+    }
+    for (int k = 0; k < STATES; ++k) {
+        d[k] = 0.0;
+    }
+    if (p[BRISTLE] > 0.0) { /* Dahl: the bristle bends with the motion and yields at its level */
+        sum -= p[BRISTLE] * x[BRISTLE_STATE];
+        d[BRISTLE_STATE] = w - fabs(w) * x[BRISTLE_STATE] * p[BRISTLE] / p[BRISTLE_LEVEL];
+    }
+    if (p[HYSTERESIS] > 0.0) { /* Bouc-Wen, exponent 3, in a spring that acts at every position */
+        const double z = x[LOOP_STATE] / p[HYSTERESIS_REACH];
+        sum -= p[HYSTERESIS] * z * z * z;
+        d[LOOP_STATE] = w * (1.0 - (sign(w) * z > 0.0 ? 1.0 : 0.2) * fabs(z * z * z)) - 20.0 * x[LOOP_STATE];
+    }
+    if (p[COUPLED_INERTIA] > 0.0) {
+        double twist = x[TWIST];
+        double link;
+        const double half = 0.5 * p[GAP];
+        const double beyond = twist > half ? twist - half : (twist < -half ? twist + half : 0.0);
+        link = p[COUPLING] * beyond;
+        if (p[GAP] == 0.0 || beyond != 0.0) {
+            link += p[COUPLING_DAMPING] * (w - x[LOAD_SPEED]);
+        }
+        if (p[GAP] > 0.0 && link * beyond < 0.0) {
+            link = 0.0; /* teeth do not pull */
+        }
+        sum -= link;
+        d[LOAD_SPEED] = link / p[COUPLED_INERTIA];
+        d[TWIST] = w - x[LOAD_SPEED];
+    }
+    d[SPEED] = sum / p[J];
+    d[POSITION] = w;
+    if (p[IS_MOTOR] != 0.0) {
+        const double i = x[CURRENT];
+        double e = v - p[KE] * w - p[BRUSH] * tanh(i / 1e-4);
+        if (p[SUPPLY] > 0.0) {
+            e -= v * v / (p[SUPPLY] * p[SUPPLY]) * p[SAG] * i;
+        }
+        if (p[HEAT_TIME] > 0.0) {
+            resistance *= 1.0 + 0.00393 * x[HEAT];
+            d[HEAT] = (p[HEAT_RISE] * i * i * resistance - x[HEAT]) / p[HEAT_TIME];
+        }
+        if (p[L_SATURATION] > 0.0) {
+            inductance /= 1.0 + i * i / (p[L_SATURATION] * p[L_SATURATION]);
+        }
+        d[CURRENT] = (e - resistance * i) / inductance;
+    }
+}
+
+static void rub(const double *p, double *x, double v, double h) {
+    const double w = x[SPEED];
+    double level = p[COULOMB] + p[LOAD_RATIO] * fabs(motor_torque(p, x, v));
+    if (p[STRIBECK] > 0.0) {
+        level += (p[STATIC] - p[COULOMB]) * exp(-(w / p[STRIBECK]) * (w / p[STRIBECK]));
+    }
+    level += w > 0.0 ? p[POSITIVE] : p[NEGATIVE];
+    x[SPEED] = fabs(w) > h * level / p[J] ? w - sign(w) * h * level / p[J] : 0.0;
+}
+
+/** Run `rows` rows of `step` s, `fine` substeps each. command (rows): the input, or the wanted speed where gains is not
+ * null (proportional, integral, limit: a PI speed controller on the true speed, whose output is written to command).
+ * torque (rows): a disturbance. out (rows x fine x 3): current, speed, position at the start of every substep. */
+int truth_run(int rows, int fine, double step, const double *p, double *command, const double *gains,
+              const double *torque, double *out) {
+    const double h = step / fine;
+    double x[STATES] = {0.0};
+    double integral = 0.0;
+    double slewed = 0.0;
+    double *driven = malloc(sizeof(double) * (size_t)rows);
+    if (driven == NULL) {
+        return 1;
+    }
+    for (int row = 0; row < rows; ++row) {
+        if (gains != NULL) {
+            const double error = command[row] - x[SPEED];
+            const double wanted = gains[0] * error + integral;
+            command[row] = fmin(fmax(wanted, -gains[2]), gains[2]);
+            if (command[row] == wanted) {
+                integral += gains[1] * step * error;
+            }
+        }
+        driven[row] = driver(p, command[row]);
+        for (int k = 0; k < fine; ++k) {
+            const double t = row * step + k * h;
+            const double late = (t - p[DELAY]) / step; /* in rows */
+            double *at = &out[((size_t)row * (size_t)fine + (size_t)k) * 3];
+            double v;
+            double a[STATES];
+            double b[STATES];
+            double c[STATES];
+            double d[STATES];
+            double y[STATES];
+            const int before = (int)floor(late + 1e-9);
+            const int after = (int)floor(late + h / step - 1e-9);
+            v = before >= 0 ? driven[before] : 0.0;
+            if (after > before) {
+                const double share = (after - late) * step / h;
+                v = share * v + (1.0 - share) * (after >= 0 ? driven[after] : 0.0);
+            }
+            if (p[SLEW] > 0.0) {
+                const double reach = p[SLEW] * h;
+                const double old = slewed;
+                slewed += fmin(fmax(v - slewed, -reach), reach);
+                v = 0.5 * (old + slewed);
+            }
+            at[0] = x[CURRENT];
+            at[1] = x[SPEED];
+            at[2] = x[POSITION];
+            rub(p, x, v, 0.5 * h);
+            rates(p, x, v, torque[row], t, a);
+            for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * a[s];
+            rates(p, y, v, torque[row], t, b);
+            for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * b[s];
+            rates(p, y, v, torque[row], t, c);
+            for (int s = 0; s < STATES; ++s) y[s] = x[s] + h * c[s];
+            rates(p, y, v, torque[row], t, d);
+            for (int s = 0; s < STATES; ++s) x[s] += h / 6.0 * (a[s] + 2.0 * b[s] + 2.0 * c[s] + d[s]);
+            rub(p, x, v, 0.5 * h);
+            if (!isfinite(x[SPEED])) {
+                free(driven);
+                return 2;
+            }
+        }
+    }
+    free(driven);
+    return 0;
+}

@@ -1,0 +1,161 @@
+"""A Finding: what was left out, where, with which parameters, how sure, and what would tell rivals apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Verdict = Literal["no_mismatch", "explained", "ambiguous", "unknown_physics"]
+Half = Literal["plant", "controller", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One parameter of an effect with its 95 % interval; None where the data give none."""
+
+    value: float
+    interval: tuple[float, float] | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """One effect that is part of an explanation."""
+
+    name: str
+    output: str | None
+    equation: str
+    probability: float
+    parameters: Mapping[str, Estimate]
+    says: str
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """A runner-up, and the experiment that would settle it."""
+
+    name: str
+    probability: float
+    tell_apart_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """Where the mismatch sits; spans in s of the first train recording."""
+
+    equation: str
+    coordinate: str
+    output: str
+    spans: tuple[tuple[float, float], ...]
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """Residual rms over noise rms: with the plant as given, refitted, and with the effects."""
+
+    before: float | None
+    refit: float | None
+    after: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """A nominal parameter: given, refitted alone, and beside the effects."""
+
+    name: str
+    unit: str
+    given: float
+    refit: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """The whole diagnosis."""
+
+    verdict: Verdict
+    half: Half
+    location: Location | None
+    effects: tuple[Named, ...]
+    alternatives: tuple[Alternative, ...]
+    train: Ratio
+    test: Ratio | None
+    whiteness: tuple[float, float]
+    noise: Mapping[str, float]
+    shifts: tuple[Shift, ...]
+    untestable: Mapping[str, str]  # effect -> why
+    notes: tuple[str, ...]
+    says: tuple[str, ...]  # the paragraph
+
+    def as_dict(self) -> dict[str, object]:
+        """Return what diagnosis.json holds (contract, section 6)."""
+        fit: dict[str, object] = {"train": _ratio(self.train)}
+        if self.test is not None:
+            fit["test"] = _ratio(self.test)
+        return {
+            "schema": 1,
+            "verdict": self.verdict,
+            "half": self.half,
+            "location": None if self.location is None else _location(self.location),
+            "effects": [_named(each) for each in self.effects],
+            "alternatives": [
+                {"name": each.name, "probability": _figure(each.probability), "tell_apart_by": each.tell_apart_by}
+                for each in self.alternatives
+            ],
+            "fit": fit,
+            "whiteness": {"before": _figure(self.whiteness[0]), "after": _figure(self.whiteness[1])},
+            "noise": {name: _figure(size) for name, size in self.noise.items()},
+            "shifts": {
+                each.name: {
+                    "given": _figure(each.given),
+                    "refit": _figure(each.refit),
+                    "after": _figure(each.after),
+                    "unit": each.unit,
+                }
+                for each in self.shifts
+            },
+            "untestable": dict(self.untestable),
+            "notes": list(self.notes),
+            "says": list(self.says),
+        }
+
+
+def _location(place: Location) -> dict[str, object]:
+    return {
+        "equation": place.equation,
+        "coordinate": place.coordinate,
+        "output": place.output,
+        "spans_s": [list(span) for span in place.spans],
+        "evidence": place.evidence,
+    }
+
+
+def _named(each: Named) -> dict[str, object]:
+    entry: dict[str, object] = {
+        "name": each.name,
+        "equation": each.equation,
+        "probability": _figure(each.probability),
+        "parameters": {
+            name: {
+                "value": estimate.value,
+                "ci95": None if estimate.interval is None else list(estimate.interval),
+                "unit": estimate.unit,
+            }
+            for name, estimate in each.parameters.items()
+        },
+        "says": each.says,
+    }
+    if each.output is not None:
+        entry["output"] = each.output
+    return entry
+
+
+def _ratio(ratio: Ratio) -> dict[str, object]:
+    return {"before": _figure(ratio.before), "refit": _figure(ratio.refit), "after": _figure(ratio.after)}
+
+
+def _figure(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")

@@ -1,0 +1,147 @@
+"""A Hypothesis: the nominal plant with some effects switched on, and the unknowns that follow from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.attach import all_uses, label_of, parameters_of
+from identify.effect import Effect, EffectParameter
+from identify.effects import find_effect
+from identify.plant import Plant
+from identify.recording import Recording
+from identify.simulate import measured, rest_start
+from identify.superset import Superset, starts_of, superset
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One effect at one place: `output` is that of a sensor effect or the state of a flow effect, else None."""
+
+    effect: Effect
+    output: str | None
+    parameters: tuple[EffectParameter, ...]
+    keys: tuple[str, ...]  # full names of the parameters in the superset
+
+    @property
+    def label(self) -> str:
+        """Name that tells the place too."""
+        return self.effect.name if self.output is None else f"{self.effect.name} of {self.output}"
+
+
+def _starts(plant: Plant, train: Sequence[Recording], cause: Cause) -> tuple[Mapping[str, float], ...]:
+    """Return the effect's own grid; a clock may be off by more than its grid says."""
+    starts = starts_of(plant, train, cause.effect.name, cause.output)
+    if cause.effect.equation != "timing":
+        return starts
+    return tuple(
+        {key: factor * value for key, value in start.items()} for start in starts for factor in (1.0, 5.0, 20.0)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A plant with its superset simulator, and the recordings it is held against."""
+
+    plant: Plant
+    engine: Superset
+    train: tuple[Recording, ...]
+    test: tuple[Recording, ...]
+    causes: tuple[Cause, ...]
+    starts: Mapping[str, tuple[Mapping[str, float], ...]]  # by Cause.label: points a fit begins from
+    floors: Array  # (r,) smallest noise rms the resolution of each output allows
+    memory: dict[int, Array]  # by id of a recording: what its initial state does to the outputs
+
+    def cause(self, name: str) -> Cause | None:
+        """Return the first cause of that effect."""
+        return next((cause for cause in self.causes if cause.effect.name == name), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One unknown: a parameter by its full name, as its logarithm where it spans decades, in units of `scale`."""
+
+    name: str
+    logarithmic: bool
+    low: float
+    high: float
+    scale: float
+
+    def inner(self, value: float) -> float:
+        """Return the coordinate of a value."""
+        return math.log(max(value, 1e-300)) if self.logarithmic else value / self.scale
+
+    def outer(self, inner: float) -> float:
+        """Return the value of a coordinate, inside its bounds."""
+        value = math.exp(min(max(inner, -600.0), 600.0)) if self.logarithmic else inner * self.scale
+        return min(max(value, self.low), self.high)
+
+    def gradient(self, value: float) -> float:
+        """Return d value / d coordinate."""
+        return value if self.logarithmic else self.scale
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Values of all parameters that are not neutral, and the initial state of every recording."""
+
+    values: Mapping[str, float]
+    starts: tuple[Array, ...]
+
+
+def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], floors: Array) -> Scene:
+    """List every cause the plant can have, and where a fit of each begins."""
+    engine = superset(plant)
+    causes = []
+    for use in all_uses(plant):
+        parameters = parameters_of(plant, use.name, use.output)
+        label = label_of(plant, use)
+        keys = tuple(f"{label}.{each.name}" for each in parameters)
+        causes.append(Cause(find_effect(use.name), use.output, parameters, keys))
+    starts = {cause.label: _starts(plant, train, cause) for cause in causes}
+    return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {})
+
+
+def coordinates(scene: Scene, causes: Sequence[Cause], at: Mapping[str, float]) -> tuple[Coordinate, ...]:
+    """Return the unknowns of a hypothesis: the free nominal parameters, then those of its causes."""
+    found = []
+    for parameter in scene.plant.parameters:
+        if parameter.free:
+            value = at.get(parameter.name, parameter.value)
+            positive = parameter.low >= 0.0 and value > 0.0 and not _may_vanish(parameter.name)
+            size = max(abs(parameter.value), 1e-12)
+            found.append(Coordinate(parameter.name, positive, parameter.low, parameter.high, size))
+    for cause in causes:
+        for key, each in zip(cause.keys, cause.parameters, strict=True):
+            size = max((abs(start[key]) for start in scene.starts[cause.label] if key in start), default=1.0)
+            found.append(Coordinate(key, each.logarithmic, each.low, each.high, size or 1.0))
+    return tuple(found)
+
+
+def _may_vanish(name: str) -> bool:
+    """Viscous friction may well be nothing at all; its logarithm would run away."""
+    return name.startswith("b_") or name.startswith("delay")
+
+
+def first_point(scene: Scene, recordings: Sequence[Recording]) -> Point:
+    """Return the nominal values as given, every recording at rest."""
+    values = {parameter.name: parameter.value for parameter in scene.plant.parameters}
+    return Point(values, tuple(full_start(scene, recording) for recording in recordings))
+
+
+def full_start(scene: Scene, recording: Recording) -> Array:
+    """Return the start at rest in the superset's states."""
+    start = np.zeros(len(scene.engine.states))
+    start[: len(scene.plant.states)] = rest_start(scene.plant, recording)
+    return start
+
+
+def outputs_of(scene: Scene, recording: Recording) -> Array:
+    """Return the recorded outputs (n, r)."""
+    return measured(scene.plant, recording)

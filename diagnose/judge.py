@@ -1,0 +1,310 @@
+"""Turn a search into a verdict: named, tied, unknown, or nothing to say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
+from diagnose.hypothesis import Cause, Point, Scene, full_start
+from diagnose.locate import worst_spans
+from diagnose.noise import whiteness
+from diagnose.preflight import Preflight
+from diagnose.rank import CONTAINS, RICHER, TIE, Rival, Search, innovations, unseen_residuals
+from diagnose.refit import Fitted, fit_starts, residual_of
+from diagnose.sentences import paragraph
+from diagnose.shape import Shape
+from identify.attach import with_effects
+from identify.plant import EffectUse, Parameter, Plant
+
+Array = NDArray[np.float64]
+
+NORMAL_95 = 1.959963984540054
+SHAPE_GAIN = 60.0  # drop of the whitened sum of squares from which a nameless shape counts as a mismatch
+SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
+SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
+_LAGS = 20
+COORDINATES: Mapping[str, str] = {
+    "coulomb_friction": "sign of speed",
+    "stribeck_friction": "speed near rest",
+    "asymmetric_friction": "sign of speed",
+    "load_dependent_friction": "load torque and sign of speed",
+    "presliding_friction": "travel since the last reversal",
+    "quadratic_drag": "speed squared",
+    "load_torque": "none: constant",
+    "load_step": "time",
+    "gravity_torque": "position, once per turn",
+    "cogging_torque": "position, several times per turn",
+    "torque_ripple": "position, several times per turn, and current",
+    "end_stop": "position",
+    "return_spring": "position",
+    "hardening_spring": "position cubed",
+    "flexible_coupling": "frequency",
+    "backlash": "reversals",
+    "torque_constant_saturation": "current squared",
+    "resistance_heating": "heat of the winding",
+    "brush_drop": "sign of current",
+    "inductance_saturation": "current squared and its slope",
+    "dead_zone": "input near zero",
+    "input_saturation": "large input",
+    "slew_rate_limit": "slope of the input",
+    "input_delay": "change of the input",
+    "supply_sag": "current",
+    "clock_skew": "time",
+    "eccentric_encoder": "position, once per turn",
+    "overflow": "level",
+}
+
+
+def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
+    """Choose the verdict and write it down."""
+    verdict, rivals = _verdict(search, shape)
+    shown = search.best if verdict in ("explained", "ambiguous") else search.nominal
+    noise = _noise_rms(search.best)
+    train = _ratios(search, shown, noise, False)
+    test = _ratios(search, shown, noise, True) if search.scene.test else None
+    effects = _named(search, shown, verdict, rivals)
+    location = None if verdict == "no_mismatch" else _location(search, shown, shape, verdict)
+    shifts = _shifts(search, shown)
+    white = (
+        whiteness(_against(search.nominal, search.best), _LAGS),
+        whiteness(innovations(search.best), _LAGS),
+    )
+    outputs = [signal.name for signal in search.scene.plant.outputs]
+    finding = Finding(
+        verdict=verdict,
+        half="none" if verdict == "no_mismatch" else "plant",
+        location=location,
+        effects=effects,
+        alternatives=_alternatives(search, shown, rivals) if verdict in ("explained", "unknown_physics") else (),
+        train=train,
+        test=test,
+        whiteness=white,
+        noise=dict(zip(outputs, noise, strict=True)),
+        shifts=shifts,
+        untestable={**checks.untestable, **_unseen_here(search, shown)},
+        notes=checks.notes,
+        says=(),
+    )
+    return replace(finding, says=paragraph(finding, search, shape))
+
+
+def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival, ...]]:
+    """Return the verdict, and the explanations that stand beside the best one."""
+    left = 0.0 if shape is None else shape.gain - 10.0 * shape.unknowns
+    if not search.best.fitted.causes:
+        return ("unknown_physics" if left > SHAPE_GAIN else "no_mismatch"), ()
+    explained = search.nominal.score - search.best.score
+    if left > max(SHAPE_GAIN, SHAPE_SHARE * explained):
+        return "unknown_physics", ()
+    tied = tuple(rival for rival in _rivals(search) if rival.score - search.best.score < TIE)
+    return ("ambiguous" if tied else "explained"), tied
+
+
+def _rivals(search: Search) -> tuple[Rival, ...]:
+    """Return other explanations with as many effects; one that only contains or is contained is no rival."""
+    count = len(search.best.fitted.causes)
+    mine = set(search.best.fitted.names)
+    found = []
+    for rival in (each for turn in search.rounds for each in turn):
+        names = set(rival.fitted.names)
+        if len(rival.fitted.causes) != count or rival.fitted.causes == search.best.fitted.causes:
+            continue
+        ours, theirs = mine - names, names - mine
+        if any(other in CONTAINS.get(name, ()) for name in theirs for other in ours):
+            continue
+        if any(other in CONTAINS.get(name, ()) for name in ours for other in theirs):
+            if rival.score - search.best.score > -RICHER:
+                continue
+        found.append(rival)
+    return tuple(sorted(found, key=lambda each: each.score))
+
+
+def _noise_rms(rival: Rival) -> tuple[float, ...]:
+    stacked = np.concatenate(rival.fitted.residuals)
+    return tuple(max(float(size), 1e-30) for size in np.sqrt(np.mean(stacked**2, axis=0)))
+
+
+def _against(rival: Rival, judge_by: Rival) -> tuple[Array, ...]:
+    return tuple(
+        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(judge_by.noises)
+    )
+
+
+def _ratios(search: Search, shown: Rival, noise: Sequence[float], unseen: bool) -> Ratio:
+    """Residual rms over noise rms, over all outputs; only initial states are fitted."""
+    scene = search.scene
+    recordings = scene.test if unseen else scene.train
+    starts = tuple(full_start(scene, recording) for recording in recordings)
+    given = {p.name: p.value for p in scene.plant.parameters}
+    before = fit_starts(scene, recordings, Point(given, starts), search.best.noises)
+    lefts = [
+        [residual_of(scene, recording, before, k) for k, recording in enumerate(recordings)],
+        list(unseen_residuals(scene, search.nominal.fitted, search.best.noises))
+        if unseen
+        else list(search.nominal.fitted.residuals),
+        list(unseen_residuals(scene, shown.fitted, search.best.noises)) if unseen else list(shown.fitted.residuals),
+    ]
+    figures = [float(np.sqrt(np.mean((np.concatenate(parts) / np.asarray(noise)) ** 2))) for parts in lefts]
+    return Ratio(*(figure if math.isfinite(figure) else None for figure in figures))
+
+
+def _named(search: Search, shown: Rival, verdict: Verdict, rivals: Sequence[Rival]) -> tuple[Named, ...]:
+    if verdict in ("no_mismatch", "unknown_physics"):
+        return ()
+    fits = [shown, *rivals]
+    weights = _weights(fits)
+    found: dict[str, Named] = {}
+    order = sorted(shown.fitted.causes, key=lambda cause: -_strength(shown.fitted, cause))
+    for rival, causes in [(shown, order), *((each, list(each.fitted.causes)) for each in rivals)]:
+        for cause in causes:
+            if cause.label not in found:
+                share = sum(w for w, each in zip(weights, fits, strict=True) if cause in each.fitted.causes)
+                if not rivals:
+                    share = _certainty(search, shown)
+                found[cause.label] = _one(search.scene, rival, cause, min(share, 1.0))
+    return tuple(found.values())
+
+
+def _certainty(search: Search, shown: Rival) -> float:
+    """Probability against the runner-up."""
+    others = _rivals(search)
+    return _weights([shown, *others])[0]
+
+
+def _weights(rivals: Sequence[Rival]) -> list[float]:
+    scores = np.array([rival.score for rival in rivals])
+    raw = np.exp(-0.5 * (scores - scores.min()) / SOFT)
+    return [float(each) for each in raw / raw.sum()]
+
+
+def _strength(fitted: Fitted, cause: Cause) -> float:
+    """Return how many deviations the first parameter stands from where it changes nothing."""
+    if not cause.parameters:
+        return math.inf
+    deviation = deviations(fitted).get(cause.keys[0], math.inf)
+    return abs(fitted.point.values[cause.keys[0]]) / deviation if deviation > 0.0 else math.inf
+
+
+def deviations(fitted: Fitted) -> Mapping[str, float]:
+    """Return one standard deviation of every parameter, in its unit."""
+    sizes = np.sqrt(np.maximum(np.diag(fitted.normal), 1e-300))
+    inverse = np.linalg.pinv(fitted.normal / np.outer(sizes, sizes), rcond=1e-12)
+    spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / sizes
+    found = {}
+    for index, each in enumerate(fitted.coordinates):
+        inner = each.gradient(fitted.point.values.get(each.name, 0.0))
+        found[each.name] = float(spread[index] * abs(inner)) if sizes[index] > 1e-140 else math.inf
+    return found
+
+
+def _one(scene: Scene, rival: Rival, cause: Cause, probability: float) -> Named:
+    spread = deviations(rival.fitted)
+    estimates = {}
+    for key, each in zip(cause.keys, cause.parameters, strict=True):
+        value = rival.fitted.point.values.get(key, each.neutral)
+        reach = NORMAL_95 * spread.get(key, math.inf)
+        interval = (max(value - reach, each.low), min(value + reach, each.high)) if math.isfinite(reach) else None
+        estimates[each.name] = Estimate(value, interval, each.unit)
+    says = f"{cause.effect.says.rstrip('.')}" + (f" ({cause.output})" if cause.output else "")
+    figures = ", ".join(f"{name} {_with_interval(each)}" for name, each in estimates.items())
+    return Named(
+        cause.effect.name,
+        cause.output,
+        _equation(scene, cause),
+        probability,
+        estimates,
+        f"{says}: {figures}." if figures else f"{says}.",
+    )
+
+
+def _equation(scene: Scene, cause: Cause) -> str:
+    linear = any(balance.kind == "force" for balance in scene.plant.balances)
+    return "force" if cause.effect.equation == "torque" and linear else cause.effect.equation
+
+
+def _with_interval(each: Estimate) -> str:
+    unit = "" if each.unit in ("", "1") else f" {each.unit}"
+    if each.interval is None:
+        return f"{each.value:.4g}{unit}"
+    half = 0.5 * (each.interval[1] - each.interval[0])
+    return f"{each.value:.4g} ± {half:.2g}{unit}"
+
+
+def _alternatives(search: Search, shown: Rival, rivals: Sequence[Rival]) -> tuple[Alternative, ...]:
+    found: dict[str, Alternative] = {}
+    others = [rival for rival in _rivals(search) if rival not in rivals][:4]
+    weights = _weights([shown, *others])
+    mine = set(shown.fitted.causes)
+    for weight, rival in zip(weights[1:], others, strict=True):
+        for cause in rival.fitted.causes:
+            if cause not in mine and cause.effect.name not in found:
+                found[cause.effect.name] = Alternative(cause.effect.name, weight, cause.effect.experiment)
+    return tuple(found.values())
+
+
+def _location(search: Search, shown: Rival, shape: Shape | None, verdict: Verdict) -> Location:
+    output, spans, size = worst_spans(search)
+    if verdict == "unknown_physics" and shape is not None:
+        equation, coordinate = shape.balance, shape.coordinate
+    else:
+        cause = max(shown.fitted.causes, key=lambda each: _strength(shown.fitted, each))
+        equation, coordinate = _equation(search.scene, cause), COORDINATES.get(cause.effect.name, cause.effect.term)
+    where = ", ".join(f"{low:.2f}-{high:.2f} s" for low, high in spans)
+    evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (
+        f" at {where}" if where else ""
+    )
+    return Location(equation, coordinate, output, spans, evidence)
+
+
+def _shifts(search: Search, shown: Rival) -> tuple[Shift, ...]:
+    refit, after = search.nominal.fitted.point.values, shown.fitted.point.values
+    return tuple(
+        Shift(p.name, p.unit, p.value, refit.get(p.name, p.value), after.get(p.name, p.value))
+        for p in search.scene.plant.parameters
+        if p.free
+    )
+
+
+def _unseen_here(search: Search, shown: Rival) -> dict[str, str]:
+    """List effects of whose trace next to nothing is left once the nominal parameters have moved."""
+    named = set(shown.fitted.names)
+    best: dict[str, float] = {}
+    for each in search.screened:
+        best[each.cause.effect.name] = max(best.get(each.cause.effect.name, 0.0), each.left)
+    return {
+        name: "a change of the nominal parameters does the same to these outputs"
+        for name, left in best.items()
+        if left < 0.02 and name not in named
+    }
+
+
+def improved_plant(search: Search, shown: Rival) -> Plant:
+    """Return the plant with the parameters and effects of an explanation."""
+    values, spread = shown.fitted.point.values, deviations(shown.fitted)
+    bare = tuple(_improved(p, values, spread) for p in search.scene.plant.parameters)
+    uses = [
+        EffectUse(
+            cause.effect.name,
+            cause.output,
+            {each.name: values.get(key, each.neutral) for key, each in zip(cause.keys, cause.parameters, strict=True)},
+        )
+        for cause in shown.fitted.causes
+    ]
+    plant = replace(search.scene.plant, parameters=bare)
+    return with_effects(plant, uses) if uses else plant
+
+
+def _improved(parameter: Parameter, values: Mapping[str, float], spread: Mapping[str, float]) -> Parameter:
+    deviation = spread.get(parameter.name, math.nan)
+    if not parameter.free:
+        return parameter
+    return replace(
+        parameter,
+        value=float(values.get(parameter.name, parameter.value)),
+        deviation=float(deviation) if math.isfinite(deviation) else None,
+    )

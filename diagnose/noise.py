@@ -1,0 +1,91 @@
+"""Model the noise of each output as autoregressive, so that evidence is counted in independent samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import erfc
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
+_FEWEST = 40  # rows per coefficient: fewer would fit the noise of the noise
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """One output's noise: v[k] = -sum a[j] v[k-j] + e[k]; `scale` is the rms of e, `rms` that of v."""
+
+    coefficients: Array  # (order,)
+    scale: float  # output's unit
+    rms: float  # output's unit
+
+    def whiten(self, values: Array) -> Array:
+        """Return values (q, ...) along the first axis in units of the innovation; the first rows start from rest."""
+        kernel = np.concatenate([[1.0], self.coefficients]) / self.scale
+        return np.asarray(lfilter(kernel, [1.0], values, axis=0))
+
+
+def white(scale: float) -> Noise:
+    """Return noise without memory."""
+    return Noise(np.zeros(0), scale, scale)
+
+
+def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
+    """Fit one output's noise to residuals (q,) of several recordings, by least squares over all of them.
+
+    Least squares and not Yule-Walker, which is badly biased where a disturbance has been integrated. The order is the
+    one with the smallest BIC among ORDERS. `floor` is the smallest innovation rms that a sensor of this resolution
+    can have (output's unit).
+    """
+    rows = sum(len(part) for part in residuals)
+    most = max((order for order in ORDERS if order * _FEWEST <= rows), default=0)
+    mean = float(np.sum([np.sum(part) for part in residuals])) / max(rows, 1)
+    rms = max(float(np.sqrt(np.sum([part @ part for part in residuals]) / max(rows, 1))), floor)
+    moments = np.zeros((most + 1, most + 1))
+    used = 0
+    for part in residuals:
+        if len(part) > 2 * most:
+            lagged = np.lib.stride_tricks.sliding_window_view(part, most + 1)[:, ::-1]
+            moments += lagged.T @ lagged
+            used += len(lagged)
+    if used == 0 or not moments[0, 0] > 0.0:
+        return white(rms)
+    best, best_score = white(rms), np.inf
+    for order in ORDERS:
+        if order > most:
+            break
+        past = moments[1 : order + 1, 1 : order + 1]
+        ridge = 1e-9 * float(moments[0, 0]) * np.eye(order)
+        taps: Array = np.zeros(0)
+        if order:
+            taps = np.asarray(-np.linalg.solve(past + ridge, moments[0, 1 : order + 1]), dtype=np.float64)
+        power = float(moments[0, 0] + taps @ moments[0, 1 : order + 1]) / used
+        if power <= 0.0:
+            break
+        score = used * np.log(power) + order * np.log(used)
+        if score < best_score - 1e-9:
+            best, best_score = Noise(taps, max(float(np.sqrt(power)), floor), rms), score
+    return replace(best, rms=max(best.rms, abs(mean)))
+
+
+def whiteness(innovations: Sequence[Array], lags: int) -> float:
+    """Return the probability that white innovations (q,) would be this correlated (Ljung & Box 1978), least output."""
+    from_each = [_ljung_box(values, lags) for values in innovations if len(values) > 4 * lags]
+    return min(from_each, default=1.0)
+
+
+def _ljung_box(values: Array, lags: int) -> float:
+    from_mean = values - np.mean(values)
+    power = float(from_mean @ from_mean)
+    if power == 0.0:
+        return 1.0
+    count = len(values)
+    shares = np.array([float(from_mean[lag:] @ from_mean[:-lag]) / power for lag in range(1, lags + 1)])
+    statistic = count * (count + 2.0) * float(np.sum(shares**2 / (count - np.arange(1, lags + 1))))
+    from_normal = (statistic / lags) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * lags))  # Wilson-Hilferty
+    return float(0.5 * erfc(from_normal / np.sqrt(2.0 / (9.0 * lags)) / np.sqrt(2.0)))

@@ -1,0 +1,200 @@
+"""Check recordings before anybody blames physics: clock, units, dead channels, and what they cannot test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.plant import IdentifyError, Plant
+from identify.recording import Recording
+from identify.simulate import course_of, measured, rest_start, simulator
+
+Array = NDArray[np.float64]
+
+FEWEST_ROWS = 60
+_JUMP = 50.0  # rows; a gap longer than this is no jitter
+_ALIKE = 0.85  # correlation from which a column is taken to follow the simulation of another
+_RPM = 60.0 / (2.0 * np.pi)
+_FACTORS = {
+    "speed_rad_s": ((_RPM, "rpm"), (1.0 / _RPM, "something other than rad/s")),
+    "current_A": ((1000.0, "mA"), (0.001, "kA")),
+    "position_rad": ((180.0 / np.pi, "degrees"), (1.0 / (2.0 * np.pi), "turns")),
+    "position_m": ((1000.0, "mm"), (0.001, "km")),
+    "speed_m_s": ((1000.0, "mm/s"), (0.001, "km/s")),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Preflight:
+    """What was seen: remarks, the smallest noise each output can have, and effects that cannot be tested."""
+
+    notes: tuple[str, ...]
+    floors: Array  # (r,)
+    untestable: Mapping[str, str]  # effect -> why
+
+
+def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> Preflight:
+    """Look at every recording; IdentifyError where a diagnosis would be a guess."""
+    if not train:
+        raise IdentifyError("recordings.train is empty; name at least one recording to diagnose")
+    notes: list[str] = []
+    known = {recording.sha256: recording.source for recording in train if recording.sha256}
+    for recording in test:
+        if recording.sha256 and recording.sha256 in known:
+            raise IdentifyError(
+                f"recordings.test: {recording.source} holds the same bytes as {known[recording.sha256]}; "
+                f"what was fitted cannot judge the fit, so record another one"
+            )
+    for recording in (*train, *test):
+        _check_rows(plant, recording)
+        notes += _clock(recording)
+        notes += _kinematics(recording)
+    for recording in train:
+        _check_units(plant, recording)
+    floors = _floors(plant, train)
+    return Preflight(tuple(notes), floors, _untestable(plant, train))
+
+
+def _check_rows(plant: Plant, recording: Recording) -> None:
+    rows = len(recording.time)
+    if rows < FEWEST_ROWS:
+        raise IdentifyError(
+            f"{recording.source}: has {rows} rows; a diagnosis needs at least {FEWEST_ROWS}, "
+            f"better a thousand: record longer"
+        )
+    drive, values = course_of(plant, recording).drive, measured(plant, recording)
+    if np.ptp(drive) == 0.0:
+        raise IdentifyError(
+            f"{recording.source}: column {plant.inputs[0].name} never changes; "
+            f"physics shows when the input moves, so record steps or a sweep in both directions"
+        )
+    for signal, column in zip(plant.outputs, values.T, strict=True):
+        if np.ptp(column) == 0.0:
+            raise IdentifyError(
+                f"{recording.source}: column {signal.name} is {column[0]:g} in every row; check the sensor and its wire"
+            )
+    gaps = np.diff(recording.time)
+    step = float(np.median(gaps))
+    worst = int(np.argmax(gaps))
+    if gaps[worst] > _JUMP * step:
+        raise IdentifyError(
+            f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s "
+            f"(usual step {step:.4g} s); cut the recording there into two files"
+        )
+
+
+def _clock(recording: Recording) -> list[str]:
+    gaps = np.diff(recording.time)
+    step = float(np.median(gaps))
+    late = gaps > 1.8 * step
+    said = []
+    if np.any(late):
+        said.append(f"{recording.source}: {int(np.sum(late))} rows come late (longest step {gaps.max():.4g} s)")
+    elif float(np.std(gaps)) > 0.02 * step:
+        said.append(f"{recording.source}: the sample time jitters by {100.0 * float(np.std(gaps)) / step:.0f} % rms")
+    return said
+
+
+def _kinematics(recording: Recording) -> list[str]:
+    """Compare the change of position with the integral of speed."""
+    said = []
+    for place, speed in (("position_rad", "speed_rad_s"), ("position_m", "speed_m_s")):
+        if place not in recording.columns or speed not in recording.columns:
+            continue
+        moved = recording.columns[place] - recording.columns[place][0]
+        rate = recording.columns[speed]
+        summed = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(recording.time))])
+        power = float(summed @ summed)
+        if power > 0.0:
+            factor = float(moved @ summed) / power
+            if abs(factor - 1.0) > 0.05:
+                said.append(
+                    f"{recording.source}: {place} moves {factor:.3g} times as far as {speed} says; "
+                    f"check the units and signs of both"
+                )
+    return said
+
+
+def _check_units(plant: Plant, recording: Recording) -> None:
+    """Hold each output against the nominal simulation: a fixed factor or a swap is no physics."""
+    constants = np.array([p.value for p in plant.parameters])
+    if np.any(np.isnan(constants)):
+        return
+    simulated = simulator(plant).run(course_of(plant, recording), constants, rest_start(plant, recording))
+    if not np.all(np.isfinite(simulated)):
+        return
+    values = measured(plant, recording)
+    moved = [np.diff(values[:, k], prepend=values[0, k]) for k in range(values.shape[1])]
+    ours = [np.diff(simulated[:, k], prepend=simulated[0, k]) for k in range(values.shape[1])]
+    names = [signal.name for signal in plant.outputs]
+    for k, name in enumerate(names):
+        place = name.startswith("position")
+        real, model = (moved[k], ours[k]) if place else (values[:, k], simulated[:, k])
+        alike, factor = _alike(real, model)
+        for other in range(len(names)):
+            cross, ratio = _alike(values[:, other], simulated[:, k])
+            if other != k and cross > max(_ALIKE, alike + 0.03) and 0.4 < ratio < 2.5:
+                back = _alike(values[:, k], simulated[:, other])
+                if back[0] > _ALIKE and 0.4 < back[1] < 2.5:
+                    raise IdentifyError(
+                        f"{recording.source}: columns {name} and {names[other]} look swapped (each follows the "
+                        f"simulation of the other); map them in [recordings.rename]"
+                    )
+        if alike < -_ALIKE:
+            raise IdentifyError(
+                f"{recording.source}: column {name} runs against the simulation (correlation {alike:.2f}); "
+                f"check the sign of the sensor or of the drive"
+            )
+        for known, unit in _FACTORS.get(name, ()):
+            if alike > _ALIKE and abs(np.log(factor / known)) < 0.3:
+                raise IdentifyError(
+                    f"{recording.source}: column {name} is {factor:.4g} times what the nominal plant does; it looks "
+                    f"like {unit}. Convert the column, or correct the nominal parameters if it is right"
+                )
+        if alike > _ALIKE and not 0.15 < factor < 6.5:
+            raise IdentifyError(
+                f"{recording.source}: column {name} is {factor:.3g} times what the nominal plant does; the nominal "
+                f"parameters or a unit are wrong: correct them, or run firmloop identify first"
+            )
+
+
+def _alike(real: Array, model: Array) -> tuple[float, float]:
+    """Return correlation, and how many times as large the recorded signal is."""
+    one, other = real - np.mean(real), model - np.mean(model)
+    sizes = float(np.linalg.norm(one)), float(np.linalg.norm(other))
+    if min(sizes) == 0.0:
+        return 0.0, 1.0
+    return float(one @ other) / (sizes[0] * sizes[1]), sizes[0] / sizes[1]
+
+
+def _floors(plant: Plant, train: Sequence[Recording]) -> Array:
+    """Return a third of a resolution step's rms: no innovation can be smaller for long."""
+    floors = []
+    for signal in plant.outputs:
+        steps = []
+        for recording in train:
+            jumps = np.abs(np.diff(np.unique(np.round(recording.columns[signal.name], 12))))
+            steps.append(float(np.min(jumps)) if len(jumps) else 0.0)
+        spread = float(np.std(np.concatenate([recording.columns[signal.name] for recording in train])))
+        floors.append(max(min(steps) / np.sqrt(12.0) / 3.0, 1e-9 * spread, 1e-15))
+    return np.array(floors)
+
+
+def _untestable(plant: Plant, train: Sequence[Recording]) -> Mapping[str, str]:
+    """Say which effects the regimes visited cannot show."""
+    found: dict[str, str] = {}
+    speeds = [recording.columns[name] for recording in train for name in recording.columns if name.startswith("speed_")]
+    drives = np.concatenate([course_of(plant, recording).drive[:, 0] for recording in train])
+    if speeds:
+        every = np.concatenate(speeds)
+        reach = float(np.max(np.abs(every)))
+        if min(float(np.mean(every > 0.05 * reach)), float(np.mean(every < -0.05 * reach))) < 0.02:
+            for name in ("coulomb_friction", "load_torque", "asymmetric_friction"):
+                found[name] = "the speed never reverses, so friction and a constant load look alike"
+    if float(np.max(np.abs(np.diff(drives)))) < 0.02 * float(np.ptp(drives)):
+        for name in ("input_delay", "slew_rate_limit"):
+            found[name] = "the input never changes fast"
+    return found

@@ -1,0 +1,303 @@
+"""Search for what explains the recordings: grow by screened causes, refit in full, prune, and rank the rivals."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Cause, Point, Scene, first_point, full_start
+from diagnose.noise import Noise, white
+from diagnose.orders import best_orders
+from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of, residual_of
+from diagnose.screen import Screened, ground, screen
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+THRESHOLD = 20.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
+SLOW_THRESHOLD = 45.0  # the same for effects that look like a slow disturbance, where there is one
+SLOW = (
+    "load_torque",
+    "load_step",
+    "return_spring",
+    "hardening_spring",
+    "sensor_offset",
+    "gravity_torque",
+    "end_stop",
+)
+_LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
+TIE = 10.0  # explanations closer than this in BIC are not told apart
+RICHER = 12.0  # what a richer effect must win over the simpler one that it contains
+MOST_EFFECTS = 4
+_TRIED = 5  # causes refitted per round, besides relatives
+_FINAL = 4  # of them refitted to the end
+_CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
+_SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
+_WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
+_ROUND = 10.0  # s of computing after which a round tries no further cause
+_PATIENCE = 20.0  # s of computing after which no further effect is looked for
+_WIDER = 1.1  # ratio of residual rms from which an explanation is none
+_MINOR = 0.02  # of what the others explain: less may be the trace of how a model simplifies them
+_GIVEN = 3  # causes tried beside the parameters as given
+_SHARE = 0.08  # of the best screened drop
+_SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
+
+# What contains what: the first has the second as a special case.
+CONTAINS: Mapping[str, tuple[str, ...]] = {
+    "stribeck_friction": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction",),
+    "presliding_friction": ("coulomb_friction",),
+    "backlash": ("flexible_coupling",),
+    "load_step": ("load_torque",),
+    "flexible_coupling": (),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """One explanation that was fitted to the end: `gain` is its drop of BIC against the best without it."""
+
+    fitted: Fitted
+    noises: tuple[Noise, ...]
+    score: float  # BIC on train, and -2 log likelihood on test
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What the search found: the nominal refit, the best explanation, and what it was chosen against, by round."""
+
+    scene: Scene
+    nominal: Rival
+    best: Rival
+    rounds: tuple[tuple[Rival, ...], ...]  # best first
+    screened: tuple[Screened, ...]  # of the first round
+    gains: tuple[float, ...]  # drop of BIC by each accepted effect, in the order found
+
+
+def search(scene: Scene, progress: Progress) -> Search:
+    """Explain the train recordings of a scene; tests only count when explanations are ranked."""
+    progress(0.05, "refitting the nominal plant")
+    nominal = _nominal(scene)
+    best = nominal
+    rounds: list[tuple[Rival, ...]] = []
+    gains: list[float] = []
+    first: tuple[Screened, ...] = ()
+    begun = time.process_time()
+    for turn in range(MOST_EFFECTS):
+        if turn and time.process_time() - begun > _PATIENCE:
+            break
+        progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
+        screened = _screened(scene, best)
+        first = first or screened
+        worth = max(_WORTH, 0.5 * _MINOR * sum(gains))
+        rivals = _round(scene, best, screened, _from_given(scene, nominal) if turn == 0 else (), worth)
+        if not rivals:
+            break
+        base = best
+        if best.score - rivals[0].score < _CLEAR:
+            again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, _LAST)
+            base = min((_rated(scene, again), best), key=lambda each: each.score)
+        chosen = _simplest(rivals)
+        gain = base.score - chosen.score
+        rounds.append(rivals)
+        if gain < max(_bar(chosen), _MINOR * sum(gains)) or _larger(chosen, base):
+            best = base
+            break
+        gains.append(gain)
+        best = chosen
+        if turn == 0:
+            nominal = base
+    if not gains:
+        nominal = best
+    else:
+        best = _pruned(scene, best)
+    return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+
+
+def _bar(rival: Rival) -> float:
+    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
+    slow = rival.fitted.causes[-1].effect.name in SLOW
+    colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
+    return SLOW_THRESHOLD if slow and colored else THRESHOLD
+
+
+def _larger(rival: Rival, base: Rival) -> bool:
+    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction."""
+    sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
+    return bool(np.sqrt(np.mean((sizes[0] / sizes[1]) ** 2)) > _WIDER)
+
+
+def _nominal(scene: Scene) -> Rival:
+    """Fit the nominal plant from several starts with white noise, then with the noise it left over."""
+    begin = first_point(scene, scene.train)
+    spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(scene)]
+    flat = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, scene.floors, strict=True)]
+    trials = []
+    for factor in _SPREAD:
+        values = {
+            p.name: p.value * (factor if p.free and p.name.startswith(("R_", "J_", "b_", "mass")) else 1.0)
+            for p in scene.plant.parameters
+        }
+        trials.append(fit(scene, scene.train, (), Point({**begin.values, **values}, begin.starts), flat, _SHORT * 2))
+    fitted = min(trials, key=lambda each: each.cost)
+    for _ in range(2):
+        sizes = [white(noise.rms) for noise in noises_of(scene, fitted.residuals)]
+        fitted = fit(scene, scene.train, (), fitted.point, sizes, _LONG)
+    colored = fit(scene, scene.train, (), fitted.point, noises_of(scene, fitted.residuals), _LONG)
+    return min((_rated(scene, fitted), _rated(scene, colored)), key=lambda each: each.score)
+
+
+def _columns(scene: Scene) -> list[list[Array]]:
+    return [[recording.columns[signal.name] for recording in scene.train] for signal in scene.plant.outputs]
+
+
+def _rated(scene: Scene, fitted: Fitted) -> Rival:
+    """Score by each output's own innovations on train and, with that noise, on test."""
+    noises = noises_of(scene, fitted.residuals)
+    return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
+
+
+def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:
+    """Return -2 log likelihood of the test recordings but for a constant; only their initial states are fitted."""
+    total = 0.0
+    for residual in unseen_residuals(scene, fitted, noises):
+        if np.any(np.isnan(residual)):
+            return 1e9
+        for index, noise in enumerate(noises):
+            power = float(np.mean(noise.whiten(residual[:, index]) ** 2))
+            total += len(residual) * float(np.log(max(power, 1.0)) + 2.0 * np.log(noise.scale))
+    return total
+
+
+def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
+    """Return measured - simulated (n, r) of every test recording."""
+    starts = tuple(full_start(scene, recording) for recording in scene.test)
+    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
+    return tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
+
+
+def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
+    """Screen with the colored noise of what is left and with white noise: what is left may itself be the effect."""
+    open_causes = [cause for cause in scene.causes if cause not in best.fitted.causes]
+    flat = [white(noise.rms) for noise in best.noises]
+    grounds = [ground(scene, scene.train, best.fitted, noises) for noises in (best.noises, flat)]
+    orders = best_orders(scene, best.fitted, grounds)
+    colored, plain_list = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
+    plain = {each.cause.label: each for each in plain_list}
+    scale = max((each.gain for each in plain.values()), default=1.0) / max(colored[0].gain, 1.0)
+    merged = [max((each, _scaled(plain.get(each.cause.label), scale)), key=_gain) for each in colored]
+    return tuple(sorted((each for each in merged if each is not None), key=lambda each: -each.gain))
+
+
+def _scaled(screened: Screened | None, scale: float) -> Screened | None:
+    return None if screened is None else replace(screened, gain=screened.gain / max(scale, 1e-12))
+
+
+def _gain(screened: Screened | None) -> float:
+    return -1.0 if screened is None else screened.gain
+
+
+def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
+    """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
+    if all(len(noise.coefficients) == 0 for noise in nominal.noises):
+        return ()
+    flat = [white(noise.rms) for noise in nominal.noises]
+    begin = first_point(scene, scene.train)
+    given = fit(scene, scene.train, (), begin, flat, 0)
+    under = [ground(scene, scene.train, given, flat)]
+    (screened,) = screen(scene, scene.train, given, scene.causes, under, best_orders(scene, given, under))
+    found = []
+    for each in screened[:_GIVEN]:
+        causes, point = _extended(given, each, each.start)
+        found.append(fit(scene, scene.train, causes, point, flat, 2 * _SHORT))
+    return tuple(found)
+
+
+def _round(
+    scene: Scene, best: Rival, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
+) -> tuple[Rival, ...]:
+    """Refit the most promising causes and their relatives; the best are refitted to the end."""
+    top = screened[0].gain if screened else 0.0
+    picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
+    names = {each.cause.effect.name for each in picked}
+    related = {other for name in names for other in (*CONTAINS.get(name, ()), *_containing(name))}
+    more = [each for each in screened if each.cause.effect.name in related and each not in picked]
+    trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
+    begun = time.process_time()
+    for each in [*picked, *more]:
+        if trials and time.process_time() - begun > _ROUND:
+            break
+        for start in _starts(scene, each):
+            causes, begin = _extended(best.fitted, each, start)
+            fitted = fit(scene, scene.train, causes, begin, best.noises, _SHORT)
+            trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
+    trials.sort()
+    final: list[Fitted] = []
+    for score, _, fitted in trials:
+        near = len(final) < 2 or score - trials[0][0] < _CLEAR
+        if near and len(final) < _FINAL and all(fitted.causes != other.causes for other in final):
+            final.append(fitted)
+    if not final:
+        return ()
+    noises = noises_of(scene, final[0].residuals)
+    longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
+    noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
+    rated = [_rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
+    return tuple(sorted(rated, key=lambda each: each.score))
+
+
+def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
+    """Add a cause to a hypothesis; a simpler one that it contains gives way."""
+    simpler = CONTAINS.get(screened.cause.effect.name, ())
+    kept = tuple(cause for cause in base.causes if cause.effect.name not in simpler)
+    gone = {key for cause in base.causes if cause not in kept for key in cause.keys}
+    values = {key: value for key, value in base.point.values.items() if key not in gone}
+    return (*kept, screened.cause), Point({**values, **start}, base.point.starts)
+
+
+def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
+    """Return the start that promises most, and for effects of three parameters a second one."""
+    every = [dict(start) for start in scene.starts[screened.cause.label]]
+    others = [start for start in every if start != dict(screened.start)]
+    return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
+
+
+def _containing(name: str) -> tuple[str, ...]:
+    return tuple(richer for richer, simpler in CONTAINS.items() if name in simpler)
+
+
+def _simplest(rivals: Sequence[Rival]) -> Rival:
+    """Return the best; a simpler one that it contains wins where the richer one gains too little."""
+    chosen = rivals[0]
+    for other in rivals[1:]:
+        last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
+        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < RICHER:
+            chosen = other
+    return chosen
+
+
+def _pruned(scene: Scene, best: Rival) -> Rival:
+    """Drop effects one by one as long as the rest explains as much."""
+    while len(best.fitted.causes) > 1:
+        slimmer = []
+        for cause in best.fitted.causes:
+            rest = tuple(other for other in best.fitted.causes if other != cause)
+            values = {key: value for key, value in best.fitted.point.values.items() if key not in cause.keys}
+            begin = Point(values, best.fitted.point.starts)
+            slimmer.append(_rated(scene, fit(scene, scene.train, rest, begin, best.noises, _LONG)))
+        least = min(slimmer, key=lambda each: each.score)
+        if least.score - best.score >= THRESHOLD:
+            return best
+        best = least
+    return best
+
+
+def innovations(rival: Rival) -> tuple[Array, ...]:
+    """Return the whitened residuals (n,) of every train recording and output."""
+    return tuple(
+        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(rival.noises)
+    )

@@ -1,0 +1,265 @@
+"""Fit a hypothesis to recordings: whitened simulation-error least squares with every initial state free."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start, outputs_of
+from diagnose.noise import Noise, fit_noise
+from identify.least_squares import triangle
+from identify.recording import Recording
+
+Array = NDArray[np.float64]
+
+FAR = 1e4  # times the noise: what a diverged simulation counts
+_ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
+_WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
+_GIVEN = (
+    0.3  # standard deviation of a given nominal parameter, as a logarithm: it only counts where the data are silent
+)
+_PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
+_STEP = 1e-5  # of a coordinate, for difference quotients
+_SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
+_NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A hypothesis at its best point; residuals are measured - simulated (n, r) per recording, in the outputs' units.
+
+    `normal` is J'J of the whitened slopes for (coordinates, initial states of each recording in turn).
+    """
+
+    causes: tuple[Cause, ...]
+    coordinates: tuple[Coordinate, ...]
+    point: Point
+    residuals: tuple[Array, ...]
+    cost: float  # sum of squares of the whitened residuals
+    normal: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects by name, in the order they were found."""
+        return tuple(cause.effect.name for cause in self.causes)
+
+
+def residual_of(scene: Scene, recording: Recording, point: Point, index: int) -> Array:
+    """Return measured - simulated (n, r) of one recording; a diverged simulation counts as far off."""
+    simulated = scene.engine.simulate(recording, dict(point.values), point.starts[index])
+    left = outputs_of(scene, recording) - simulated
+    return left if np.all(np.isfinite(left)) else np.full_like(left, np.nan)
+
+
+def whitened(values: Array, noises: Sequence[Noise]) -> Array:
+    """Whiten (n, r, ...) output by output and stack to (n r, ...)."""
+    parts = [noise.whiten(values[:, index]) for index, noise in enumerate(noises)]
+    return np.concatenate(parts, axis=0)
+
+
+def noises_of(scene: Scene, residuals: Sequence[Array]) -> tuple[Noise, ...]:
+    """Estimate every output's noise from what a fit left over."""
+    return tuple(
+        fit_noise([part[:, index] for part in residuals], float(scene.floors[index]))
+        for index in range(residuals[0].shape[1])
+    )
+
+
+def slopes_of(scene: Scene, recording: Recording, unknowns: Sequence[Coordinate], point: Point, index: int) -> Array:
+    """Return d output / d (coordinates, initial state) (n, r, k + s).
+
+    What an initial state does is taken from the plant without effects, once: it dies out soon, and a search that
+    accepts only what lowers the cost can do with that.
+    """
+    base = outputs_of(scene, recording) - residual_of(scene, recording, point, index)
+    own = start_slopes(scene, recording)
+    slopes = np.zeros((*base.shape, len(unknowns)))
+    for place, each in enumerate(unknowns):
+        value = point.values.get(each.name, scene.engine.neutral[each.name])
+        inside = each.inner(value) + (_STEP if each.logarithmic else _STEP * max(abs(value) / each.scale, 0.01))
+        moved = each.outer(inside)
+        if not moved > value:  # at its upper bound
+            moved = each.outer(2.0 * each.inner(value) - inside)
+        change = each.inner(moved) - each.inner(value)
+        if change != 0.0:
+            near = Point({**point.values, each.name: moved}, point.starts)
+            slopes[..., place] = (
+                outputs_of(scene, recording) - residual_of(scene, recording, near, index) - base
+            ) / change
+    whole: Array = np.concatenate([slopes, own], axis=2)
+    return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def start_slopes(scene: Scene, recording: Recording) -> Array:
+    """Return d output / d initial state (n, r, s) of the nominal plant."""
+    found = scene.memory.get(id(recording))
+    if found is None:
+        names = [f"start.{state}" for state in scene.engine.states]
+        found = scene.memory[id(recording)] = scene.engine.slopes(recording, {}, names, full_start(scene, recording))
+    return found
+
+
+def fit(
+    scene: Scene,
+    recordings: Sequence[Recording],
+    causes: Sequence[Cause],
+    begin: Point,
+    noises: Sequence[Noise],
+    steps: int,
+) -> Fitted:
+    """Search from `begin` by Levenberg and Marquardt; bounds hold by stopping at them."""
+    unknowns = coordinates(scene, causes, begin.values)
+    count, states = len(unknowns), len(scene.engine.states)
+    tether = tethers(scene, unknowns)
+    point, cost, residuals = _judged(scene, recordings, begin, noises)
+    damping, normal = 1e-3, np.zeros((0, 0))
+    begun = time.process_time()
+    for _ in range(steps):
+        if time.process_time() - begun > _PATIENCE:
+            break
+        packed = _packed(scene, recordings, unknowns, point, residuals, noises)
+        normal = packed[:-1, :-1]
+        at = _inner(scene, unknowns, point)
+        pulled = -packed[:-1, -1].copy()
+        normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
+        pulled[:count] -= tether[:, :-1].T @ (tether[:, :-1] @ at - tether[:, -1])
+        moved = False
+        for _ in range(6):
+            step = _solve(normal, pulled, damping)
+            step[:count] = np.clip(step[:count], -3.0, 3.0)
+            trial = _moved(scene, unknowns, point, step, states)
+            next_point, next_cost, next_residuals = _judged(scene, recordings, trial, noises)
+            if next_cost + _pull(scene, unknowns, trial, tether) < cost + _pull(scene, unknowns, point, tether):
+                moved = True
+                break
+            damping = max(damping * 8.0, 1e-6)
+        if not moved:
+            break
+        gain = cost - next_cost + _pull(scene, unknowns, point, tether) - _pull(scene, unknowns, trial, tether)
+        point, cost, residuals = next_point, next_cost, next_residuals
+        damping = max(damping / 6.0, 1e-9)
+        if gain < max(_WORTH, _ENOUGH * cost):
+            break
+    if normal.size == 0:
+        normal = _packed(scene, recordings, unknowns, point, residuals, noises)[:-1, :-1]
+        normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
+    return Fitted(tuple(causes), unknowns, point, residuals, cost, normal)
+
+
+def tethers(scene: Scene, unknowns: Sequence[Coordinate]) -> Array:
+    """Return rows [weights over the coordinates, aim] of what is known beforehand, in standard deviations."""
+    given = {p.name: p.value for p in scene.plant.parameters}
+    places = {each.name: index for index, each in enumerate(unknowns)}
+    rows = []
+    for each in unknowns:
+        if each.name in given and np.isfinite(given[each.name]):
+            row = np.zeros(len(unknowns) + 1)
+            row[places[each.name]] = 1.0 / (_GIVEN if each.logarithmic else 10.0)
+            row[-1] = row[places[each.name]] * each.inner(given[each.name])
+            rows.append(row)
+    ke, kt = given.get("ke_V_s_rad", 0.0), given.get("kt_N_m_A", 0.0)
+    if ke > 0.0 and kt > 0.0 and abs(np.log(kt / ke)) < _NEAR:
+        row = np.zeros(len(unknowns) + 1)
+        for name, sign, fixed in (("kt_N_m_A", 1.0, kt), ("ke_V_s_rad", -1.0, ke)):
+            if name in places:
+                row[places[name]] = sign / _SAME
+            else:
+                row[-1] -= sign * np.log(fixed) / _SAME
+        rows.append(row)
+    return np.array(rows).reshape(len(rows), len(unknowns) + 1)
+
+
+def _pull(scene: Scene, unknowns: Sequence[Coordinate], point: Point, tether: Array) -> float:
+    return float(np.sum((tether[:, :-1] @ _inner(scene, unknowns, point) - tether[:, -1]) ** 2))
+
+
+def _judged(
+    scene: Scene, recordings: Sequence[Recording], point: Point, noises: Sequence[Noise]
+) -> tuple[Point, float, tuple[Array, ...]]:
+    residuals = tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(recordings))
+    cost = 0.0
+    for part in residuals:
+        if np.any(np.isnan(part)):
+            cost += FAR**2 * part.size
+        else:
+            cost += float(np.sum(whitened(part, noises) ** 2))
+    return point, cost, residuals
+
+
+def _packed(
+    scene: Scene,
+    recordings: Sequence[Recording],
+    unknowns: Sequence[Coordinate],
+    point: Point,
+    residuals: Sequence[Array],
+    noises: Sequence[Noise],
+) -> Array:
+    """Return [J r]'[J r] of the whitened problem, shape (k + s w + 1, same); r is simulated - measured."""
+    count, states, lot = len(unknowns), len(scene.engine.states), len(recordings)
+    total = np.zeros((count + states * lot + 1, count + states * lot + 1))
+    for k, recording in enumerate(recordings):
+        if np.any(np.isnan(residuals[k])):
+            continue
+        slopes = slopes_of(scene, recording, unknowns, point, k)
+        tall = np.concatenate([slopes, -residuals[k][..., None]], axis=2)
+        small = triangle(whitened(tall, noises))
+        places = np.concatenate([np.arange(count), count + states * k + np.arange(states), [count + states * lot]])
+        total[np.ix_(places, places)] += small.T @ small
+    return total
+
+
+def _solve(normal: Array, pulled: Array, damping: float) -> Array:
+    sizes = np.sqrt(np.maximum(np.diag(normal), 0.0))
+    live = sizes > 1e-9
+    step = np.zeros(len(pulled))
+    scaled = normal[np.ix_(live, live)] / np.outer(sizes[live], sizes[live])
+    scaled = scaled + (damping + 1e-12) * np.eye(int(live.sum()))
+    step[live] = np.linalg.lstsq(scaled, pulled[live] / sizes[live], rcond=1e-13)[0] / sizes[live]
+    return step
+
+
+def _inner(scene: Scene, unknowns: Sequence[Coordinate], point: Point) -> Array:
+    return np.array([each.inner(point.values.get(each.name, scene.engine.neutral[each.name])) for each in unknowns])
+
+
+def _moved(scene: Scene, unknowns: Sequence[Coordinate], point: Point, step: Array, states: int) -> Point:
+    inner = _inner(scene, unknowns, point) + step[: len(unknowns)]
+    values = dict(point.values)
+    for each, place in zip(unknowns, inner, strict=True):
+        values[each.name] = each.outer(float(place))
+    starts = tuple(
+        start + step[len(unknowns) + states * k : len(unknowns) + states * (k + 1)]
+        for k, start in enumerate(point.starts)
+    )
+    return Point(values, starts)
+
+
+def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, noises: Sequence[Noise]) -> Point:
+    """Fit the initial states alone, by two Gauss-Newton steps."""
+    starts = []
+    for k, recording in enumerate(recordings):
+        here = Point(point.values, tuple(point.starts[k] for _ in recordings))
+        _, cost, residuals = _judged(scene, [recording], Point(here.values, (here.starts[0],)), noises)
+        best = here.starts[0]
+        for _ in range(2):
+            single = Point(point.values, (best,))
+            packed = _packed(scene, [recording], (), single, residuals, noises)
+            step = _solve(packed[:-1, :-1], -packed[:-1, -1], 1e-9)
+            _, next_cost, next_residuals = _judged(scene, [recording], Point(point.values, (best + step,)), noises)
+            if not next_cost < cost:
+                break
+            best, cost, residuals = best + step, next_cost, next_residuals
+        starts.append(best)
+    return Point(point.values, tuple(starts))
+
+
+def evidence(fitted: Fitted, noises: Sequence[Noise]) -> float:
+    """Return -2 log likelihood + BIC penalty; innovations have the variance that each output's noise model says."""
+    rows = sum(len(part) for part in fitted.residuals)
+    own = sum(2.0 * rows * np.log(noise.scale) for noise in noises)
+    unknowns = len(fitted.coordinates)
+    return float(own + unknowns * np.log(rows * len(noises)))

@@ -1,0 +1,46 @@
+"""Push the linear nominal plant with any torque over time, and see it in the outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.signal import lfilter, ss2tf
+
+from identify.linear import linearize
+from identify.plant import Plant
+from identify.recording import Recording
+from identify.simulate import course_of
+
+Array = NDArray[np.float64]
+
+
+def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:
+    """Return what torques `push` (n, b) in the balance `number` (of those with a state) do to the outputs (n, r, b)."""
+    parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in plant.parameters)
+    bare = linearize(replace(plant, parameters=parameters))
+    balance = [each for each in plant.balances if each.state >= 0][number]
+    constants = np.array([p.value for p in parameters])[: plant.rate.numel_in(2)]
+    states = len(bare.a)
+    whole = np.zeros((states + 1, states + 1))
+    whole[:states, :states] = bare.a
+    whole[balance.state, states] = float(balance.per(constants))
+    moved = expm(whole * course_of(plant, recording).step)
+    outputs, none = bare.c, np.zeros((len(bare.c), 1))
+    top, bottom = ss2tf(moved[:states, :states], moved[:states, states:], outputs, none)
+    full = np.zeros((len(recording.time), push.shape[1]))
+    full[: len(push)] = push
+    return np.stack([lfilter(row, bottom, full, axis=0) for row in top], axis=1)
+
+
+def travelled(recording: Recording) -> Array | None:
+    """Return the angle (n,) in rad: recorded, or the integral of the recorded speed."""
+    if "position_rad" in recording.columns:
+        return recording.columns["position_rad"]
+    if "speed_rad_s" not in recording.columns:
+        return None
+    speed = recording.columns["speed_rad_s"]
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])

@@ -1,0 +1,44 @@
+"""Diagnose a plant: preflight, search, shape of what is left, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from diagnose.finding import Finding
+from diagnose.hypothesis import make_scene
+from diagnose.judge import improved_plant, judge
+from diagnose.preflight import preflight
+from diagnose.rank import Progress, Rival, Search, search
+from diagnose.shape import Shape, best_shape
+from identify.plant import Plant
+from identify.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """A finding with what it rests on; `plant` is the improved one."""
+
+    finding: Finding
+    search: Search
+    shape: Shape | None
+    plant: Plant
+
+    @property
+    def shown(self) -> Rival:
+        """The explanation that the finding stands for."""
+        explained = self.finding.verdict in ("explained", "ambiguous")
+        return self.search.best if explained else self.search.nominal
+
+
+def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress) -> Diagnosis:
+    """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell."""
+    progress(0.02, "checking the recordings")
+    checks = preflight(plant, train, test)
+    scene = make_scene(plant, train, test, checks.floors)
+    found = search(scene, progress)
+    progress(0.9, "looking for what has no name")
+    shape = best_shape(found, found.best)
+    finding = judge(found, checks, shape)
+    shown = found.best if finding.verdict in ("explained", "ambiguous") else found.nominal
+    return Diagnosis(finding, found, shape, improved_plant(found, shown))

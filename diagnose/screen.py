@@ -1,0 +1,149 @@
+"""Screen all causes at once: how much of what is left over each could explain that no nominal parameter can."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Cause, Scene, outputs_of
+from diagnose.noise import Noise
+from diagnose.refit import Fitted, slopes_of, whitened
+from identify.least_squares import triangle
+from identify.recording import Recording
+
+Array = NDArray[np.float64]
+
+_PATIENCE = 1.0  # s of computing for one cause: stiff corners of some effects simulate very slowly
+_PARALLEL = 1e-5  # what is left of a direction below this share of its length cannot be told from a nominal change
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """A cause with the drop of the whitened sum of squares it promises, and the start that promises most.
+
+    `left` is the share of the cause's trace that the nominal parameters cannot imitate.
+    """
+
+    cause: Cause
+    gain: float
+    start: Mapping[str, float]
+    left: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What a screen projects on, under one noise model: the base's slopes as a basis, and what they leave over."""
+
+    noises: tuple[Noise, ...]
+    basis: Array  # (rows, k)
+    left: Array  # (rows,)
+
+
+def ground(scene: Scene, recordings: Sequence[Recording], base: Fitted, noises: Sequence[Noise]) -> Ground:
+    """Whiten slopes and residuals of the base, and take out of the residuals what its own unknowns can still do."""
+    tangents, lefts = [], []
+    count, states = len(base.coordinates), len(scene.engine.states)
+    for k, recording in enumerate(recordings):
+        slopes = slopes_of(scene, recording, base.coordinates, base.point, k)
+        parts = np.zeros((*slopes.shape[:2], count + states * len(recordings)))
+        parts[..., :count] = slopes[..., :count]
+        parts[..., count + states * k : count + states * (k + 1)] = slopes[..., count:]
+        tangents.append(whitened(parts, noises))
+        lefts.append(whitened(base.residuals[k], noises))
+    basis = orthogonal(np.concatenate(tangents))
+    left = np.concatenate(lefts)
+    return Ground(tuple(noises), basis, left - basis @ (basis.T @ left))
+
+
+def screen(
+    scene: Scene,
+    recordings: Sequence[Recording],
+    base: Fitted,
+    causes: Sequence[Cause],
+    grounds: Sequence[Ground],
+    orders: Sequence[float],
+) -> tuple[tuple[Screened, ...], ...]:
+    """Project secants (simulated with the cause - without) on what each ground leaves; best first, ground by ground.
+
+    `orders` are the waves per turn worth a simulation; empty for all.
+    """
+    found: list[list[Screened]] = [[] for _ in grounds]
+    for cause in causes:
+        best: list[Screened | None] = [None for _ in grounds]
+        begun = time.process_time()
+        for start in _promising(scene.starts[cause.label], orders):
+            if time.process_time() - begun > _PATIENCE:
+                break
+            secants = _secants(scene, recordings, base, cause, start)
+            for index, under in enumerate(grounds):
+                judged = _judge(cause, start, secants, under)
+                held = best[index]
+                if judged is not None and (held is None or judged.gain > held.gain):
+                    best[index] = judged
+        for index, each in enumerate(best):
+            if each is not None:
+                found[index].append(each)
+    return tuple(tuple(sorted(each, key=lambda one: -one.gain)) for each in found)
+
+
+def _promising(starts: Sequence[Mapping[str, float]], orders: Sequence[float]) -> list[Mapping[str, float]]:
+    """Keep of a grid over waves per turn the orders asked for, phase zero."""
+    key = next((key for start in starts for key in start if key.endswith(".periods_per_rev")), None)
+    if key is None:
+        phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
+        return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
+    return [{**starts[0], key: order} for order in orders]
+
+
+def orthogonal(tall: Array) -> Array:
+    """Return an orthonormal basis (rows, k) of the columns; nearly parallel ones are dropped."""
+    norms = np.linalg.norm(tall, axis=0)
+    live = norms > 0.0
+    scaled = tall[:, live] / norms[live]
+    _, widths, turned = np.linalg.svd(triangle(scaled))
+    kept = widths > 1e-7
+    return np.asarray(scaled @ (turned[kept].T / widths[kept]))
+
+
+def _secants(
+    scene: Scene, recordings: Sequence[Recording], base: Fitted, cause: Cause, start: Mapping[str, float]
+) -> tuple[tuple[Array, ...], ...]:
+    """Return what the cause changes (n, r), per recording; a wave also a quarter turn on: phase needs no grid."""
+    turned = {key: value + 0.5 * np.pi for key, value in start.items() if key.endswith(".phase_rad")}
+    found = []
+    for change in [dict(start), {**start, **turned}] if turned else [dict(start)]:
+        parts = []
+        for k, recording in enumerate(recordings):
+            simulated = scene.engine.simulate(recording, {**base.point.values, **change}, base.point.starts[k])
+            parts.append(simulated - (outputs_of(scene, recording) - base.residuals[k]))
+        found.append(tuple(parts))
+    return tuple(found)
+
+
+def _judge(
+    cause: Cause, start: Mapping[str, float], secants: Sequence[Sequence[Array]], under: Ground
+) -> Screened | None:
+    if not all(np.all(np.isfinite(part)) for parts in secants for part in parts):
+        return None
+    tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
+    sizes = np.linalg.norm(tall, axis=0)
+    pure = tall - under.basis @ (under.basis.T @ tall)
+    rest = np.linalg.norm(pure, axis=0)
+    live = rest > _PARALLEL * np.maximum(sizes, 1e-300)
+    share = float(rest[0] / max(sizes[0], 1e-300))
+    if not np.any(live):
+        return Screened(cause, 0.0, start, share)
+    axis, _ = np.linalg.qr(pure[:, live])
+    gain = float(np.sum((axis.T @ under.left) ** 2))
+    if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(cause):
+        gain *= 0.01  # the data wants the opposite of what physics allows
+    return Screened(cause, gain, start, share)
+
+
+def _signed(cause: Cause) -> bool:
+    """Tell whether the first parameter may have either sign."""
+    return not cause.parameters or cause.parameters[0].low < cause.parameters[0].neutral

@@ -1,0 +1,61 @@
+"""Say a finding in a few sentences, with figures and units."""
+
+from __future__ import annotations
+
+import math
+
+from diagnose.finding import Finding, Shift
+from diagnose.rank import THRESHOLD, Search
+from diagnose.shape import Shape
+
+
+def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[str, ...]:
+    """Say it in a few sentences."""
+    said: list[str] = []
+    train = finding.train
+    if finding.verdict == "no_mismatch":
+        said.append(
+            f"No mismatch: no effect of the library explains more than noise would (BIC threshold {THRESHOLD:g})."
+        )
+    elif finding.verdict == "unknown_physics":
+        follows = f" It follows {shape.coordinate} in the {shape.balance} balance." if shape is not None else ""
+        said.append(f"Something is missing that no effect of the library explains.{follows}")
+    elif finding.verdict == "ambiguous":
+        names = ", ".join(each.name for each in finding.effects)
+        said.append(f"More than one explanation stands: {names}.")
+        for each in finding.effects:
+            cause = search.scene.cause(each.name)
+            if cause is not None:
+                said.append(f"To tell {each.name} apart: {cause.effect.experiment.rstrip('.')}.")
+                break
+    said += [f"{each.name} ({100.0 * each.probability:.0f} %): {each.says}" for each in finding.effects]
+    if finding.effects:
+        moved = [shift for shift in finding.shifts if shift.after > 0.0 and _moved(shift) > 0.05]
+        for shift in sorted(moved, key=lambda one: -_moved(one))[:2]:
+            said.append(
+                f"A refit without it would put {shift.name} at {shift.refit / shift.after:.2f} times its value "
+                f"({shift.refit:.4g} instead of {shift.after:.4g} {shift.unit})."
+            )
+    figures = [("train", train)] + ([("test", finding.test)] if finding.test else [])
+    for role, ratio in figures:
+        steps = [
+            f"{name} {value:.2f}"
+            for name, value in (("as given", ratio.before), ("refitted", ratio.refit), ("explained", ratio.after))
+            if value is not None
+        ]
+        said.append(f"Residual over noise, {role}: {', '.join(steps)}.")
+    if finding.location is not None:
+        said.append(f"Seen where {finding.location.evidence}.")
+    for other in finding.alternatives[:2]:
+        said.append(
+            f"Next candidate: {other.name} ({100.0 * other.probability:.0f} %); to tell apart: {other.tell_apart_by}"
+        )
+    said += [f"Note: {note}." for note in finding.notes[:6]]
+    if finding.untestable:
+        said.append(f"Cannot be tested with these recordings: {', '.join(sorted(finding.untestable))}.")
+    return tuple(said)
+
+
+def _moved(shift: Shift) -> float:
+    """Return how far the refit alone puts a parameter from where it stands beside the effects, as a logarithm."""
+    return abs(math.log(max(shift.refit, 1e-300) / shift.after))

@@ -1,0 +1,46 @@
+"""The `diagnose` verb: where simulation and recordings differ and why; its files and its exit status."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from codegen.bundle import write_files
+from diagnose.run import Diagnosis, diagnose
+from firmloop.console import Console, progress
+from firmloop.diagnosis_report import diagnosis_report
+from firmloop.output import results_folder
+from firmloop.pipeline import Data, Report, command_of, located, plant_of, read_data
+from firmloop.project import Project, require
+from firmloop.project_text import diagnosed_text
+
+NOTHING, FOUND = 0, 1
+FILES = ("diagnosis.json", "project.toml", "report.html")
+
+
+def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
+    """Diagnose the project's plant on its recordings."""
+    with located(project):
+        return diagnose(plant_of(project), data.train, data.test, report)
+
+
+def diagnose_project(project: Project, out: Path, console: Console) -> int:
+    """Diagnose; OUT holds diagnosis.json, an improved project.toml and report.html."""
+    require(project, "plant", "recordings")
+    with results_folder(out, ()) as folder:
+        data = read_data(project)
+        with progress("diagnosing") as bar:
+            made = diagnosed(project, data, bar)
+            bar(0.95, "writing the report")
+            document = made.finding.as_dict()
+            files = {
+                "diagnosis.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
+                "project.toml": diagnosed_text(project, made.plant, out),
+                "report.html": diagnosis_report(project.name, command_of("diagnose", project.path), made),
+            }
+        write_files(files, folder)
+    console.lines([f"verdict: {made.finding.verdict}", *made.finding.says])
+    console.lines([f"written to {out}: {', '.join(FILES)}"])
+    for key, value in document.items():
+        console.result(key, value)
+    return NOTHING if made.finding.verdict == "no_mismatch" else FOUND

@@ -1,0 +1,29 @@
+"""Noise models find the memory that is there, and none where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from diagnose.noise import fit_noise, whiteness
+
+
+def test_white_noise_has_no_memory() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 2.0, 4000)
+    found = fit_noise([noise], 0.0)
+    assert len(found.coefficients) == 0
+    assert abs(found.scale - 2.0) < 0.1
+
+
+def test_colored_noise_is_whitened() -> None:
+    source = np.random.default_rng(2).normal(0.0, 0.5, 4000)
+    colored = lfilter([1.0], [1.0, -0.95], source)
+    found = fit_noise([colored], 0.0)
+    assert abs(found.scale - 0.5) < 0.03
+    assert found.rms > 1.2
+    assert whiteness([colored], 20) < 1e-6
+    assert whiteness([found.whiten(colored)[50:]], 20) > 1e-3
+
+
+def test_resolution_is_the_least_noise() -> None:
+    assert fit_noise([np.zeros(500)], 0.01).scale == 0.01

@@ -1,0 +1,68 @@
+"""Recordings that cannot be diagnosed get a sentence, and never a name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnose.preflight import preflight
+from firmloop.pipeline import plant_of, read_data
+from firmloop.project import read_project
+from identify.plant import IdentifyError, Plant
+from identify.recording import Recording, make_recording
+from tests.diagnose.cases import concealed
+
+Array = NDArray[np.float64]
+Change = Callable[[dict[str, Array]], Mapping[str, Array]]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plant, Recording, Recording]:
+    project = read_project(concealed(tmp_path_factory.mktemp("preflight"), "", 1.0, False))
+    data = read_data(project)
+    return plant_of(project), data.train[0], data.test[0]
+
+
+def test_sound_recordings_pass(bench: tuple[Plant, Recording, Recording]) -> None:
+    plant, train, test = bench
+    assert preflight(plant, [train], [test]).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda c: {**c, "speed_rad_s": c["speed_rad_s"] * 60.0 / (2.0 * np.pi)}, "rpm"),
+        (lambda c: {**c, "current_A": 1000.0 * c["current_A"]}, "mA"),
+        (lambda c: {**c, "speed_rad_s": 0.0 * c["speed_rad_s"]}, "in every row"),
+        (lambda c: {**c, "voltage_V": 0.0 * c["voltage_V"] + 3.0}, "never changes"),
+        (lambda c: {**c, "speed_rad_s": -c["speed_rad_s"]}, "sign"),
+    ],
+)
+def test_wrong_columns_are_told(bench: tuple[Plant, Recording, Recording], change: Change, says: str) -> None:
+    plant, train, _ = bench
+    made = make_recording(train.time, change(dict(train.columns)), "bad.csv", "")
+    with pytest.raises(IdentifyError, match=says):
+        preflight(plant, [made], [])
+
+
+def test_a_clock_that_jumps_is_told(bench: tuple[Plant, Recording, Recording]) -> None:
+    plant, train, _ = bench
+    time = train.time + np.where(np.arange(len(train.time)) > 2000, 3.0, 0.0)
+    with pytest.raises(IdentifyError, match="jumps"):
+        preflight(plant, [make_recording(time, train.columns, "bad.csv", "")], [])
+
+
+def test_few_rows_are_told(bench: tuple[Plant, Recording, Recording]) -> None:
+    plant, train, _ = bench
+    short = make_recording(train.time[:5], {k: v[:5] for k, v in train.columns.items()}, "bad.csv", "")
+    with pytest.raises(IdentifyError, match="5 rows"):
+        preflight(plant, [short], [])
+
+
+def test_the_same_file_twice_is_told(bench: tuple[Plant, Recording, Recording]) -> None:
+    plant, train, _ = bench
+    with pytest.raises(IdentifyError, match="same bytes"):
+        preflight(plant, [train], [make_recording(train.time, train.columns, "copy.csv", train.sha256)])
