@@ -1,0 +1,142 @@
+"""Every controller kind a second time: the formulas of the contract and of the kinds' docstrings in plain numpy.
+
+Nothing here comes from `design`: each function takes the request's table and rows of inputs (n, m), and returns the
+outputs (n, r). A kind without a function here fails the tests of every kind.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.signal
+
+from design.kinds import Request
+from tests.pid_formula import pid_steps
+
+
+def clip(v: Any, request: Request) -> np.ndarray:
+    low = np.broadcast_to(request.table.get("u_min", [wire.low for wire in request.outputs]), len(request.outputs))
+    high = np.broadcast_to(request.table.get("u_max", [wire.high for wire in request.outputs]), len(request.outputs))
+    return np.minimum(np.maximum(v, low), high)
+
+
+def filtered(b: Any, a: Any, request: Request, rows: np.ndarray) -> np.ndarray:
+    """Run b/a in powers of z, highest first, on r - y or on the one input."""
+    b, a = np.atleast_1d(b), np.atleast_1d(a)
+    e = rows[:, 0] - rows[:, 1] if rows.shape[1] > 1 else rows[:, 0]
+    b = np.concatenate([np.zeros(len(a) - len(b)), b])
+    return clip(scipy.signal.lfilter(b, a, e)[:, None], request)
+
+
+def sampled(b: Any, a: Any, request: Request, usual: str, prewarp: float) -> tuple[Any, Any]:
+    h, method = request.period, request.table.get("discretize", usual)
+    if method == "prewarp":
+        w = float(request.table.get("prewarp_rad_s", prewarp))
+        return scipy.signal.bilinear(b, a, fs=w / (2 * math.tan(w * h / 2)))
+    if method == "tustin":
+        return scipy.signal.bilinear(b, a, fs=1 / h)
+    found = scipy.signal.cont2discrete((b, a), h, {"zoh": "zoh", "backward": "backward_diff"}[method])
+    return found[0].ravel(), found[1]
+
+
+def transfer_function(request: Request, rows: np.ndarray) -> np.ndarray:
+    b, a = request.table["numerator"], request.table["denominator"]
+    if request.table.get("domain", "z") == "s":
+        b, a = sampled(b, a, request, "tustin", 0.0)
+    return filtered(b, a, request, rows)
+
+
+def lead_lag(request: Request, rows: np.ndarray) -> np.ndarray:
+    table = request.table
+    if "phase_deg" in table:
+        phi = math.radians(table["phase_deg"])
+        ratio = math.tan(math.pi / 4 + phi / 2)
+        zero, pole = table["frequency_rad_s"] / ratio, table["frequency_rad_s"] * ratio
+    else:
+        zero, pole = table["zero_rad_s"], table["pole_rad_s"]
+    gain = table.get("gain", 1.0)
+    return filtered(*sampled([gain / zero, gain], [1 / pole, 1], request, "tustin", 0.0), request, rows)
+
+
+def notch(request: Request, rows: np.ndarray) -> np.ndarray:
+    table = request.table
+    w = table["frequency_rad_s"] if "frequency_rad_s" in table else 2 * math.pi * table["frequency_hz"]
+    g, d, k = table.get("damping", 0.5), table.get("depth", 0.0), table.get("gain", 1.0)
+    b, a = np.array([1, 2 * d * g * w, w * w]) * k, [1, 2 * g * w, w * w]
+    return filtered(*sampled(b, a, request, "prewarp", w), request, rows)
+
+
+def state_space(request: Request, rows: np.ndarray) -> np.ndarray:
+    a, b, c = (np.array(request.table[key], float) for key in "ABC")
+    d = np.array(request.table.get("D", np.zeros((len(c), rows.shape[1]))), float)
+    x, found = np.zeros(len(a)), []
+    for z in rows:
+        found.append(clip(c @ x + d @ z, request))
+        x = a @ x + b @ z
+        x = np.minimum(np.maximum(x, request.table.get("x_min", -np.inf)), request.table.get("x_max", np.inf))
+    return np.array(found)
+
+
+def state_feedback(request: Request, rows: np.ndarray) -> np.ndarray:
+    """The form of the example: SISO, weights, integral action, Kalman predictor, reference first."""
+    table, h = request.table, request.period
+    a, b, c = (np.array(table[key], float) for key in "ABC")
+    n = len(a)
+    ring = np.block([[a, np.zeros((n, 1))], [-h * c, np.ones((1, 1))]])
+    drive, r = np.vstack([b, [[0.0]]]), np.array([[table["R"]]])
+    s = scipy.linalg.solve_discrete_are(ring, drive, np.diag([*table["Q"], table["integral_weight"]]), r)
+    whole = np.linalg.solve(r + drive.T @ s @ drive, drive.T @ s @ ring)[0]
+    gain, ki = whole[:n], -whole[n]
+    p = scipy.linalg.solve_discrete_are(a.T, c.T, np.diag(table["process_noise"]), [[table["measurement_noise"]]])
+    correction = (a @ p @ c.T / (c @ p @ c.T + table["measurement_noise"]))[:, 0]
+    rest = np.linalg.solve(np.block([[a - np.eye(n), b], [c, np.zeros((1, 1))]]), [*np.zeros(n), 1.0])
+    forward = rest[n] + gain @ rest[:n]
+    low, high = request.outputs[0].low, request.outputs[0].high
+    x, integral, found = np.zeros(n), 0.0, []
+    for reference, y in rows:
+        v = -gain @ x + forward * reference + integral
+        u = min(max(v, low), high)
+        e = reference - y
+        if not ((v > high and ki * e > 0) or (v < low and ki * e < 0)):
+            integral += ki * h * e
+        x = a @ x + b[:, 0] * u + correction * (y - c[0] @ x)
+        found.append([u])
+    return np.array(found)
+
+
+def pid(request: Request, rows: np.ndarray) -> np.ndarray:
+    return np.array([[u] for _, u in pid_steps(dict(request.table), request.period, rows, request.outputs[0])])
+
+
+def gain_schedule(request: Request, rows: np.ndarray) -> np.ndarray:
+    """The form of the example: full PIDs with one tf and tt, the signal third."""
+    at, tables = request.table["points"], request.table["controllers"]
+    output = request.outputs[0]
+    h, tf, tt = request.period, tables[0]["tf_s"], tables[0]["tt_s"]
+    integral = derivative = 0.0
+    before, found = None, []
+    for r, y, s in rows:
+        kp, ki, kd = (np.interp(s, at, [table[key] for table in tables]) for key in ("kp", "ki", "kd"))
+        change = 0.0 if before is None else -y - before
+        before = -y
+        derivative = tf / (tf + h) * derivative + kd / (tf + h) * change
+        v = kp * (r - y) + integral + derivative
+        u = min(max(v, output.low), output.high)
+        integral += ki * h * (r - y) + h / tt * (u - v)
+        found.append([u])
+    return np.array(found)
+
+
+FORMULAS: dict[str, Callable[[Request, np.ndarray], np.ndarray]] = {
+    "pid": pid,
+    "gain_schedule": gain_schedule,
+    "lead_lag": lead_lag,
+    "notch": notch,
+    "state_feedback": state_feedback,
+    "state_space": state_space,
+    "transfer_function": transfer_function,
+}
