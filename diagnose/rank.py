@@ -186,10 +186,13 @@ def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     flat = [white(noise.rms) for noise in best.noises]
     grounds = [ground(scene, scene.train, best.fitted, noises) for noises in (best.noises, flat)]
     orders = best_orders(scene, best.fitted, grounds)
-    colored, plain_list = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
-    plain = {each.cause.label: each for each in plain_list}
-    scale = max((each.gain for each in plain.values()), default=1.0) / max(colored[0].gain, 1.0)
-    merged = [max((each, _scaled(plain.get(each.cause.label), scale)), key=_gain) for each in colored]
+    tables = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
+    colored, plain = ({each.cause.label: each for each in table} for table in tables)
+    scale = max((each.gain for each in plain.values()), default=1.0) / max(
+        max((each.gain for each in colored.values()), default=1.0), 1.0
+    )
+    labels = sorted({*colored, *plain})  # a cause may show under one noise model alone
+    merged = [max((colored.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
     return tuple(sorted((each for each in merged if each is not None), key=lambda each: -each.gain))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 from codegen.bundle import write_files
@@ -10,7 +11,7 @@ from diagnose.run import Diagnosis, diagnose
 from firmloop.console import Console, progress
 from firmloop.diagnosis_report import diagnosis_report
 from firmloop.output import results_folder
-from firmloop.pipeline import Data, Report, command_of, located, plant_of, read_data
+from firmloop.pipeline import Data, Report, command_of, identify, located, plant_of, read_data
 from firmloop.project import Project, require
 from firmloop.project_text import diagnosed_text
 
@@ -19,9 +20,12 @@ FILES = ("diagnosis.json", "project.toml", "report.html")
 
 
 def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
-    """Diagnose the project's plant on its recordings."""
+    """Diagnose the project's plant on its recordings; a plant without values is identified first."""
     with located(project):
-        return diagnose(plant_of(project), data.train, data.test, report)
+        plant = plant_of(project)
+        if any(math.isnan(parameter.value) for parameter in plant.parameters):
+            plant = identify(project, data, report).plant
+        return diagnose(plant, data.train, data.test, report)
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:
