@@ -99,19 +99,17 @@ class Campaign:
 
 
 def campaign_targets(project: Project, asked: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets asked for on the command line, each once, else those of the project.
+    """Return the targets asked for on the command line, each once, else those of the project, else the host.
 
     Raises
     ------
     ProjectError
-        when there are none or one is unknown.
+        when one is unknown.
     """
     for name in asked:
         if not name.endswith(".toml") and name not in target_names():
             raise ProjectError(f"--target {name}: {_unknown_target(name)}")
-    if not asked:
-        require(project, "target")
-    return tuple(dict.fromkeys(asked)) or project.targets
+    return tuple(dict.fromkeys(asked)) or project.targets or ("host",)
 
 
 def read_project(path: Path) -> Project:

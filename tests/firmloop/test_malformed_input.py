@@ -81,7 +81,6 @@ PROJECTS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "unknown target": ('names = ["host"]', 'names = ["hosts"]', "verify", (":33:", "'hosts'", "host")),
     "targets as text": ('names = ["host"]', 'names = "host"', "verify", (":33:", "list")),
     "target twice": ('names = ["host"]', 'names = ["host", "host"]', "verify", (":33:", "twice")),
-    "no target": ('[target]\nnames = ["host"]\n', "", "verify", ("[target]",)),
     "no arithmetic": ('[arithmetic]\nnumber = "float32"\n', "", "generate", ("[arithmetic]",)),
     "no controller": ('kind = "pid"\n', "", "generate", ("kind",)),
     "no recordings": ('[recordings]\ntrain = ["train.csv"]\ntest = ["test.csv"]\n', "", "identify", ("[recordings]",)),
