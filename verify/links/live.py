@@ -25,8 +25,8 @@ from codegen.target import Target
 from quantize.program import Program, Value
 from verify.frame import REPLY, FrameError, seal, unseal
 from verify.links import LinkError
-from verify.links.stream import Stream, open_serial
-from verify.links.uart import DEFAULT_BAUD, PORT_ATTEMPTS, PORT_TIMEOUT
+from verify.links.stream import Stream
+from verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
 from verify.reference import Raw, element_type
 
 DATA, HELLO, WATCH = 0x40, 0x41, 0x42
@@ -170,13 +170,5 @@ def open_live_port(target: Target, url: str, program: Program) -> LiveLink:
     LinkError
         when the port is not there, goes away, does not answer, or its image runs another program.
     """
-    where = f"port {url}"
-
-    def fate() -> str:
-        return f"{where}: it is gone or cannot be used: check the cable and the name, then run again"
-
-    def nothing() -> None:
-        """End nothing: the board goes on without us."""
-
-    baud = target.uart.baud if target.uart is not None else DEFAULT_BAUD
-    return LiveLink(open_serial(url, baud, PORT_TIMEOUT, fate, nothing), where, program, PORT_TIMEOUT, PORT_ATTEMPTS)
+    stream, where = port_stream(target, url)
+    return LiveLink(stream, where, program, PORT_TIMEOUT, PORT_ATTEMPTS)

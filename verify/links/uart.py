@@ -12,7 +12,7 @@ from codegen.target import Target
 from verify.links.framed import FramedLink
 from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
-from verify.links.stream import open_serial
+from verify.links.stream import Stream, open_serial
 
 QEMU_TIMEOUT = 5.0  # s for the reply to one attempt; a dead QEMU is noticed at once
 QEMU_ATTEMPTS = 2
@@ -62,6 +62,12 @@ def open_port(target: Target, url: str, program_id: str) -> FramedLink:
     LinkError
         when the port is not there, goes away, does not answer, or its image runs another program.
     """
+    stream, where = port_stream(target, url)
+    return FramedLink(stream, where, program_id, PORT_TIMEOUT, PORT_ATTEMPTS)
+
+
+def port_stream(target: Target, url: str) -> tuple[Stream, str]:
+    """Open a port at the target's baud rate; return its bytes and its name in messages."""
     where = f"port {url}"
 
     def fate() -> str:
@@ -71,8 +77,7 @@ def open_port(target: Target, url: str, program_id: str) -> FramedLink:
         """End nothing: the board goes on without us."""
 
     baud = target.uart.baud if target.uart is not None else DEFAULT_BAUD
-    stream = open_serial(url, baud, PORT_TIMEOUT, fate, nothing)
-    return FramedLink(stream, where, program_id, PORT_TIMEOUT, PORT_ATTEMPTS)
+    return open_serial(url, baud, PORT_TIMEOUT, fate, nothing), where
 
 
 LINK = Opener("uart", "uart", open_qemu_uart)
