@@ -25,7 +25,7 @@ def about_fit(fit: Fit) -> list[str]:
         for output, figures in score.scores.items()
     ]
     warnings = [f"  note: {warning}" for warning in fit.warnings]
-    return [f"plant: {fit.plant.kind}", *table(rows), *table(scores), *warnings]
+    return [f"plant: {fit.plant.kind}, 95 % intervals", *table(rows), *table(scores), *warnings]
 
 
 def estimate(parameter: Parameter) -> tuple[str, str, str]:
