@@ -12,7 +12,7 @@ from codegen.host import trace_files
 from codegen.view import physical, statement
 from identify.compiler import ToolError, shared_library
 from quantize.program import Op, Program
-from verify.reference import Machine, Raw, element_type, start_state
+from verify.reference import Machine, Raw, element_type, start_state, working_type
 
 TRACE_FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-w")
 
@@ -44,7 +44,7 @@ def _walk(program: Program, library: ctypes.CDLL, places: dict[str, int] | Any, 
     if problem:
         return problem
     state = start_state(program, 1)
-    kind = np.dtype({"float32": "f4", "float64": "f8"}.get(program.arithmetic, "i8"))
+    kind = working_type(program)
     with np.errstate(all="ignore"):
         for k, row in enumerate(lane):
             library.trace_step(memory, np.ascontiguousarray(row).tobytes(), out)
