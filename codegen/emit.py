@@ -25,13 +25,13 @@ def emit(program: Program, command: str) -> Bundle:
     """
     _check_names(program)
     view = program_view(program, _version(), command)
-    support = str(view["support"])
+    supports = (str(view["support"]), *(table.support for table in program.tables))
     files = {
         f"{program.name}.h": render("controller.h.j2", view),
         f"{program.name}.c": render("controller.c.j2", view),
-        support: text_of(f"support/{support}"),
+        **{support: text_of(f"support/{support}") for support in supports},
     }
-    return Bundle(program.name, program.id, files, (f"{program.name}.c",), (f"{program.name}.h", support))
+    return Bundle(program.name, program.id, files, (f"{program.name}.c",), (f"{program.name}.h", *supports))
 
 
 def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:

@@ -25,7 +25,7 @@ def trace_files(bundle: Bundle) -> tuple[Mapping[str, str], Mapping[str, int]]:
     lines = []
     for line in bundle.files[source].splitlines():
         lines.append(line)
-        found = re.match(r"\s+const \w+ (\w+) = .*;", line)
+        found = re.match(r"\s+const (?:float|double|int\d+_t) (\w+) = .*;", line)
         if found:
             places[found[1]] = len(places)
             lines.append(f"    fl_trace[{places[found[1]]}] = (double){found[1]};")

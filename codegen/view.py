@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 
 import numpy as np
 
-from quantize.ops import OPERATIONS
-from quantize.program import Number, Op, Program, Value
+from quantize.ops import EVERY
+from quantize.program import Number, Op, Program, Table, Value
 
 View = dict[str, object]
 
@@ -18,7 +19,8 @@ NUMBER_SAYS = {
     "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven",
     "fixed16": "16-bit fixed-point signals on 32-bit values, saturating, rounding to nearest; no overflow, proven",
 }
-PLACES = {"in": "in->", "self": "self->"}
+PLACES = {"in": "in->", "self": "self->", "table": ""}
+LINE = 100  # characters of a table's line
 
 
 def c_type(number: Number) -> str:
@@ -88,6 +90,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         "state": state,
         "state_bytes": sum(v.number.bits // 8 for v in program.state) or 4,
         "start": start,
+        "tables": [_table(table, program) for table in program.tables],
         "lines": [_line(op, program) for op in program.body],
         "stores": _stores(program),
         "ignored": [] if program.state else ["self"],
@@ -114,12 +117,13 @@ def physical(raw: float, number: Number) -> float:
 
 
 def _line(op: Op, program: Program) -> dict[str, str]:
-    operation = OPERATIONS[op.function]
+    operation = EVERY[op.function]
     style = "fixed" if program.arithmetic.startswith("fixed") or op.function in ("and", "or", "not") else ""
     form = operation.c[style or program.arithmetic]
     number = op.result.number
     operand = _literal_number(op, program)
-    texts = [_argument(a, operand) for a in op.arguments]
+    whole = Number("fixed", 32, 0)
+    texts = [_argument(a, whole if k in operation.whole else operand) for k, a in enumerate(op.arguments)]
     if operation.truth:
         note = "truth"
     else:
@@ -127,9 +131,33 @@ def _line(op: Op, program: Program) -> dict[str, str]:
         q = f"Q{number.fraction}, " if number.kind == "fixed" else ""
         unit = f"{op.result.unit}, " if op.result.unit else ""
         note = f"{unit}{q}{low:.6g} to {high:.6g}"
-    kind = "int32_t" if number.kind == "fixed" else c_type(number)
-    expression = re.sub(r"(?<=, )\((-[^()]+)\)(?=[,)])|(?<=\()\((-[^()]+)\)(?=[,)])", r"\1\2", form.format(*texts))
+    kind = operation.record or ("int32_t" if number.kind == "fixed" else c_type(number))
+    expression = re.sub(
+        r"(?<=, )\((-[^()]+)\)(?=[,)])|(?<=\()\((-[^()]+)\)(?=[,)])",
+        r"\1\2",
+        form.format(*texts, rest=", ".join(texts[1:])),
+    )
     return {"name": op.result.name, "type": kind, "expression": expression, "note": note}
+
+
+def _table(table: Table, program: Program) -> dict[str, object]:
+    number = Number("float", int(program.arithmetic[5:]), 0)
+    fields = []
+    for name, values in table.numbers:
+        numbers = values if isinstance(values, tuple) else (values,)
+        text = ", ".join(literal(x, number).strip("()") for x in numbers)
+        if isinstance(values, tuple):
+            text = f"{{ {text} }}"
+        fields.append({"name": name, "lines": textwrap.wrap(f"{text},", LINE, break_on_hyphens=False)})
+    return {
+        "name": table.name,
+        "says": table.says,
+        "form": table.form,
+        "support": table.support,
+        "number": c_type(number),
+        "sizes": ", ".join(f"{name} = {size}" for name, size in table.sizes),
+        "fields": fields,
+    }
 
 
 def _literal_number(op: Op, program: Program) -> Number:

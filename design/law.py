@@ -7,8 +7,8 @@ One sample of a law is
 
     (x[k+1], u[k], flags[k], named[k]) = stages(x[k], z[k])
 
-with x the state, z the inputs, u the outputs, all in physical units. The only stage type so far is `Scalar`, a CasADi
-SX function; kinds that need long loops add a stage type here and a lowering in `quantize`.
+with x the state, z the inputs, u the outputs, all in physical units. The last stage is a `Scalar`, a CasADi SX
+function. Before it may stand a `Solve`, whose results w the last stage reads too: its function is one of (x, z, w).
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from identify.signal import Signal
+
+Array = npt.NDArray[np.float64]
 
 
 class DesignError(Exception):
@@ -33,6 +37,33 @@ class Scalar:
 
     function: ca.Function
     named: tuple[Signal, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Quadratic:
+    """A quadratic program with constant data, in the rows y of its constraints alone.
+
+        y = slope p - gram m,    low <= y <= high,    m_i > 0 only where y_i = high_i, m_i < 0 only where y_i = low_i
+
+    with p its parameters and m its multipliers; the first rows times `scale` are the moves. `freedom` is how many rows
+    can be active at a time, `cap` how many times a row may enter or leave the active set in one solve.
+    """
+
+    slope: Array  # (rows, p)
+    low: Array  # (rows,), infinite where there is no limit
+    high: Array  # (rows,)
+    gram: Array  # (rows, rows), diagonal 1
+    scale: Array  # (k,)
+    freedom: int
+    cap: int
+
+
+@dataclass(frozen=True, slots=True)
+class Solve:
+    """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`."""
+
+    function: ca.Function
+    problem: Quadratic
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +91,22 @@ class Law:
     start: tuple[float, ...]  # each in its state's unit
     why: tuple[str, ...]
     flags: tuple[Flag, ...]
-    stages: tuple[Scalar, ...]
+    stages: tuple[Solve | Scalar, ...]
     rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
     states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures
+
+    @property
+    def last(self) -> Scalar:
+        """The stage that gives next state, outputs and flags."""
+        stage = self.stages[-1]
+        assert isinstance(stage, Scalar)
+        return stage
+
+    @property
+    def solve(self) -> Solve | None:
+        """The stage before it, if there is one."""
+        if len(self.stages) == 1:
+            return None
+        stage, _ = self.stages
+        assert isinstance(stage, Solve)
+        return stage

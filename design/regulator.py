@@ -39,6 +39,12 @@ def lqr(a: Array, b: Array, q: Array, r: Array, what: str) -> Array:
     return np.asarray(gain, dtype=np.float64)
 
 
+def terminal_weight(a: Array, b: Array, q: Array, r: Array) -> Array:
+    """Return S (n, n), what the LQR's loop costs from x on: 1/2 x'Sx."""
+    lqr(a, b, q, r, "the weights Q and R")
+    return np.asarray(scipy.linalg.solve_discrete_are(a, b, q, r), dtype=np.float64)
+
+
 def kalman(a: Array, c: Array, w: Array, v: Array) -> Array:
     """Return L (n, r)."""
     return lqr(a.T, c.T, w, v, "process_noise and measurement_noise").T

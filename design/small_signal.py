@@ -51,11 +51,19 @@ def linearize_law(law: Law) -> LinearLaw:
 
 def sample(law: Law) -> ca.Function:
     """One sample of the law: (x, z) -> (x_next, u, flags)."""
-    assert len(law.stages) == 1, "laws of several stages hand values on in a way that law.py does not define yet"
-    stage = law.stages[0].function
     x, z = ca.SX.sym("x", len(law.state)), ca.SX.sym("z", len(law.inputs))
-    x_next, u, flags, _ = stage(x, z)
+    x_next, u, flags, _ = law.last.function(x, z, *_moves(law, x, z))
     return ca.Function("sample", [x, z], [x_next, u, flags])
+
+
+def _moves(law: Law, x: ca.SX, z: ca.SX) -> tuple[ca.SX, ...]:
+    """Return what a stage before the last hands to it where none of its limits acts."""
+    if law.solve is None:
+        return ()
+    problem = law.solve.problem
+    free = ca.SX(problem.slope[: len(problem.scale)]) @ law.solve.function(x, z)
+    moves: ca.SX = ca.vertcat(ca.SX(problem.scale) * free, ca.SX(2, 1))
+    return (moves,)
 
 
 def _jacobian(law: Law) -> ca.Function:

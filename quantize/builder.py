@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from quantize.ops import OPERATIONS, Interval
+from quantize.ops import EVERY, Interval
 from quantize.program import Number, Op, QuantizeError, Value
 
 TRUTH = Number("fixed", 32, 0)
@@ -51,13 +51,13 @@ class Builder:
     def emit(self, function: str, arguments: tuple[Term | int | float, ...], number: Number, error: float) -> Term:
         """Append `function(arguments)` unless the same is there already; its bound is the operation's own rule."""
         name, unit = self.wish
-        number = TRUTH if OPERATIONS[function].truth else number
+        number = TRUTH if EVERY[function].truth else number
         texts = tuple(a.name if isinstance(a, Term) else a for a in arguments)
         key = (function, number, *texts)  # the same raw bits in another format are another value
         if key in self.known and not name:
             return self.known[key]
         intervals: list[Interval | int | float] = [(a.low, a.high) if isinstance(a, Term) else a for a in arguments]
-        low, high = OPERATIONS[function].bound(*_as_intervals(function, intervals))
+        low, high = EVERY[function].bound(*_as_intervals(function, intervals))
         self.wish = ("", "")
         value = Value(self.fresh(name or "t"), unit, number, low, high)
         self.check(value, function)
@@ -99,5 +99,5 @@ class Builder:
 
 def _as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
     """Literals become degenerate intervals, except shifts and clamp limits, which the rules take as numbers."""
-    plain = {"shr": (1,), "shl": (1,), "mul_shift": (2,), "clamp": (1, 2)}.get(function, ())
+    plain = (1, 2) if function == "clamp" else EVERY[function].whole
     return [a if isinstance(a, tuple) or k in plain else (a, a) for k, a in enumerate(arguments)]

@@ -62,7 +62,12 @@ class FloatBuilder:
         x, x_error = self._operand(function, a, number)
         y, y_error = self._operand(function, b, number)
         if function in ("min", "max"):
-            return self.ops.emit(function, (x, y), number, max(x_error, y_error))
+            error = max(x_error, y_error)
+            term = self.ops.emit(function, (x, y), number, error)
+            if math.isfinite(error):
+                return term
+            # Both the program's value and the law's lie between the limits, the law's own ones.
+            return self.ops.widen(term, 0.0, term.high - term.low + min(x_error, y_error))
         if function in ("lt", "le", "eq", "ne"):
             return self.ops.emit(function, (x, y), number, x_error + y_error)
         error = x_error + y_error
@@ -91,6 +96,18 @@ class FloatBuilder:
         value, error = self._operand("select", a, number)
         flip = 0.0 if condition.error == 0.0 else _size(value) + error
         return self.ops.emit("select", (condition, value, 0.0), number, max(error, flip))
+
+    def plan(self, table: str, parameters: list[Operand]) -> Operand:
+        """Solve the quadratic program of a table; what it differs by from the law's is not followed."""
+        number = Number("float", self.bits, 0)
+        assert all(isinstance(p, Term) for p in parameters), "a parameter is no constant"
+        read = Term(f"table.{table}", number, 0.0, 0.0, 0.0)
+        return self.ops.emit("solve", (read, *(p for p in parameters if isinstance(p, Term))), number, math.inf)
+
+    def part(self, function: str, plan: Operand, *place: int) -> Operand:
+        """Take a move or a status bit from a plan."""
+        assert isinstance(plan, Term)
+        return self.ops.emit(function, (plan, *place), plan.number, math.inf)
 
     def store(self, a: Operand, number: Number, low: float, high: float, wish: tuple[str, str]) -> Term:
         """Return the value a state or output takes; a bare constant gets a name first."""

@@ -7,13 +7,15 @@ names can be attached to it. Reference: the `instruction_*` functions of `casadi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from design.law import Law, Quadratic
+from quantize.active_set import CAPPED, INFEASIBLE, Rows, exact, solve
 from quantize.program import QuantizeError
 
 Array = NDArray[np.float64]
@@ -58,12 +60,14 @@ MEANING: dict[str, Callable[..., Any]] = {
     "or": lambda a, b: np.where((a != 0) | (b != 0), 1.0, 0.0),
     "not": lambda a: np.where(a == 0, 1.0, 0.0),
     "if": lambda c, a: np.where(c != 0, a, 0.0),
+    "capped": lambda plan: np.where(plan[-1] == CAPPED, 1.0, 0.0),
+    "infeasible": lambda plan: np.where(plan[-1] == INFEASIBLE, 1.0, 0.0),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """`function` of earlier nodes; "constant" carries `value`, "argument" carries which input and which element."""
+    """`function` of earlier nodes; "constant" carries `value`, "argument" and "move" which one they are."""
 
     function: str
     arguments: tuple[int, ...]
@@ -73,10 +77,11 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Nodes in order; `results[i][j]` is the node of element j of output i."""
+    """Nodes in order; `results[i][j]` is the node of element j of output i; a "solve" node solves `problem`."""
 
     nodes: tuple[Node, ...]
     results: tuple[tuple[int, ...], ...]
+    problem: Quadratic | None = None
 
 
 def read_graph(function: ca.Function) -> Graph:
@@ -122,14 +127,55 @@ def read_graph(function: ca.Function) -> Graph:
     return Graph(tuple(nodes), tuple(results))
 
 
+def law_graph(law: Law) -> Graph:
+    """Read all stages of a law as one graph over its state and inputs.
+
+    Raises
+    ------
+    QuantizeError
+        when a stage holds an operation that no Program operation stands for.
+    """
+    last = read_graph(law.last.function)
+    if law.solve is None:
+        return last
+    before, problem = read_graph(law.solve.function), law.solve.problem
+    nodes = list(before.nodes)
+    plan = len(nodes)
+    nodes.append(Node("solve", before.results[0], 0.0, (0, 0)))
+    nodes += [Node("move", (plan,), 0.0, (0, k)) for k in range(len(problem.scale))]
+    nodes += [Node(status, (plan,), 0.0, (0, 0)) for status in ("capped", "infeasible")]
+    results: dict[int, int] = {}
+    for k, node in enumerate(last.nodes):
+        if node.function == "argument" and node.place[0] == 2:
+            results[k] = plan + 1 + node.place[1]
+            continue
+        results[k] = len(nodes)
+        nodes.append(replace(node, arguments=tuple(results[a] for a in node.arguments)))
+    return Graph(tuple(nodes), tuple(tuple(results[k] for k in row) for row in last.results), problem)
+
+
 def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
     """Evaluate in float64 on whole arrays at once; `arguments[i][j]` is element j of input i, any shape."""
     values: list[Array] = []
+    rows = exact(graph.problem) if graph.problem is not None else None
     for node in graph.nodes:
         if node.function == "constant":
             values.append(np.float64(node.value))  # type: ignore[arg-type]
         elif node.function == "argument":
             values.append(arguments[node.place[0]][node.place[1]])
+        elif node.function == "solve":
+            values.append(_solved(rows, [values[a] for a in node.arguments]))
+        elif node.function == "move":
+            values.append(values[node.arguments[0]][node.place[1]])
         else:
             values.append(MEANING[node.function](*(values[a] for a in node.arguments)))
     return [[values[n] for n in row] for row in graph.results]
+
+
+def _solved(rows: Rows | None, parameters: Sequence[Array]) -> Array:
+    """Return the moves and the status, one row each, in the shape of the parameters."""
+    assert rows is not None
+    stacked = np.stack(np.broadcast_arrays(*parameters), axis=-1)
+    solution = solve(rows, stacked.reshape(-1, stacked.shape[-1]))
+    results = np.vstack([solution.moves.T, solution.status])
+    return results.reshape(len(results), *stacked.shape[:-1])

@@ -7,13 +7,15 @@ from dataclasses import replace
 
 from design.law import Law
 from identify.signal import Signal
+from quantize.active_set import table_of
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
-from quantize.graph import Graph, read_graph
+from quantize.graph import Graph, Node, law_graph
 from quantize.program import Assign, Number, Program, QuantizeError, Rounding, StatusBit, Value
 
+PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
 
 
@@ -27,11 +29,14 @@ def lower(law: Law, arithmetic: str) -> Program:
     """
     if arithmetic not in ARITHMETICS:
         raise QuantizeError(f"arithmetic {arithmetic!r} is unknown; known: {', '.join(ARITHMETICS)}")
-    if len(law.stages) != 1:
-        raise QuantizeError(f"law {law.name!r} has {len(law.stages)} stages; exactly one is needed")
-    graph = read_graph(law.stages[0].function)
+    graph = law_graph(law)
     bits = int(arithmetic[5:])
     if arithmetic.startswith("fixed"):
+        if graph.problem is not None:
+            raise QuantizeError(
+                f"{law.name} solves a quadratic program in every step, which has no fixed-point form: use "
+                'arithmetic.number = "float32"'
+            )
         formats, builder = choose_formats(law, graph), FixedBuilder(bits)
         return _Lowering(law, graph, arithmetic, formats, builder, 32).program()
     none = Formats((0,) * len(graph.nodes), (0,) * len(law.inputs), (0,) * len(law.state))
@@ -82,6 +87,7 @@ class _Lowering:
             results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, stored, strict=True)),
             status=self._status([nodes[n] for n in flag_row], outside),
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, stored, strict=True)),
+            tables=() if self.graph.problem is None else (table_of(self.graph.problem, self.arithmetic, PLAN_DATA),),
         )
 
     def _value(self, signal: Signal, q: int) -> Value:
@@ -135,12 +141,20 @@ class _Lowering:
                 continue
             operands = [nodes[a] for a in node.arguments]
             self.ops.wish = names.get(k, ("", ""))
-            nodes.append(self._node(node.function, operands, self.formats.nodes[k]))
+            nodes.append(self._node(node, operands, self.formats.nodes[k]))
             self.ops.wish = ("", "")
         return nodes
 
-    def _node(self, function: str, operands: list[Operand], q: int) -> Operand:
+    def _node(self, node: Node, operands: list[Operand], q: int) -> Operand:
+        function = node.function
         match function, operands:
+            case "solve", parameters:
+                self.ops.wish = (PLAN, "")
+                return self._floats().plan(PLAN_DATA, parameters)
+            case "move", [plan]:
+                return self._floats().part(function, plan, node.place[1])
+            case (("capped" | "infeasible"), [plan]):
+                return self._floats().part(function, plan)
             case (("and" | "or"), [a, b]):
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
@@ -151,11 +165,15 @@ class _Lowering:
                 return self.builder.binary(function, a, b, q)
         raise AssertionError(function)
 
+    def _floats(self) -> FloatBuilder:
+        assert isinstance(self.builder, FloatBuilder), "a quadratic program has no fixed-point form"
+        return self.builder
+
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""
         names: dict[int, tuple[str, str]] = {}
         rows = (
-            (3, [(s.name, s.unit) for s in self.law.stages[0].named]),
+            (3, [(s.name, s.unit) for s in self.law.last.named]),
             (2, [(f.name, "") for f in self.law.flags]),
             (1, [(f"{s.name}_limited", s.unit) for s in self.law.outputs]),
             (0, [(f"{s.name}_new", s.unit) for s in self.law.state]),

@@ -17,19 +17,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quantize.active_set import CAPPED, INFEASIBLE, Rows, rows_of, solve
+from quantize.program import Table
+
 Operand = Any  # numpy array, or a literal of the same element type
 Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One operation."""
+    """One operation.
+
+    Its C text is a format of the arguments' texts; `{rest}` stands for all but the first, with commas between them.
+    """
 
     says: str
     run: Callable[..., Any]
     bound: Callable[..., Interval]
     c: Mapping[str, str]  # "fixed", "float32", "float64": a format of the arguments' C text
     truth: bool = False  # the result is 0 or 1
+    whole: tuple[int, ...] = ()  # which arguments are literal integers in any arithmetic
+    record: str = ""  # C type of a result that is several numbers
+    table: Callable[[Table, np.dtype[Any]], Any] | None = None  # makes the first argument ready for `run`
 
 
 def _both(text: str, f32: str = "", f64: str = "") -> dict[str, str]:
@@ -86,18 +95,21 @@ OPERATIONS: dict[str, Operation] = {
         _multiply_shift,
         lambda a, b, s: tuple(shift_right(int(x), int(s)) for x in _product(a, b)),
         _both("fl_mul_shift_i32({0}, {1}, {2}U)"),
+        whole=(2,),
     ),
     "shr": Operation(
         "divided by a power of two, rounded to nearest",
         shift_right,
         lambda a, s: (shift_right(int(a[0]), int(s)), shift_right(int(a[1]), int(s))),
         _both("fl_shr_i32({0}, {1}U)"),
+        whole=(1,),
     ),
     "shl": Operation(
         "multiplied by a power of two",
         lambda a, s: a << s,
         lambda a, s: (int(a[0]) << int(s), int(a[1]) << int(s)),
         _both("fl_shl_i32({0}, {1}U)"),
+        whole=(1,),
     ),
     "min": Operation(
         "smaller", _minimum, lambda a, b: (min(a[0], b[0]), min(a[1], b[1])), _helper("fl_min", "{0}, {1}")
@@ -126,3 +138,46 @@ OPERATIONS: dict[str, Operation] = {
         _both("({0} != 0) ? {1} : {2}"),
     ),
 }
+
+
+def _plan(rows: Rows, *parameters: Operand) -> Operand:
+    """Return the moves, then the status, one row each, a column a lane."""
+    stacked = np.stack(np.broadcast_arrays(*(np.atleast_1d(p) for p in parameters)), axis=-1)
+    solution = solve(rows, stacked)
+    return np.vstack([solution.moves.T, solution.status.astype(stacked.dtype)])
+
+
+def _unbounded(*_: Interval) -> Interval:
+    return -np.inf, np.inf
+
+
+# Operations over tables, and those that take their results apart.
+LARGE: dict[str, Operation] = {
+    "solve": Operation(
+        "optimum of a quadratic program with constant data",
+        _plan,
+        _unbounded,
+        _both("fl_qp(&{0}, (const fl_real[]){{ {rest} }})"),
+        record="fl_plan_t",
+        table=rows_of,
+    ),
+    "move": Operation(
+        "one of the moves", lambda plan, k: plan[k], lambda plan, k: plan, _both("{0}.move[{1}]"), whole=(1,)
+    ),
+    "capped": Operation(
+        "the search was cut short",
+        lambda plan: _truth(plan[-1] == CAPPED),
+        _compared,
+        _both("({0}.status == FL_QP_CAPPED) ? 1 : 0"),
+        truth=True,
+    ),
+    "infeasible": Operation(
+        "no moves keep every limit",
+        lambda plan: _truth(plan[-1] == INFEASIBLE),
+        _compared,
+        _both("({0}.status == FL_QP_INFEASIBLE) ? 1 : 0"),
+        truth=True,
+    ),
+}
+
+EVERY = OPERATIONS | LARGE

@@ -46,6 +46,22 @@ class Op:
 
 
 @dataclass(frozen=True, slots=True)
+class Table:
+    """Constant data of one operation, read by it as the argument `table.<name>`, as its C structure `form` has it.
+
+    `support` is the C file that defines `form` and is told the `sizes`, enumerators; `numbers` are its members, lists
+    or single numbers.
+    """
+
+    name: str
+    says: str
+    form: str
+    support: str
+    sizes: tuple[tuple[str, int], ...]
+    numbers: tuple[tuple[str, tuple[float, ...] | float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Assign:
     """After the body has run, value `source` becomes the state or output `target`."""
 
@@ -89,9 +105,11 @@ class Program:
     results: tuple[Assign, ...]
     status: tuple[StatusBit, ...]
     rounding: tuple[Rounding, ...]
+    tables: tuple[Table, ...] = ()
 
     @property
     def id(self) -> str:
         """64 bits of the SHA-256 of everything above, as 16 hexadecimal digits."""
-        text = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        told = {key: part for key, part in asdict(self).items() if part or key != "tables"}
+        text = json.dumps(told, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -13,6 +13,8 @@ ARGUMENTS = {
     "max": "saturates from below at a limit of the law",
     "copy": "a constant",
     "select": "the union of both branches",
+    "solve": "none: what follows limits the moves",
+    "move": "none: what follows limits it",
 }
 INTERVAL = "interval: the rule of the operation applied to the ranges of its operands"
 TRUTH = "a truth value"

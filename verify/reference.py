@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quantize.ops import OPERATIONS
+from quantize.ops import EVERY
 from quantize.program import Number, Program
 
 Raw = NDArray[Any]
@@ -57,18 +57,27 @@ class Machine:
             self._slot(f"self.{value.name}")
         self.constants: dict[int, Any] = {}
         self.steps: list[tuple[Any, int, tuple[int, ...], tuple[Any, ...]]] = []
+        for table in program.tables:
+            self._slot(f"table.{table.name}")
+        tables = {f"table.{table.name}": table for table in program.tables}
         for op in program.body:
+            operation = EVERY[op.function]
             places, shifts = [], []
             for k, argument in enumerate(op.arguments):
-                if isinstance(argument, str):
+                if argument in tables:
+                    assert operation.table is not None
+                    slot = self.slots[str(argument)]
+                    self.constants[slot] = operation.table(tables[str(argument)], kind)
+                    places.append(slot)
+                elif isinstance(argument, str):
                     places.append(self.slots[argument])
-                elif (op.function, k) in (("shr", 1), ("shl", 1), ("mul_shift", 2)):
+                elif k in operation.whole:
                     shifts.append(int(argument))
                 else:
                     slot = self._slot(f"#{len(self.slots)}")
                     self.constants[slot] = kind.type(argument)
                     places.append(slot)
-            self.steps.append((OPERATIONS[op.function].run, self._slot(op.result.name), tuple(places), tuple(shifts)))
+            self.steps.append((operation.run, self._slot(op.result.name), tuple(places), tuple(shifts)))
         self.inputs = [self.slots[f"in.{v.name}"] for v in program.inputs]
         self.state = [self.slots[f"self.{v.name}"] for v in program.state]
         self.next = [self.slots[a.source] for a in program.next_state]
@@ -98,9 +107,16 @@ class Machine:
 
 def run(program: Program, inputs: Raw) -> Trace:
     """Run `program` from its start on raw `inputs` (lanes, steps, m), each lane a controller of its own."""
+    lanes, steps, width = inputs.shape
+    if not program.state and steps > 1:  # no step knows of another: all at once
+        at_once = run(program, inputs.reshape(lanes * steps, 1, width))
+        return Trace(
+            at_once.outputs.reshape(lanes, steps, -1),
+            at_once.status.reshape(lanes, steps),
+            at_once.state.reshape(lanes, steps, -1),
+        )
     machine = Machine(program)
     kind = working_type(program)
-    lanes, steps, _ = inputs.shape
     columns = np.ascontiguousarray(np.moveaxis(inputs, (1, 2), (0, 1))).astype(kind)  # (steps, m, lanes)
     state = start_state(program, lanes)
     outputs = np.empty((steps, len(program.outputs), lanes), dtype=kind)

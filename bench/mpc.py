@@ -1,0 +1,167 @@
+"""Measure the predictive controller on two problems of a cart-pole: instructions, accuracy, sizes, and bits.
+
+    python -m bench.mpc PROBLEM.json...      200 recorded states on the emulated Cortex-M4F, 10^5 random ones on the host
+
+A problem holds A, B, Q, R, QN, N, u_max, x_max and `x0_sequence`, the states of a recorded run. Each optimum is judged
+by an interior-point solver in double precision (PIQP, through CasADi), which shares nothing with the generated
+code. Exit status 1 when a bit differs from the reference, or an output is farther than 1e-3 from the optimum.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from codegen.emit import emit
+from codegen.firmware import firmware
+from codegen.target import load_target
+from design.kinds import design
+from design.law import Law
+from identify.signal import Signal
+from quantize.lower import lower
+from quantize.program import Program
+from verify.build import build_image
+from verify.compare import compare
+from verify.cost import instructions
+from verify.host import build_host
+from verify.links.library import LibraryLink
+from verify.links.opener import openers
+from verify.reference import run
+from verify.stimuli import Block
+
+STATES = ("p_m", "th_rad", "v_m_s", "w_rad_s")
+UNITS = ("m", "rad", "m/s", "rad/s")
+RANGES = (1.2, 0.8, 3.0, 5.0)
+RANDOM = 100_000
+ON_TARGET = 10_000
+ALLOWED = 1e-3
+TARGET = "qemu_mps2_an386"
+
+
+def table_of(problem: dict[str, Any]) -> dict[str, object]:
+    """Return [controller] for a problem file."""
+    limit = [np.inf if x is None else float(x) for x in problem["x_max"]]
+    return {
+        "horizon": problem["N"] - 1,
+        "states": list(STATES),
+        **{key: problem[key] for key in ("A", "B", "Q", "R")},
+        "P": problem["QN"],
+        "u_min": -problem["u_max"],
+        "u_max": problem["u_max"],
+        "x_max": limit,
+        "x_min": [-x for x in limit],
+    }
+
+
+def law_of(problem: dict[str, Any]) -> Law:
+    """Design the controller of a problem file."""
+    inputs = tuple(Signal(name, unit, -size, size) for name, unit, size in zip(STATES, UNITS, RANGES, strict=True))
+    outputs = (Signal("force", "1", -problem["u_max"], problem["u_max"]),)
+    return design("mpc", f"cart_{problem['name']}", table_of(problem), problem["Ts"], inputs, outputs, None).law
+
+
+class Judge:
+    """The optimum in double precision, from the problem as it is written: states and inputs, nothing eliminated."""
+
+    def __init__(self, problem: dict[str, Any]) -> None:
+        a, b = np.array(problem["A"]), np.array(problem["B"])
+        n, m = b.shape
+        steps = problem["N"] - 1
+        parts: list[Any] = []
+        for k in range(steps):
+            parts += [np.diag(problem["R"]), np.diag(problem["Q"]) if k < steps - 1 else np.array(problem["QN"])]
+        rows = []
+        for k in range(steps):  # x[k+1] - A x[k] - B u[k] = 0
+            row = np.zeros((n, steps * (n + m)))
+            row[:, k * (n + m) : k * (n + m) + m] = -b
+            row[:, k * (n + m) + m : (k + 1) * (n + m)] = np.eye(n)
+            if k:
+                row[:, k * (n + m) - n : k * (n + m)] = -a
+            rows.append(row)
+        self.a, self.n, self.rows = a, n, n * steps
+        self.hessian = ca.DM(ca.diagcat(*[ca.DM(part) for part in parts]))
+        self.constraints = ca.sparsify(ca.DM(np.vstack(rows)))
+        limit = [np.inf if x is None else float(x) for x in problem["x_max"]]
+        self.high = np.tile([problem["u_max"], *limit], steps)
+        tight = {"verbose": False, "eps_abs": 1e-10, "eps_rel": 1e-10}
+        sparsity = {"h": self.hessian.sparsity(), "a": self.constraints.sparsity()}
+        self.solver = ca.conic("judge", "piqp", sparsity, {"error_on_fail": False, "piqp": tight})
+
+    def move(self, state: np.ndarray) -> float | None:
+        """Return u[0] from `state` (n,), None where no moves keep every limit."""
+        right = np.zeros(self.rows)
+        right[: self.n] = self.a @ state
+        found = self.solver(
+            h=self.hessian, g=0, a=self.constraints, lba=right, uba=right, lbx=-self.high, ubx=self.high
+        )
+        return float(found["x"][0]) if self.solver.stats()["success"] else None
+
+
+def measure(path: Path) -> int:
+    """Print one problem's figures; return how much is wrong."""
+    problem = json.loads(path.read_text())
+    begun = time.perf_counter()
+    law = law_of(problem)
+    program = lower(law, "float32")
+    bundle = emit(program, f"firmloop generate {law.name}.toml")
+    generated = time.perf_counter() - begun
+    recorded = Block("recorded", np.array(problem["x0_sequence"], dtype=np.float32)[None])
+    trace = run(program, recorded.inputs)
+    judge = Judge(problem)
+    found = [judge.move(state) for state in recorded.inputs[0].astype(np.float64)]
+    solved = np.array([u is not None for u in found])
+    best = np.array([np.nan if u is None else u for u in found])
+    error = float(np.max(np.abs(trace.outputs[0, :, 0] - best)[solved]))
+    status = np.bincount(trace.status.ravel() & 3, minlength=4)
+
+    random = np.random.default_rng(1)
+    states = random.uniform(-1, 1, size=(RANDOM, 4)) * np.array(RANGES) * random.uniform(0, 1, size=(RANDOM, 1))
+    lots = Block("random", states.astype(np.float32)[:, None])
+    lots_trace = run(program, lots.inputs)
+    host = LibraryLink(build_host(bundle, load_target("host")), program)
+    on_host = compare(program, host, [recorded, lots], [trace, lots_trace], lambda part, label: None)
+
+    share = Block("random", lots.inputs[:ON_TARGET])
+    counts, differences, steps, sizes = _on_target(program, bundle, [recorded, share], [trace, run(program, share.inputs)])
+    first, rest = counts[: recorded.inputs.shape[1]], counts[recorded.inputs.shape[1] :]
+    told = lots_trace.status.ravel() & 3
+    print(f"\n{law.name}: {law.says}")
+    print(f"  generation              {generated:.2f} s")
+    print(f"  recorded states         median {np.median(first):,.0f}, mean {first.mean():,.0f}, "
+          f"worst {first.max():,} instructions; solved {solved.sum()} of {len(solved)} (status {status.tolist()})")
+    print(f"  worst error of u0       {error:.2g} against PIQP")
+    print(f"  flash, stack, static    {sizes}")
+    print(f"  host                    {on_host.steps:,} states, {on_host.differences} differences; "
+          f"{np.count_nonzero(told == 2):,} infeasible, {np.count_nonzero(told == 1):,} capped")
+    print(f"  {TARGET}         {steps:,} states, {differences} differences; worst random {rest.max():,} instructions")
+    return on_host.differences + differences + int(error > ALLOWED)
+
+
+def _on_target(program: Program, bundle: Any, blocks: list[Block], traces: list[Any]) -> tuple[np.ndarray, int, int, str]:
+    target = load_target(TARGET)
+    opener = openers()[target.links[0]]
+    with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
+        image = build_image(firmware(program, bundle, target, opener.transport), target, Path(folder))
+        with opener.open(target, image.elf, program.id) as link:
+            done = compare(program, link, blocks, traces, lambda part, label: None)
+            counts = instructions(done.ticks, link.hello().overhead_ticks, target)
+    own = image.controller
+    helpers = ", ".join(image.double_helpers) or "no double helpers"
+    sizes = f"{own.text_bytes:,} B, {image.stack_bytes:,} B, {own.data_bytes + own.bss_bytes} B; {helpers}"
+    return counts, done.differences, done.steps, sizes
+
+
+def main() -> int:
+    """Measure every problem file named."""
+    return 1 if sum(measure(Path(name)) for name in sys.argv[1:]) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,299 @@
+"""Linear model predictive control: the moves that cost least over the horizon and keep every limit, found each sample.
+
+    min 1/2 sum x'Qx + u'Ru + 1/2 x[N]'P x[N],   u_min <= u <= u_max,   x_min <= x[1..N] <= x_max
+
+for x[k+1] = A x[k] + B u[k], discrete. The states are eliminated, the rest is a quadratic program with constant data in
+every sample (`condense.py`). Keys beside those:
+
+- `states` names the inputs that carry x[0]; without it they are all inputs but the reference, in order.
+- `blocks`: samples for which each move is held, in sum `horizon`; without it every sample has its own move.
+- `x_soft`, a number or one a state: the limits of the states may be passed, at a cost of 1/2 x_soft excess^2 a sample.
+- `du_min`, `du_max`: limits of the change of u from sample to sample, the last one applied included.
+- `reference` names an input: the first output of the model (C x; without C the first state) is led there, and x and u
+  are weighed as distances from the rest that belongs to it.
+- `delay_periods`: u acts so many samples later; the state is predicted up to there from the outputs on their way.
+- `observer = "kalman"` with `process_noise`, `measurement_noise`, or "luenberger" with `observer_poles`: the inputs
+  other than the reference are then measurements of C x, in order.
+- `offset_free = true`: a constant disturbance at the plant's input is estimated and met; `disturbance_noise` is the
+  variance of its change in a sample.
+- `iterations_max`: how often a limit may enter or leave the set of those held before the search is cut short; the
+  output is then the optimum of the limits held so far, and the status says `capped`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from design.condense import Condensed, Prediction, check_feasible, condense, eliminate
+from design.kinds import Design, Kind, Request
+from design.kinds.mpc_read import KEYS, Setup, blocks_of, setup_of, whole
+from design.law import DesignError, Flag, Law, Scalar, Solve
+from design.linear_law import check_names, symbols, weighted_sum
+from design.model import Model, weights
+from design.reach import reach, widened
+from design.regulator import terminal_weight
+from design.table import check_keys, choice
+from identify.signal import Signal
+
+Array = npt.NDArray[np.float64]
+
+PAST_WHY = "an output of a sample before, which is limited"
+ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the observer, which forgets"
+
+
+def design(request: Request) -> Design:
+    """Condense the problem and write the law."""
+    check_keys(request.table, KEYS, "an mpc")
+    choice(request.table, "solver", "online", ("online",))
+    setup = setup_of(request)
+    prediction = _prediction(request, setup)
+    condensed = condense(prediction, setup.limits)
+    _check_feasible(request, setup, condensed)
+    freedom = len(condensed.h)
+    cap = whole(request.table, "iterations_max", 4 * freedom + 12, 1, 10_000)
+    problem = eliminate(condensed, cap)
+    figures = {
+        "rows": float(len(problem.low)),
+        "moves": float(freedom),
+        "condition": float(np.linalg.cond(condensed.h)),
+        "iterations_max": float(cap),
+    }
+    return Design(_law(request, setup, Solve(_parameters(request, setup), problem)), figures, None, {})
+
+
+def _prediction(request: Request, setup: Setup) -> Prediction:
+    """Say how the parameters enter: the state, then the last output, the disturbance and the reference."""
+    table, model = request.table, setup.model
+    n, m = model.b.shape
+    q = np.zeros((n, n))
+    q[: model.order, : model.order] = weights(table, "Q", model.order, False)
+    r = weights(table, "R", m, True)
+    p = weights(table, "P", n, False) if "P" in table else terminal_weight(model.a, model.b, q, r)
+    blocks = blocks_of(table, setup.horizon)
+    sizes = (n, m if setup.rated else 0, m if setup.disturbed else 0, 0 if setup.reference is None else 1)
+    edges = np.concatenate([[0], np.cumsum(sizes)])
+    columns = [np.eye(edges[-1])[edges[k] : edges[k + 1]] for k in range(4)]
+    none = np.zeros((m, edges[-1]))
+    last = columns[1] if setup.rated else none
+    disturbance = columns[2] if setup.disturbed else none
+    x_target, u_target = np.zeros((n, edges[-1])), -disturbance
+    if setup.reference is not None:
+        x_rest, u_rest = _rest(model)
+        x_target = x_rest[:, None] @ columns[3]
+        u_target = u_target + u_rest[:, None] @ columns[3]
+    return Prediction(
+        model.a, model.b, q, r, p, blocks, columns[0], model.b @ disturbance, x_target, u_target, last
+    )  # fmt: skip
+
+
+def _rest(model: Model) -> tuple[Array, Array]:
+    """Return x and u at rest with the first output at 1."""
+    n, m = model.b.shape
+    ring = np.block([[model.a - np.eye(n), model.b], [model.c[:1], np.zeros((1, m))]])
+    wanted = np.append(np.zeros(n), 1.0)
+    found, *_ = np.linalg.lstsq(ring, wanted, rcond=None)
+    if not np.allclose(ring @ found, wanted, atol=1e-6):
+        raise DesignError(
+            "no constant input holds the model's first output at a reference (a zero at z = 1); remove "
+            "controller.reference, or give another C"
+        )
+    return found[:n], found[n:]
+
+
+def _check_feasible(request: Request, setup: Setup, condensed: Condensed) -> None:
+    """Look for parameters within the ranges of the signals; an estimate has no range of its own."""
+    n, m = setup.model.b.shape
+    measured = setup.correction is None and setup.delay == 0
+    wires = [request.inputs[k] for k in setup.measured] if measured else []
+    low, high = np.full(condensed.s.shape[1], -np.inf), np.full(condensed.s.shape[1], np.inf)
+    low[: len(wires)], high[: len(wires)] = [w.low for w in wires], [w.high for w in wires]
+    if setup.rated:
+        low[n : n + m], high[n : n + m] = setup.limits.u_low, setup.limits.u_high
+    check_feasible(condensed, low, high)
+
+
+def _past_names(request: Request, setup: Setup) -> list[str]:
+    """Names of the kept outputs, newest first, output by output."""
+    depth = max(setup.delay, 1 if setup.rated else 0)
+    single = len(request.outputs) == 1
+    return [
+        f"past_{k}" if single else f"past_{k}_{j}" for k in range(1, depth + 1) for j in range(len(request.outputs))
+    ]
+
+
+def _estimate_names(setup: Setup) -> list[str]:
+    if setup.correction is None:
+        return []
+    states = [f"estimate_{k}" for k in range(1, len(setup.model.a) + 1)]
+    drives = setup.model.b.shape[1]
+    return states + ([f"disturbance_{k}" for k in range(1, drives + 1)] if setup.disturbed else [])
+
+
+@dataclass(frozen=True, slots=True)
+class Wires:
+    """Symbols of one sample: inputs, estimates, disturbances, and the kept outputs [newest first][output]."""
+
+    z: tuple[ca.SX, ...]
+    estimate: tuple[ca.SX, ...]
+    disturbance: tuple[ca.SX, ...]
+    past: tuple[tuple[ca.SX, ...], ...]
+
+    @property
+    def x(self) -> ca.SX:
+        """The law's state."""
+        return ca.vertcat(*self.estimate, *self.disturbance, *(u for outputs in self.past for u in outputs))
+
+
+def _wires(request: Request, setup: Setup) -> Wires:
+    n, m = setup.model.b.shape
+    held, past = symbols(_estimate_names(setup)), symbols(_past_names(request, setup))
+    rows = tuple(past[k : k + m] for k in range(0, len(past), m))
+    return Wires(symbols([w.name for w in request.inputs]), held[:n], held[n:], rows)
+
+
+def _parameters(request: Request, setup: Setup) -> ca.Function:
+    """(x, z) -> the parameters: the state when the output will act, then the rest."""
+    wires, model = _wires(request, setup), setup.model
+    state = wires.estimate or tuple(wires.z[k] for k in setup.measured)
+    terms, factors = list(state), np.eye(len(model.a))
+    for k in range(setup.delay):  # the oldest output acts first
+        acting = wires.past[setup.delay - 1 - k]
+        factors = np.hstack([model.a @ factors, model.b])
+        terms += acting
+        if wires.disturbance:
+            factors = np.hstack([factors, model.b])
+            terms += wires.disturbance
+    parameters = [weighted_sum(list(row), terms) for row in factors]
+    if setup.rated:
+        parameters += wires.past[0]
+    parameters += wires.disturbance
+    if setup.reference is not None:
+        parameters.append(wires.z[setup.reference])
+    return ca.Function("parameters", [wires.x, ca.vertcat(*wires.z)], [ca.densify(ca.vertcat(*parameters))])
+
+
+def _law(request: Request, setup: Setup, solve: Solve) -> Law:
+    wires, model, bounds = _wires(request, setup), setup.model, setup.limits
+    m = model.b.shape[1]
+    moves, capped, infeasible = symbols([f"move_{k}" for k in range(m)]), ca.SX.sym("capped"), ca.SX.sym("infeasible")
+    outputs = []
+    for k, move in enumerate(moves):
+        if setup.rated:
+            move = ca.fmin(ca.fmax(move, wires.past[0][k] + bounds.du_low[k]), wires.past[0][k] + bounds.du_high[k])
+        outputs.append(ca.fmin(ca.fmax(move, bounds.u_low[k]), bounds.u_high[k]))
+    acting = wires.past[setup.delay - 1] if setup.delay else tuple(outputs)
+    after = _observed(setup, wires, acting)
+    kept = [*outputs, *(u for row in wires.past[:-1] for u in row)] if wires.past else []
+    names = [*_estimate_names(setup), *_past_names(request, setup)]
+    check_names(request, names)
+    stage = ca.Function(
+        "law",
+        [wires.x, ca.vertcat(*wires.z), ca.vertcat(*moves, capped, infeasible)],
+        [
+            ca.densify(ca.vertcat(*after, *kept)),
+            ca.densify(ca.vertcat(*outputs)),
+            ca.vertcat(capped, infeasible),
+            ca.SX(0, 1),
+        ],
+    )
+    ranges = _ranges(request, setup)
+    law = Law(
+        name=request.name,
+        says=_says(request, setup, solve),
+        period=request.period,
+        inputs=request.inputs,
+        outputs=request.outputs,
+        state=tuple(signal for signal, _ in ranges),
+        start=tuple(min(max(0.0, signal.low), signal.high) for signal, _ in ranges),
+        why=tuple(why for _, why in ranges),
+        flags=(
+            Flag("capped", f"the search was cut short at {solve.problem.cap} steps; the output is within its limits"),
+            Flag("infeasible", "no moves keep every limit; the output keeps its own and the first ones found"),
+        ),
+        stages=(solve, Scalar(stage, ())),
+    )
+    return law if setup.correction is not None else replace(law, states=setup.measured)
+
+
+def _observed(setup: Setup, wires: Wires, acting: tuple[ca.SX, ...]) -> list[ca.SX]:
+    """Return estimates and disturbances of the next sample."""
+    if setup.correction is None:
+        return []
+    model = setup.model
+    error = [
+        wires.z[place] - weighted_sum(row, wires.estimate)
+        for row, place in zip(setup.seen, setup.measured, strict=True)
+    ]
+    driven = [u + d for u, d in zip(acting, wires.disturbance, strict=True)] if wires.disturbance else list(acting)
+    n = len(model.a)
+    found = [
+        weighted_sum([*model.a[k], *model.b[k], *setup.correction[k]], [*wires.estimate, *driven, *error])
+        for k in range(n)
+    ]
+    return found + [d + weighted_sum(setup.correction[n + k], error) for k, d in enumerate(wires.disturbance)]
+
+
+def _ranges(request: Request, setup: Setup) -> list[tuple[Signal, str]]:
+    """Bound the estimates by the L1 norm from u and y, the kept outputs by the limits of u."""
+    model, bounds, ranges = setup.model, setup.limits, []
+    n, m = model.b.shape
+    if setup.correction is not None:
+        drives = m if setup.disturbed else 0
+        a = np.block([[model.a, model.b[:, :drives]], [np.zeros((drives, n)), np.eye(drives)]])
+        seen = np.hstack([setup.seen, np.zeros((len(setup.seen), drives))])
+        drive = np.hstack([np.vstack([model.b, np.zeros((drives, m))]), setup.correction])
+        wires = [request.inputs[k] for k in setup.measured]
+        low = np.append(bounds.u_low, [w.low for w in wires])
+        high = np.append(bounds.u_high, [w.high for w in wires])
+        ends = reach(a - setup.correction @ seen, drive, low, high)
+        units = [*model.units, *(wire.unit for wire in request.outputs)]
+        ranges += [
+            (widened(name, unit, float(down), float(up)), ESTIMATE_WHY)
+            for name, unit, down, up in zip(_estimate_names(setup), units, *ends, strict=False)
+        ]
+    for k, name in enumerate(_past_names(request, setup)):
+        down, up = float(bounds.u_low[k % m]), float(bounds.u_high[k % m])
+        ranges.append((Signal(name, request.outputs[k % m].unit, min(down, 0.0), max(up, 0.0)), PAST_WHY))
+    return ranges
+
+
+def _says(request: Request, setup: Setup, solve: Solve) -> str:
+    seen = "states measured" if setup.correction is None else "states estimated"
+    extra = ", offset-free" if setup.disturbed else ""
+    return (
+        f"linear MPC over {setup.horizon} samples, {setup.model.order} {seen}{extra}: "
+        f"{len(solve.problem.low)} limits, at most {solve.problem.cap} changes of the active set"
+    )
+
+
+KIND = Kind(
+    name="mpc",
+    says="linear model predictive control: a quadratic program in every sample",
+    design=design,
+    example=Request(
+        name="cart_mpc",
+        table={
+            "A": [[1.0, 0.02, 0.0], [0.0, 0.96, 0.3], [0.0, -0.1, 0.7]],
+            "B": [[0.0], [0.01], [0.05]],
+            "Q": [40.0, 1.0, 0.1],
+            "R": 0.02,
+            "horizon": 8,
+            "u_min": -6.0,
+            "u_max": 6.0,
+            "x_max": [float("inf"), 0.5, float("inf")],
+            "x_min": [-float("inf"), -0.5, -float("inf")],
+        },
+        period=0.02,
+        inputs=(
+            Signal("position", "m", -0.5, 0.5),
+            Signal("speed", "m/s", -0.45, 0.45),
+            Signal("current", "A", -0.3, 0.3),
+        ),
+        outputs=(Signal("output", "V", -6.0, 6.0),),
+        plant=None,
+    ),
+)
