@@ -32,7 +32,6 @@ Raw = NDArray[Any]
 
 SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
 FAR = 1e30  # a step that nothing stops, and a limit that is none
-SPARE_ROOM = 4  # pivots kept beyond those that one active set can need
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 CHUNK = 4096  # parameters solved at a time: their pivots stay within the processor's cache
@@ -42,7 +41,7 @@ CHUNK = 4096  # parameters solved at a time: their pivots stay within the proces
 class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
-    `scale` turns the first k rows into the moves; `room` pivots are kept and at most `cap` are taken; a row is violated
+    `scale` turns the first k rows into the moves; at most `room` rows are active and `cap` changes are made; a row is violated
     beyond `tolerance`, and one whose pivot is below `least` depends on the active ones.
     """
 
@@ -76,13 +75,12 @@ def table_of(problem: Quadratic, arithmetic: str, name: str) -> Table:
     def rounded(values: Raw) -> tuple[float, ...]:
         return tuple(float(x) for x in np.clip(values, -FAR, FAR).astype(kind).ravel())
 
-    room = min(problem.freedom, count) + SPARE_ROOM
     sizes = {
         "FL_QP_ROWS": count,
         "FL_QP_WIDTH": -(-count // 4) * 4,
         "FL_QP_PARAMETERS": parameters,
         "FL_QP_MOVES": len(problem.scale),
-        "FL_QP_ROOM": room,
+        "FL_QP_ROOM": min(problem.freedom, count),
         "FL_QP_CAP": problem.cap,
     }
     spans = (problem.high - problem.low)[np.isfinite(problem.high - problem.low)]
@@ -158,14 +156,12 @@ class _Search:
         kind = value.dtype
         self.rows, self.value, self.kind = rows, value, kind
         self.eta = np.zeros((rows.room, lanes, width), kind)
-        self.inverse = np.zeros((rows.room, lanes), kind)
-        self.pivot = np.zeros((rows.room, lanes), np.int64)
-        self.count = np.zeros(lanes, np.int64)  # of etas
+        self.pivot = np.zeros((rows.room, lanes), kind)
         self.active = np.zeros((lanes, rows.room), np.int64)
-        self.length = np.zeros(lanes, np.int64)  # of the active list
+        self.length = np.zeros(lanes, np.int64)  # of the active set
         self.side = np.zeros((lanes, width), np.int64)
         self.status, self.pivots = np.full(lanes, -1), np.zeros(lanes, np.int64)
-        self.entering, self.column = entering, np.zeros_like(value)
+        self.entering = entering
         self.sign, self.limit = np.zeros(lanes, kind), np.zeros(lanes, kind)
         self.multiplier = np.zeros(lanes, kind)
 
@@ -174,48 +170,50 @@ class _Search:
         lanes = np.arange(len(self.value))
         self._enter(lanes)
         while len(lanes):
-            capped = self.pivots[lanes] == self.rows.cap
-            self.status[lanes[capped]] = CAPPED
-            lanes = lanes[~capped]
-            leaving = self._step(lanes)
-            running = self.status[lanes] < 0
-            lanes, leaving = lanes[running], leaving[running]
+            self.status[lanes[self.pivots[lanes] == self.rows.cap]] = CAPPED
+            lanes = lanes[self.status[lanes] < 0]
             self.pivots[lanes] += 1
+            column = self._column(lanes, self.entering[lanes])
+            leaving = self._step(lanes, column)
+            stays = self.status[lanes] < 0
+            lanes, leaving, column = lanes[stays], leaving[stays], column[stays]
             self._leave(lanes[leaving >= 0], leaving[leaving >= 0])
-            added = lanes[leaving < 0]
-            self._join(added)
-            added = added[self.status[added] < 0]
-            self._select(added)
-            self._enter(added[self.status[added] < 0])
+            joining = lanes[leaving < 0]
+            self._join(joining, column[leaving < 0])
+            joining = joining[self.status[joining] < 0]
+            self._select(joining)
+            self._enter(joining[self.status[joining] < 0])
             lanes = lanes[self.status[lanes] < 0]
 
     def _enter(self, lanes: NDArray[np.int64]) -> None:
-        """Take the side that is violated, and the column of the tableau."""
+        """Take the side on which the entering row is violated."""
         row = self.entering[lanes]
         above = self.value[lanes, row] > self.rows.high[row]
         self.sign[lanes] = np.where(above, 1, -1)
         self.limit[lanes] = np.where(above, self.rows.high[row], self.rows.low[row])
         self.multiplier[lanes] = 0
-        self.column[lanes] = self._through(lanes, self.rows.gram[row], 0)
 
-    def _through(self, lanes: NDArray[np.int64], column: Raw, first: int) -> Raw:
-        """Take columns (lanes, m) through the pivots from number `first` on."""
-        column = column.copy()
-        for k in range(first, int(self.count[lanes].max(initial=0))):
-            here = np.flatnonzero(self.count[lanes] > k)
+    def _column(self, lanes: NDArray[np.int64], row: NDArray[np.int64]) -> Raw:
+        """Return the tableau's column (lanes, m) of a multiplier that is zero.
+
+        The gram is symmetric, and so is what it becomes: what an eta takes from this column in its pivot row is what
+        it holds in this row.
+        """
+        column = self.rows.gram[row]
+        for k in range(int(self.length[lanes].max(initial=0))):
+            here = np.flatnonzero(self.length[lanes] > k)
             whose = lanes[here]
-            at = self.pivot[k, whose]
-            held = column[here, at]
-            column[here] = column[here] - self.eta[k, whose] * held[:, None]
-            column[here, at] = held * self.inverse[k, whose]
+            eta = self.eta[k, whose]
+            factor = eta[np.arange(len(here)), row[here]] * self.pivot[k, whose]
+            column[here] = column[here] - eta * factor[:, None]
         return column
 
-    def _step(self, lanes: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _step(self, lanes: NDArray[np.int64], column: Raw) -> NDArray[np.int64]:
         """Go as far as the entering row's limit or the first multiplier at zero; return that place, or -1."""
-        row, sign, column = self.entering[lanes], self.sign[lanes], self.column[lanes]
-        slope = column[np.arange(len(lanes)), row]
+        row, sign = self.entering[lanes], self.sign[lanes]
+        pivot = column[np.arange(len(lanes)), row]
         gap = (self.value[lanes, row] - self.limit[lanes]) * sign
-        step = np.where(slope > self.rows.least, gap / slope, self.kind.type(FAR))
+        step = np.where(pivot > self.rows.least, gap / pivot, self.kind.type(FAR))
         place = np.arange(self.active.shape[1])
         active = self.active[lanes]
         which = np.arange(len(lanes))[:, None]
@@ -237,58 +235,40 @@ class _Search:
         return leaving
 
     def _leave(self, lanes: NDArray[np.int64], place: NDArray[np.int64]) -> None:
-        """Move the row at `place` of the active list back to its limit, and the entering column through that pivot."""
-        if not len(lanes):
-            return
+        """Take the row at `place` out of the active set; those that came after it are put in again."""
         row = self.active[lanes, place]
         self.value[lanes, row] = np.where(self.side[lanes, row] > 0, self.rows.high[row], self.rows.low[row])
         self.side[lanes, row] = 0
-        self.length[lanes] -= 1
-        self.active[lanes, place] = self.active[lanes, self.length[lanes]]
-        full = self.count[lanes] == self.rows.room
-        self._rebuild(lanes[full])
-        again = lanes[full & (self.status[lanes] < 0)]
-        self.column[again] = self._through(again, self.rows.gram[self.entering[again]], 0)
-        lanes, row = lanes[~full], row[~full]
-        unit = np.zeros((len(lanes), self.value.shape[1]), self.kind)
-        unit[np.arange(len(lanes)), row] = 1
-        self._store(lanes, row, self._through(lanes, unit, 0))
-        k = self.count[lanes] - 1
-        held = self.column[lanes, row]
-        self.column[lanes] = self.column[lanes] - self.eta[k, lanes] * held[:, None]
-        self.column[lanes, row] = held * self.inverse[k, lanes]
+        last = self.length[lanes] - 1
+        self.length[lanes] = place
+        while len(lanes):
+            more = (self.length[lanes] < last) & (self.status[lanes] < 0)
+            lanes, last = lanes[more], last[more]
+            again = self.active[lanes, np.minimum(self.length[lanes] + 1, self.rows.room - 1)]
+            self._store(lanes, again, self._column(lanes, again))
 
-    def _join(self, lanes: NDArray[np.int64]) -> None:
+    def _join(self, lanes: NDArray[np.int64], column: Raw) -> None:
         """Put the entering row into the active set."""
-        self.status[lanes[self.length[lanes] == self.rows.room]] = CAPPED
+        self._store(lanes, self.entering[lanes], column)
         lanes = lanes[self.status[lanes] < 0]
         row = self.entering[lanes]
         self.side[lanes, row] = self.sign[lanes].astype(np.int64)
         self.value[lanes, row] = self.multiplier[lanes]
-        self.active[lanes, self.length[lanes]] = row
-        self.length[lanes] += 1
-        full = self.count[lanes] == self.rows.room
-        self._rebuild(lanes[full])
-        self._store(lanes[~full], row[~full], self.column[lanes[~full]])
 
     def _store(self, lanes: NDArray[np.int64], row: NDArray[np.int64], column: Raw) -> None:
-        """Keep the pivot of `column` (lanes, m) in `row`; one below `least` ends the search."""
-        slope = column[np.arange(len(lanes)), row]
-        self.status[lanes[~(slope > self.rows.least)]] = CAPPED
-        k = self.count[lanes]
-        inverse = self.kind.type(1) / slope
-        self.eta[k, lanes] = column * inverse[:, None]
-        self.inverse[k, lanes] = inverse
-        self.pivot[k, lanes] = row
-        self.count[lanes] = k + 1
-
-    def _rebuild(self, lanes: NDArray[np.int64]) -> None:
-        """Make the pivots afresh, one for each active row."""
-        self.count[lanes] = 0
-        for place in range(int(self.length[lanes].max(initial=0))):
-            lanes = lanes[(self.length[lanes] > place) & (self.status[lanes] < 0)]
-            row = self.active[lanes, place]
-            self._store(lanes, row, self._through(lanes, self.rows.gram[row], 0))
+        """Keep the pivot of `column` (lanes, m) in `row`; one too small ends the search, and so does a full set."""
+        pivot = column[np.arange(len(lanes)), row]
+        good = (pivot > self.rows.least) & (self.length[lanes] < self.rows.room)
+        self.status[lanes[~good]] = CAPPED
+        lanes, row, column, pivot = lanes[good], row[good], column[good], pivot[good]
+        k = self.length[lanes]
+        inverse = self.kind.type(1) / pivot
+        eta = column * inverse[:, None]
+        eta[np.arange(len(lanes)), row] = self.kind.type(1) - inverse  # leaves pivot / pivot in that row
+        self.eta[k, lanes] = eta
+        self.pivot[k, lanes] = pivot
+        self.active[lanes, k] = row
+        self.length[lanes] = k + 1
 
     def _select(self, lanes: NDArray[np.int64]) -> None:
         """Find the most violated row outside the active set; where none is, the lane is solved."""

@@ -7,7 +7,8 @@
  * product form (Dantzig and Orchard-Hays, 1954). No product is added before it is rounded.
  *
  * The file that includes this one gives its sizes, FL_QP_ROWS, FL_QP_WIDTH (the rows filled up to a multiple of 4),
- * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (pivots kept), FL_QP_CAP (pivots taken at most), and the type fl_real.
+ * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most), FL_QP_CAP
+ * (changes of it at most), and the type fl_real.
  */
 #ifndef FL_QP_H
 #define FL_QP_H
@@ -35,129 +36,85 @@ typedef struct {
 typedef struct {
     fl_real value[FL_QP_WIDTH];
     fl_real column[FL_QP_WIDTH];
-    fl_real eta[FL_QP_ROOM][FL_QP_WIDTH];
-    fl_real inverse[FL_QP_ROOM];
-    int16_t pivot[FL_QP_ROOM];
+    fl_real factor[FL_QP_ROOM];
+    fl_real eta[FL_QP_ROOM][FL_QP_WIDTH]; /* one for each active row */
+    fl_real pivot[FL_QP_ROOM];
     int16_t active[FL_QP_ROOM];
     int8_t side[FL_QP_ROWS]; /* 1 at high, -1 at low, else 0 */
-    int32_t count;           /* of etas */
-    int32_t length;          /* of `active` */
+    int32_t length;          /* of the active set */
 } fl_search_t;
 
-/* a -= b * factor */
-static inline void fl_qp_reduce(fl_real *a, const fl_real *b, fl_real factor)
-{
-    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
-        a[i] -= b[i] * factor;
-        a[i + 1] -= b[i + 1] * factor;
-        a[i + 2] -= b[i + 2] * factor;
-        a[i + 3] -= b[i + 3] * factor;
-    }
-}
-
-static inline void fl_qp_apply(const fl_search_t *s, int32_t k, fl_real *column)
-{
-    const int32_t at = s->pivot[k];
-    const fl_real held = column[at];
-    fl_qp_reduce(column, s->eta[k], held);
-    column[at] = held * s->inverse[k];
-}
-
-static void fl_qp_through(const fl_search_t *s, fl_real *column)
-{
-    for (int32_t k = 0; k < s->count; k++) {
-        fl_qp_apply(s, k, column);
-    }
-}
-
-/* The tableau's column of a multiplier that is zero. */
-static void fl_qp_column(const fl_qp_t *q, const fl_search_t *s, int32_t row, fl_real *column)
+/* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
+ * takes from this column in its pivot row is what it holds in this row. */
+static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
     const fl_real *entry = &q->gram[row * (row + 1) / 2];
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        column[i] = *entry;
+        s->column[i] = *entry;
         entry += (i < row) ? 1 : i + 1;
     }
-    for (int32_t i = FL_QP_ROWS; i < FL_QP_WIDTH; i++) {
-        column[i] = 0;
+    for (int32_t k = 0; k < s->length; k++) {
+        s->factor[k] = s->eta[k][row] * s->pivot[k];
     }
-    fl_qp_through(s, column);
-}
-
-/* Keep the pivot of `column` in `row`; false when it is too small. */
-static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *column)
-{
-    const fl_real slope = column[row];
-    if (!(slope > q->least)) {
-        return 0;
-    }
-    const fl_real inverse = (fl_real)1 / slope;
-    fl_real *eta = s->eta[s->count];
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
-        eta[i] = column[i] * inverse;
-        eta[i + 1] = column[i + 1] * inverse;
-        eta[i + 2] = column[i + 2] * inverse;
-        eta[i + 3] = column[i + 3] * inverse;
+        fl_real a = s->column[i];
+        fl_real b = s->column[i + 1];
+        fl_real c = s->column[i + 2];
+        fl_real d = s->column[i + 3];
+        const fl_real *eta = &s->eta[0][i];
+        for (int32_t k = 0; k < s->length; k++) {
+            const fl_real factor = s->factor[k];
+            a -= eta[0] * factor;
+            b -= eta[1] * factor;
+            c -= eta[2] * factor;
+            d -= eta[3] * factor;
+            eta += FL_QP_WIDTH;
+        }
+        s->column[i] = a;
+        s->column[i + 1] = b;
+        s->column[i + 2] = c;
+        s->column[i + 3] = d;
     }
-    s->inverse[s->count] = inverse;
-    s->pivot[s->count] = (int16_t)row;
-    s->count++;
-    return 1;
 }
 
-/* Make the pivots afresh, one for each active row. */
-static int32_t fl_qp_rebuild(const fl_qp_t *q, fl_search_t *s)
+/* Put `row` into the active set by its column; false when its pivot is too small. */
+static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
-    fl_real column[FL_QP_WIDTH];
-    s->count = 0;
-    for (int32_t place = 0; place < s->length; place++) {
-        const int32_t row = s->active[place];
-        fl_qp_column(q, s, row, column);
-        if (!fl_qp_store(q, s, row, column)) {
-            return 0;
-        }
-    }
-    return 1;
-}
-
-/* Move the row at `place` back to its limit, and the column of `entering` through that pivot. */
-static int32_t fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place, int32_t entering)
-{
-    const int32_t row = s->active[place];
-    s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
-    s->side[row] = 0;
-    s->length--;
-    s->active[place] = s->active[s->length];
-    if (s->count == FL_QP_ROOM) {
-        if (!fl_qp_rebuild(q, s)) {
-            return 0;
-        }
-        fl_qp_column(q, s, entering, s->column);
-        return 1;
-    }
-    fl_real unit[FL_QP_WIDTH];
-    for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
-        unit[i] = (i == row) ? (fl_real)1 : (fl_real)0;
-    }
-    fl_qp_through(s, unit);
-    if (!fl_qp_store(q, s, row, unit)) {
+    const fl_real pivot = s->column[row];
+    if (!(pivot > q->least) || s->length == FL_QP_ROOM) {
         return 0;
     }
-    fl_qp_apply(s, s->count - 1, s->column);
-    return 1;
-}
-
-/* Put the entering row into the active set with its multiplier. */
-static int32_t fl_qp_join(const fl_qp_t *q, fl_search_t *s, int32_t row, int32_t side, fl_real multiplier)
-{
-    if (s->length == FL_QP_ROOM) {
-        return 0;
+    const fl_real inverse = (fl_real)1 / pivot;
+    fl_real *eta = s->eta[s->length];
+    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
+        eta[i] = s->column[i] * inverse;
+        eta[i + 1] = s->column[i + 1] * inverse;
+        eta[i + 2] = s->column[i + 2] * inverse;
+        eta[i + 3] = s->column[i + 3] * inverse;
     }
-    s->side[row] = (int8_t)side;
-    s->value[row] = multiplier;
+    eta[row] = (fl_real)1 - inverse; /* leaves pivot / pivot in that row */
+    s->pivot[s->length] = pivot;
     s->active[s->length] = (int16_t)row;
     s->length++;
-    return (s->count == FL_QP_ROOM) ? fl_qp_rebuild(q, s) : fl_qp_store(q, s, row, s->column);
+    return 1;
+}
+
+/* Take the row at `place` out of the active set; those that came after it are put in again. */
+static int32_t fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
+{
+    const int32_t row = s->active[place];
+    const int32_t last = s->length - 1;
+    s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
+    s->side[row] = 0;
+    s->length = place;
+    while (s->length < last) {
+        const int32_t again = s->active[s->length + 1];
+        fl_qp_column(q, s, again);
+        if (!fl_qp_store(q, s, again)) {
+            return 0;
+        }
+    }
+    return 1;
 }
 
 /* The most violated row outside the active set; -1 where none is. */
@@ -183,15 +140,16 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t row, int32_
     const fl_real sign = (fl_real)side;
     const fl_real limit = (side > 0) ? q->high[row] : q->low[row];
     fl_real multiplier = 0;
-    fl_qp_column(q, s, row, s->column);
     for (;;) {
         if (*pivots == FL_QP_CAP) {
             return FL_QP_CAPPED;
         }
-        const fl_real slope = s->column[row];
+        (*pivots)++;
+        fl_qp_column(q, s, row);
+        const fl_real pivot = s->column[row];
         fl_real step = q->far;
-        if (slope > q->least) {
-            step = (s->value[row] - limit) * sign / slope;
+        if (pivot > q->least) {
+            step = (s->value[row] - limit) * sign / pivot;
         }
         int32_t place = -1;
         for (int32_t k = 0; k < s->length; k++) {
@@ -210,13 +168,22 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t row, int32_
             return FL_QP_INFEASIBLE;
         }
         const fl_real moved = step * sign;
-        fl_qp_reduce(s->value, s->column, moved);
-        multiplier += moved;
-        (*pivots)++;
-        if (place < 0) {
-            return fl_qp_join(q, s, row, side, multiplier) ? FL_QP_SOLVED : FL_QP_CAPPED;
+        for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
+            s->value[i] -= s->column[i] * moved;
+            s->value[i + 1] -= s->column[i + 1] * moved;
+            s->value[i + 2] -= s->column[i + 2] * moved;
+            s->value[i + 3] -= s->column[i + 3] * moved;
         }
-        if (!fl_qp_leave(q, s, place, row)) {
+        multiplier += moved;
+        if (place < 0) {
+            if (!fl_qp_store(q, s, row)) {
+                return FL_QP_CAPPED;
+            }
+            s->side[row] = (int8_t)side;
+            s->value[row] = multiplier;
+            return FL_QP_SOLVED;
+        }
+        if (!fl_qp_leave(q, s, place)) {
             return FL_QP_CAPPED;
         }
     }
@@ -226,7 +193,6 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t row, int32_
 static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
     int32_t pivots = 0;
-    s->count = 0;
     s->length = 0;
     volatile int8_t *side = s->side; /* volatile: no compiler may ask the C library to clear it */
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
@@ -234,6 +200,7 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row)
     }
     for (int32_t i = FL_QP_ROWS; i < FL_QP_WIDTH; i++) {
         s->value[i] = 0;
+        s->column[i] = 0;
     }
     int32_t status = FL_QP_SOLVED;
     while (row >= 0 && status == FL_QP_SOLVED) {
