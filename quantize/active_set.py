@@ -41,8 +41,8 @@ CHUNK = 4096  # parameters solved at a time: their pivots stay within the proces
 class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
-    `scale` turns the first k rows into the moves; at most `room` rows are active and `cap` changes are made; a row is violated
-    beyond `tolerance`, and one whose pivot is below `least` depends on the active ones.
+    `scale` turns the first k rows into the moves; at most `room` rows are active and `cap` changes are made; a row is
+    violated beyond `tolerance`, and one whose pivot is below `least` depends on the active ones.
     """
 
     slope: Raw
@@ -70,14 +70,14 @@ def table_of(problem: Quadratic, arithmetic: str, name: str) -> Table:
     """Round a problem to "float32" or "float64"; its members are those of `fl_qp_t`."""
     kind = np.dtype(arithmetic).type
     count, parameters = problem.slope.shape
-    lower = np.tril_indices(count)
+    width = -(-count // 4) * 4
 
     def rounded(values: Raw) -> tuple[float, ...]:
         return tuple(float(x) for x in np.clip(values, -FAR, FAR).astype(kind).ravel())
 
     sizes = {
         "FL_QP_ROWS": count,
-        "FL_QP_WIDTH": -(-count // 4) * 4,
+        "FL_QP_WIDTH": width,
         "FL_QP_PARAMETERS": parameters,
         "FL_QP_MOVES": len(problem.scale),
         "FL_QP_ROOM": min(problem.freedom, count),
@@ -86,10 +86,10 @@ def table_of(problem: Quadratic, arithmetic: str, name: str) -> Table:
     spans = (problem.high - problem.low)[np.isfinite(problem.high - problem.low)]
     tolerance = TOLERANCE[arithmetic] * (float(np.median(spans)) / 2 if len(spans) else 1.0)
     numbers: dict[str, tuple[float, ...] | float] = {
-        "slope": rounded(problem.slope),
+        "slope": rounded(np.pad(problem.slope, ((0, width - count), (0, 0))).T),
         "low": rounded(problem.low),
         "high": rounded(problem.high),
-        "gram": rounded(problem.gram[lower]),
+        "gram": rounded(np.pad(problem.gram, ((0, 0), (0, width - count)))),
         "scale": rounded(problem.scale),
         "tolerance": float(kind(tolerance)),
         "least": float(kind(LEAST[arithmetic])),
@@ -104,11 +104,9 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     numbers = {key: np.array(values, dtype=kind) for key, values in table.numbers}
     sizes = dict(table.sizes)
     count = sizes["FL_QP_ROWS"]
-    gram = np.zeros((count, count), kind)
-    gram[np.tril_indices(count)] = numbers["gram"]
-    gram = np.where(np.tri(count, dtype=bool), gram, gram.T)
+    gram = numbers["gram"].reshape(count, -1)
     return Rows(
-        numbers["slope"].reshape(count, -1), numbers["low"], numbers["high"], gram, numbers["scale"],
+        numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"],
         numbers["tolerance"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_CAP"],
     )  # fmt: skip
 
@@ -249,11 +247,10 @@ class _Search:
 
     def _join(self, lanes: NDArray[np.int64], column: Raw) -> None:
         """Put the entering row into the active set."""
-        self._store(lanes, self.entering[lanes], column)
-        lanes = lanes[self.status[lanes] < 0]
         row = self.entering[lanes]
         self.side[lanes, row] = self.sign[lanes].astype(np.int64)
         self.value[lanes, row] = self.multiplier[lanes]
+        self._store(lanes, row, column)
 
     def _store(self, lanes: NDArray[np.int64], row: NDArray[np.int64], column: Raw) -> None:
         """Keep the pivot of `column` (lanes, m) in `row`; one too small ends the search, and so does a full set."""

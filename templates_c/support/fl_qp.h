@@ -16,14 +16,14 @@
 #include <stdint.h>
 
 typedef struct {
-    fl_real slope[FL_QP_ROWS * FL_QP_PARAMETERS];
+    fl_real slope[FL_QP_PARAMETERS * FL_QP_WIDTH]; /* one parameter after the other */
     fl_real low[FL_QP_ROWS];
     fl_real high[FL_QP_ROWS];
-    fl_real gram[FL_QP_ROWS * (FL_QP_ROWS + 1) / 2]; /* lower triangle, row by row */
-    fl_real scale[FL_QP_MOVES];                      /* from the first rows to the moves */
-    fl_real tolerance;                               /* a row is violated beyond this */
-    fl_real least;                                   /* smallest pivot */
-    fl_real far;                                     /* a step that nothing stops */
+    fl_real gram[FL_QP_ROWS * FL_QP_WIDTH];
+    fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
+    fl_real tolerance;          /* a row is violated beyond this */
+    fl_real least;              /* smallest pivot */
+    fl_real far;                /* a step that nothing stops */
 } fl_qp_t;
 
 enum { FL_QP_SOLVED = 0, FL_QP_CAPPED = 1, FL_QP_INFEASIBLE = 2 };
@@ -48,19 +48,15 @@ typedef struct {
  * takes from this column in its pivot row is what it holds in this row. */
 static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
-    const fl_real *entry = &q->gram[row * (row + 1) / 2];
-    for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        s->column[i] = *entry;
-        entry += (i < row) ? 1 : i + 1;
-    }
+    const fl_real *gram = &q->gram[row * FL_QP_WIDTH];
     for (int32_t k = 0; k < s->length; k++) {
         s->factor[k] = s->eta[k][row] * s->pivot[k];
     }
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
-        fl_real a = s->column[i];
-        fl_real b = s->column[i + 1];
-        fl_real c = s->column[i + 2];
-        fl_real d = s->column[i + 3];
+        fl_real a = gram[i];
+        fl_real b = gram[i + 1];
+        fl_real c = gram[i + 2];
+        fl_real d = gram[i + 3];
         const fl_real *eta = &s->eta[0][i];
         for (int32_t k = 0; k < s->length; k++) {
             const fl_real factor = s->factor[k];
@@ -117,95 +113,97 @@ static int32_t fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
     return 1;
 }
 
-/* The most violated row outside the active set; -1 where none is. */
-static int32_t fl_qp_select(const fl_qp_t *q, const fl_search_t *s)
+static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value)
+{
+    const fl_real over = value - q->high[row];
+    const fl_real under = q->low[row] - value;
+    return (over > under) ? over : under;
+}
+
+/* Go `moved` along the column; return the most violated row outside the active set, -1 where none is. */
+static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved)
 {
     int32_t row = -1;
     fl_real most = q->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        const fl_real over = s->value[i] - q->high[i];
-        const fl_real under = q->low[i] - s->value[i];
-        if (s->side[i] == 0 && (over > most || under > most)) {
-            most = (over > under) ? over : under;
-            row = i;
+        const fl_real value = s->value[i] - s->column[i] * moved;
+        s->value[i] = value;
+        if (s->side[i] == 0 && (value > q->high[i] || value < q->low[i])) {
+            const fl_real excess = fl_qp_excess(q, i, value);
+            if (excess > most) {
+                most = excess;
+                row = i;
+            }
         }
     }
     return row;
 }
 
-/* Drive one violated row to its limit: let every row leave whose multiplier reaches zero on the way. */
-static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t row, int32_t *pivots)
+/* Where a step along the column ends: at the limit of `row` (place -1), or at a multiplier that reaches zero. */
+static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, fl_real pivot, fl_real sign,
+                          int32_t *place)
 {
-    const int32_t side = (s->value[row] > q->high[row]) ? 1 : -1;
-    const fl_real sign = (fl_real)side;
-    const fl_real limit = (side > 0) ? q->high[row] : q->low[row];
-    fl_real multiplier = 0;
-    for (;;) {
-        if (*pivots == FL_QP_CAP) {
-            return FL_QP_CAPPED;
-        }
-        (*pivots)++;
-        fl_qp_column(q, s, row);
-        const fl_real pivot = s->column[row];
-        fl_real step = q->far;
-        if (pivot > q->least) {
-            step = (s->value[row] - limit) * sign / pivot;
-        }
-        int32_t place = -1;
-        for (int32_t k = 0; k < s->length; k++) {
-            const int32_t held = s->active[k];
-            const fl_real toward = (fl_real)s->side[held];
-            const fl_real rate = s->column[held] * (sign * toward);
-            if (rate > q->least) {
-                const fl_real ratio = s->value[held] * toward / rate;
-                if (ratio < step) {
-                    step = ratio;
-                    place = k;
-                }
+    fl_real step = (pivot > q->least) ? gap * sign / pivot : q->far;
+    *place = -1;
+    for (int32_t k = 0; k < s->length; k++) {
+        const int32_t held = s->active[k];
+        const fl_real toward = (fl_real)s->side[held];
+        const fl_real rate = s->column[held] * (sign * toward);
+        if (rate > q->least) {
+            const fl_real ratio = s->value[held] * toward / rate;
+            if (ratio < step) {
+                step = ratio;
+                *place = k;
             }
         }
+    }
+    return step;
+}
+
+/* Drive the violated `*row` to its limit; let every row leave whose multiplier reaches zero on the way. */
+static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row, int32_t *changes)
+{
+    const int32_t entering = *row;
+    const int32_t side = (s->value[entering] > q->high[entering]) ? 1 : -1;
+    const fl_real sign = (fl_real)side;
+    const fl_real limit = (side > 0) ? q->high[entering] : q->low[entering];
+    fl_real multiplier = 0;
+    while (*changes < FL_QP_CAP) {
+        int32_t place;
+        (*changes)++;
+        fl_qp_column(q, s, entering);
+        const fl_real gap = s->value[entering] - limit;
+        const fl_real step = fl_qp_step(q, s, gap, s->column[entering], sign, &place);
         if (step >= q->far) {
             return FL_QP_INFEASIBLE;
         }
-        const fl_real moved = step * sign;
-        for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
-            s->value[i] -= s->column[i] * moved;
-            s->value[i + 1] -= s->column[i + 1] * moved;
-            s->value[i + 2] -= s->column[i + 2] * moved;
-            s->value[i + 3] -= s->column[i + 3] * moved;
-        }
-        multiplier += moved;
+        multiplier += step * sign;
         if (place < 0) {
-            if (!fl_qp_store(q, s, row)) {
-                return FL_QP_CAPPED;
-            }
-            s->side[row] = (int8_t)side;
-            s->value[row] = multiplier;
-            return FL_QP_SOLVED;
+            s->side[entering] = (int8_t)side;
+            *row = fl_qp_move(q, s, step * sign);
+            s->value[entering] = multiplier;
+            return fl_qp_store(q, s, entering) ? FL_QP_SOLVED : FL_QP_CAPPED;
         }
+        (void)fl_qp_move(q, s, step * sign);
         if (!fl_qp_leave(q, s, place)) {
             return FL_QP_CAPPED;
         }
     }
+    return FL_QP_CAPPED;
 }
 
-/* `search` holds the unconstrained optimum, which violates `row`. */
+/* `value` holds the unconstrained optimum, which violates `row`. */
 static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
-    int32_t pivots = 0;
+    int32_t changes = 0;
     s->length = 0;
     volatile int8_t *side = s->side; /* volatile: no compiler may ask the C library to clear it */
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         side[i] = 0;
     }
-    for (int32_t i = FL_QP_ROWS; i < FL_QP_WIDTH; i++) {
-        s->value[i] = 0;
-        s->column[i] = 0;
-    }
     int32_t status = FL_QP_SOLVED;
     while (row >= 0 && status == FL_QP_SOLVED) {
-        status = fl_qp_enter(q, s, row, &pivots);
-        row = fl_qp_select(q, s);
+        status = fl_qp_enter(q, s, &row, &changes);
     }
     for (int32_t i = 0; i < FL_QP_MOVES; i++) {
         if (s->side[i] != 0) {
@@ -219,21 +217,35 @@ static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters)
 {
     fl_search_t s;
     fl_plan_t plan;
-    const fl_real *slope = q->slope;
+    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
+        const fl_real *slope = &q->slope[i];
+        fl_real a = slope[0] * parameters[0];
+        fl_real b = slope[1] * parameters[0];
+        fl_real c = slope[2] * parameters[0];
+        fl_real d = slope[3] * parameters[0];
+        for (int32_t k = 1; k < FL_QP_PARAMETERS; k++) {
+            const fl_real parameter = parameters[k];
+            slope += FL_QP_WIDTH;
+            a += slope[0] * parameter;
+            b += slope[1] * parameter;
+            c += slope[2] * parameter;
+            d += slope[3] * parameter;
+        }
+        s.value[i] = a;
+        s.value[i + 1] = b;
+        s.value[i + 2] = c;
+        s.value[i + 3] = d;
+    }
     int32_t row = -1;
     fl_real most = q->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        fl_real y = slope[0] * parameters[0];
-        for (int32_t k = 1; k < FL_QP_PARAMETERS; k++) {
-            y += slope[k] * parameters[k];
-        }
-        slope += FL_QP_PARAMETERS;
-        s.value[i] = y;
-        const fl_real over = y - q->high[i];
-        const fl_real under = q->low[i] - y;
-        if (over > most || under > most) {
-            most = (over > under) ? over : under;
-            row = i;
+        const fl_real value = s.value[i];
+        if (value > q->high[i] || value < q->low[i]) {
+            const fl_real excess = fl_qp_excess(q, i, value);
+            if (excess > most) {
+                most = excess;
+                row = i;
+            }
         }
     }
     plan.status = (row < 0) ? FL_QP_SOLVED : fl_qp_search(q, &s, row);
