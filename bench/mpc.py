@@ -1,10 +1,11 @@
 """Measure the predictive controller on two problems of a cart-pole: instructions, accuracy, sizes, and bits.
 
-    python -m bench.mpc PROBLEM.json...      200 recorded states on the emulated Cortex-M4F, 10^5 random ones on the host
+    python -m bench.mpc PROBLEM.json...      200 recorded states on the emulated M4F, 10^5 random ones on the host
 
 A problem holds A, B, Q, R, QN, N, u_max, x_max and `x0_sequence`, the states of a recorded run. Each optimum is judged
-by an interior-point solver in double precision (PIQP, through CasADi), which shares nothing with the generated
-code. Exit status 1 when a bit differs from the reference, or an output is farther than 1e-3 from the optimum.
+by a solver in double precision that shares nothing with the generated code, on the problem before its states are
+eliminated (qpOASES, through CasADi). Exit status 1 when a bit differs from the reference, or an output is farther than
+1e-3 from the optimum.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from codegen.bundle import Bundle
 from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
 from design.kinds import design
 from design.law import Law
 from identify.signal import Signal
+from quantize.active_set import COLUMN, rows_of, solve
 from quantize.lower import lower
 from quantize.program import Program
 from verify.build import build_image
@@ -33,7 +36,7 @@ from verify.cost import instructions
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.links.opener import openers
-from verify.reference import run
+from verify.reference import Trace, run
 from verify.stimuli import Block
 
 STATES = ("p_m", "th_rad", "v_m_s", "w_rad_s")
@@ -90,9 +93,8 @@ class Judge:
         self.constraints = ca.sparsify(ca.DM(np.vstack(rows)))
         limit = [np.inf if x is None else float(x) for x in problem["x_max"]]
         self.high = np.tile([problem["u_max"], *limit], steps)
-        tight = {"verbose": False, "eps_abs": 1e-10, "eps_rel": 1e-10}
         sparsity = {"h": self.hessian.sparsity(), "a": self.constraints.sparsity()}
-        self.solver = ca.conic("judge", "piqp", sparsity, {"error_on_fail": False, "piqp": tight})
+        self.solver = ca.conic("judge", "qpoases", sparsity, {"error_on_fail": False, "printLevel": "none"})
 
     def move(self, state: np.ndarray) -> float | None:
         """Return u[0] from `state` (n,), None where no moves keep every limit."""
@@ -129,22 +131,43 @@ def measure(path: Path) -> int:
     on_host = compare(program, host, [recorded, lots], [trace, lots_trace], lambda part, label: None)
 
     share = Block("random", lots.inputs[:ON_TARGET])
-    counts, differences, steps, sizes = _on_target(program, bundle, [recorded, share], [trace, run(program, share.inputs)])
+    share_trace = run(program, share.inputs)
+    counts, differences, steps, sizes = _on_target(program, bundle, [recorded, share], [trace, share_trace])
     first, rest = counts[: recorded.inputs.shape[1]], counts[recorded.inputs.shape[1] :]
+    bound = _bound(program, share.inputs[:, 0], rest)
     told = lots_trace.status.ravel() & 3
     print(f"\n{law.name}: {law.says}")
     print(f"  generation              {generated:.2f} s")
-    print(f"  recorded states         median {np.median(first):,.0f}, mean {first.mean():,.0f}, "
-          f"worst {first.max():,} instructions; solved {solved.sum()} of {len(solved)} (status {status.tolist()})")
-    print(f"  worst error of u0       {error:.2g} against PIQP")
+    print(
+        f"  recorded states         median {np.median(first):,.0f}, mean {first.mean():,.0f}, "
+        f"worst {first.max():,} instructions; solved {solved.sum()} of {len(solved)} (status {status.tolist()})"
+    )
+    print(f"  worst error of u0       {error:.2g} against qpOASES")
     print(f"  flash, stack, static    {sizes}")
-    print(f"  host                    {on_host.steps:,} states, {on_host.differences} differences; "
-          f"{np.count_nonzero(told == 2):,} infeasible, {np.count_nonzero(told == 1):,} capped")
+    print(
+        f"  host                    {on_host.steps:,} states, {on_host.differences} differences; "
+        f"{np.count_nonzero(told == 2):,} infeasible, {np.count_nonzero(told == 1):,} capped"
+    )
     print(f"  {TARGET}         {steps:,} states, {differences} differences; worst random {rest.max():,} instructions")
+    print(f"  at most                 {bound:,} instructions: {bound / rest.max():.2f} of the worst random state")
     return on_host.differences + differences + int(error > ALLOWED)
 
 
-def _on_target(program: Program, bundle: Any, blocks: list[Block], traces: list[Any]) -> tuple[np.ndarray, int, int, str]:
+def _bound(program: Program, states: np.ndarray, counts: np.ndarray) -> int:
+    """Return the instructions of a search that takes its whole budget, at the largest cost of a unit of work seen."""
+    rows = rows_of(program.tables[0], np.dtype(np.float32))
+    low, high = (np.array([getattr(value, end) for value in program.inputs], np.float32) for end in ("low", "high"))
+    work = solve(rows, np.clip(states, low, high)).work
+    base = counts[work == 0].max(initial=0)
+    searched = work > 0
+    unit = float(np.max((counts[searched] - base) / work[searched]))
+    return int(base + unit * (rows.budget + COLUMN + rows.room))
+
+
+def _on_target(
+    program: Program, bundle: Bundle, blocks: list[Block], traces: list[Trace]
+) -> tuple[np.ndarray, int, int, str]:
+    """Return instructions a step, differences, steps, and the sizes as text."""
     target = load_target(TARGET)
     opener = openers()[target.links[0]]
     with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:

@@ -112,7 +112,7 @@ def condense(prediction: Prediction, limits: Limits) -> Condensed:
     return _rows(prediction, limits, (h + h.T) / 2, f, free, moved, bounded, changing)
 
 
-def eliminate(problem: Condensed, cap: int) -> Quadratic:
+def eliminate(problem: Condensed, budget: int) -> Quadratic:
     """Eliminate the moves."""
     factor = scipy.linalg.cho_factor(problem.h)
     gram = problem.g @ scipy.linalg.cho_solve(factor, problem.g.T) + np.diag(problem.softness)
@@ -125,7 +125,7 @@ def eliminate(problem: Condensed, cap: int) -> Quadratic:
         gram=gram / np.outer(size, size),
         scale=size[: problem.drives],
         freedom=len(problem.h) + int(np.count_nonzero(problem.softness)),
-        cap=cap,
+        budget=budget,
     )
 
 

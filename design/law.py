@@ -46,7 +46,7 @@ class Quadratic:
         y = slope p - gram m,    low <= y <= high,    m_i > 0 only where y_i = high_i, m_i < 0 only where y_i = low_i
 
     with p its parameters and m its multipliers; the first rows times `scale` are the moves. `freedom` is how many rows
-    can be active at a time, `cap` how many times a row may enter or leave the active set in one solve.
+    can be active at a time, `budget` the work that one search may take (0: what the law's ranges ask for).
     """
 
     slope: Array  # (rows, p)
@@ -55,7 +55,7 @@ class Quadratic:
     gram: Array  # (rows, rows), diagonal 1
     scale: Array  # (k,)
     freedom: int
-    cap: int
+    budget: int
 
 
 @dataclass(frozen=True, slots=True)

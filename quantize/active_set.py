@@ -34,6 +34,8 @@ SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
 FAR = 1e30  # a step that nothing stops, and a limit that is none
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
+COLUMN = 6  # work of one column beside 1 for each active row, in the proportion of instructions
+UNLIMITED = 10**9
 CHUNK = 4096  # parameters solved at a time: their pivots stay within the processor's cache
 
 
@@ -41,8 +43,8 @@ CHUNK = 4096  # parameters solved at a time: their pivots stay within the proces
 class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
-    `scale` turns the first k rows into the moves; at most `room` rows are active and `cap` changes are made; a row is
-    violated beyond `tolerance`, and one whose pivot is below `least` depends on the active ones.
+    `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`,
+    and one whose pivot is below `least` depends on the active ones; `budget` is the work of one search at most.
     """
 
     slope: Raw
@@ -53,20 +55,20 @@ class Rows:
     tolerance: float
     least: float
     room: int
-    cap: int
+    budget: int
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """`moves` (lanes, k), `status` (lanes,), `pivots` (lanes,), and `side` (lanes, m): -1 at low, 1 at high, else 0."""
+    """`moves` (lanes, k), `status` (lanes,), `work` (lanes,), and `side` (lanes, m): -1 at low, 1 at high, else 0."""
 
     moves: Raw
     status: NDArray[np.int64]
-    pivots: NDArray[np.int64]
+    work: NDArray[np.int64]
     side: NDArray[np.int64]
 
 
-def table_of(problem: Quadratic, arithmetic: str, name: str) -> Table:
+def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int) -> Table:
     """Round a problem to "float32" or "float64"; its members are those of `fl_qp_t`."""
     kind = np.dtype(arithmetic).type
     count, parameters = problem.slope.shape
@@ -81,7 +83,8 @@ def table_of(problem: Quadratic, arithmetic: str, name: str) -> Table:
         "FL_QP_PARAMETERS": parameters,
         "FL_QP_MOVES": len(problem.scale),
         "FL_QP_ROOM": min(problem.freedom, count),
-        "FL_QP_CAP": problem.cap,
+        "FL_QP_COLUMN": COLUMN,
+        "FL_QP_BUDGET": budget,
     }
     spans = (problem.high - problem.low)[np.isfinite(problem.high - problem.low)]
     tolerance = TOLERANCE[arithmetic] * (float(np.median(spans)) / 2 if len(spans) else 1.0)
@@ -105,15 +108,16 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     sizes = dict(table.sizes)
     count = sizes["FL_QP_ROWS"]
     gram = numbers["gram"].reshape(count, -1)
+    slope = numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T
     return Rows(
-        numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"],
-        numbers["tolerance"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_CAP"],
+        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"],
+        numbers["tolerance"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"],
     )  # fmt: skip
 
 
 def exact(problem: Quadratic) -> Rows:
     """Make a problem ready for `solve` as the law has it, in float64."""
-    return rows_of(table_of(problem, "float64", "exact"), np.dtype(np.float64))
+    return rows_of(table_of(problem, "float64", "exact", UNLIMITED), np.dtype(np.float64))
 
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
@@ -123,7 +127,7 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
     return Solution(
         np.concatenate([part.moves for part in parts]),
         np.concatenate([part.status for part in parts]),
-        np.concatenate([part.pivots for part in parts]),
+        np.concatenate([part.work for part in parts]),
         np.concatenate([part.side for part in parts]),
     )
 
@@ -134,16 +138,16 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
         value = value + rows.slope[:, k] * parameters[:, k : k + 1]
     excess = np.maximum(value - rows.high, rows.low - value)
     broken = np.flatnonzero(excess.max(axis=1) > rows.tolerance)
-    status, pivots = np.zeros(len(value), np.int64), np.zeros(len(value), np.int64)
+    status, work = np.zeros(len(value), np.int64), np.zeros(len(value), np.int64)
     side = np.zeros(value.shape, np.int64)
     moves = value[:, : len(rows.scale)].copy()
     if len(broken):
         search = _Search(rows, value[broken], excess[broken].argmax(axis=1))
         search.run()
-        status[broken], pivots[broken], side[broken] = search.status, search.pivots, search.side
+        status[broken], work[broken], side[broken] = search.status, search.work, search.side
         ends = np.where(search.side > 0, rows.high, np.where(search.side < 0, rows.low, search.value))
         moves[broken] = ends[:, : len(rows.scale)]
-    return Solution(moves * rows.scale, status, pivots, side)
+    return Solution(moves * rows.scale, status, work, side)
 
 
 class _Search:
@@ -158,7 +162,7 @@ class _Search:
         self.active = np.zeros((lanes, rows.room), np.int64)
         self.length = np.zeros(lanes, np.int64)  # of the active set
         self.side = np.zeros((lanes, width), np.int64)
-        self.status, self.pivots = np.full(lanes, -1), np.zeros(lanes, np.int64)
+        self.status, self.work = np.full(lanes, -1), np.zeros(lanes, np.int64)
         self.entering = entering
         self.sign, self.limit = np.zeros(lanes, kind), np.zeros(lanes, kind)
         self.multiplier = np.zeros(lanes, kind)
@@ -168,9 +172,8 @@ class _Search:
         lanes = np.arange(len(self.value))
         self._enter(lanes)
         while len(lanes):
-            self.status[lanes[self.pivots[lanes] == self.rows.cap]] = CAPPED
+            self.status[lanes[self.work[lanes] >= self.rows.budget]] = CAPPED
             lanes = lanes[self.status[lanes] < 0]
-            self.pivots[lanes] += 1
             column = self._column(lanes, self.entering[lanes])
             leaving = self._step(lanes, column)
             stays = self.status[lanes] < 0
@@ -198,6 +201,7 @@ class _Search:
         it holds in this row.
         """
         column = self.rows.gram[row]
+        self.work[lanes] += self.length[lanes] + COLUMN
         for k in range(int(self.length[lanes].max(initial=0))):
             here = np.flatnonzero(self.length[lanes] > k)
             whose = lanes[here]
@@ -253,9 +257,10 @@ class _Search:
         self._store(lanes, row, column)
 
     def _store(self, lanes: NDArray[np.int64], row: NDArray[np.int64], column: Raw) -> None:
-        """Keep the pivot of `column` (lanes, m) in `row`; one too small ends the search, and so does a full set."""
+        """Keep the pivot of `column` (lanes, m) in `row`; too small a one, a full set or too much work ends it all."""
         pivot = column[np.arange(len(lanes)), row]
         good = (pivot > self.rows.least) & (self.length[lanes] < self.rows.room)
+        good &= self.work[lanes] < self.rows.budget
         self.status[lanes[~good]] = CAPPED
         lanes, row, column, pivot = lanes[good], row[good], column[good], pivot[good]
         k = self.length[lanes]

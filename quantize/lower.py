@@ -8,12 +8,13 @@ from dataclasses import replace
 from design.law import Law
 from identify.signal import Signal
 from quantize.active_set import table_of
+from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
 from quantize.graph import Graph, Node, law_graph
-from quantize.program import Assign, Number, Program, QuantizeError, Rounding, StatusBit, Value
+from quantize.program import Assign, Number, Program, QuantizeError, Rounding, StatusBit, Table, Value
 
 PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
@@ -87,7 +88,7 @@ class _Lowering:
             results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, stored, strict=True)),
             status=self._status([nodes[n] for n in flag_row], outside),
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, stored, strict=True)),
-            tables=() if self.graph.problem is None else (table_of(self.graph.problem, self.arithmetic, PLAN_DATA),),
+            tables=self._tables(),
         )
 
     def _value(self, signal: Signal, q: int) -> Value:
@@ -168,6 +169,13 @@ class _Lowering:
     def _floats(self) -> FloatBuilder:
         assert isinstance(self.builder, FloatBuilder), "a quadratic program has no fixed-point form"
         return self.builder
+
+    def _tables(self) -> tuple[Table, ...]:
+        problem = self.graph.problem
+        if problem is None:
+            return ()
+        budget = problem.budget or budget_of(self.law, problem, self.arithmetic)
+        return (table_of(problem, self.arithmetic, PLAN_DATA, budget),)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

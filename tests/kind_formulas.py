@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import scipy.linalg
 import scipy.signal
@@ -131,7 +132,32 @@ def gain_schedule(request: Request, rows: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
+def mpc(request: Request, rows: np.ndarray) -> np.ndarray:
+    """The form of the example: regulation of measured states, limits of u and x, solved with the states kept."""
+    table = request.table
+    a, b = np.array(table["A"]), np.array(table["B"])
+    n, m = b.shape
+    steps = int(table["horizon"])
+    q, r = np.diag(table["Q"]), np.array([[table["R"]]])
+    p = scipy.linalg.solve_discrete_are(a, b, q, r)
+    weights = ca.diagcat(*[ca.DM(part) for k in range(steps) for part in (r, q if k < steps - 1 else p)])
+    chain = ca.DM(np.kron(np.eye(steps), np.hstack([-b, np.eye(n)])))
+    for k in range(1, steps):
+        chain[k * n : (k + 1) * n, k * (n + m) - n : k * (n + m)] = -a
+    low = np.tile([table["u_min"], *table["x_min"]], steps)
+    high = np.tile([table["u_max"], *table["x_max"]], steps)
+    shape = {"h": weights.sparsity(), "a": ca.sparsify(chain).sparsity()}
+    solver = ca.conic("formula", "qpoases", shape, {"printLevel": "none"})
+    found = []
+    for state in rows:
+        right = np.concatenate([a @ state, np.zeros((steps - 1) * n)])
+        best = solver(h=weights, a=ca.sparsify(chain), lba=right, uba=right, lbx=low, ubx=high)
+        found.append([float(best["x"][0])])
+    return np.array(found)
+
+
 FORMULAS: dict[str, Callable[[Request, np.ndarray], np.ndarray]] = {
+    "mpc": mpc,
     "pid": pid,
     "gain_schedule": gain_schedule,
     "lead_lag": lead_lag,

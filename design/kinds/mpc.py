@@ -16,8 +16,9 @@ every sample (`condense.py`). Keys beside those:
   other than the reference are then measurements of C x, in order.
 - `offset_free = true`: a constant disturbance at the plant's input is estimated and met; `disturbance_noise` is the
   variance of its change in a sample.
-- `iterations_max`: how often a limit may enter or leave the set of those held before the search is cut short; the
-  output is then the optimum of the limits held so far, and the status says `capped`.
+- `budget`: the work that one search may take before it is cut short (`quantize/active_set.py` says how it is counted);
+  without it the worst over the ranges in [signals] and some more. The output is then the optimum of the limits held so
+  far, within its own, and the status says `capped`.
 """
 
 from __future__ import annotations
@@ -54,13 +55,11 @@ def design(request: Request) -> Design:
     condensed = condense(prediction, setup.limits)
     _check_feasible(request, setup, condensed)
     freedom = len(condensed.h)
-    cap = whole(request.table, "iterations_max", 4 * freedom + 12, 1, 10_000)
-    problem = eliminate(condensed, cap)
+    problem = eliminate(condensed, whole(request.table, "budget", 0, 0, 1_000_000))
     figures = {
         "rows": float(len(problem.low)),
         "moves": float(freedom),
         "condition": float(np.linalg.cond(condensed.h)),
-        "iterations_max": float(cap),
     }
     return Design(_law(request, setup, Solve(_parameters(request, setup), problem)), figures, None, {})
 
@@ -211,7 +210,7 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         start=tuple(min(max(0.0, signal.low), signal.high) for signal, _ in ranges),
         why=tuple(why for _, why in ranges),
         flags=(
-            Flag("capped", f"the search was cut short at {solve.problem.cap} steps; the output is within its limits"),
+            Flag("capped", "the search was cut short; the output keeps its limits, but is not the best"),
             Flag("infeasible", "no moves keep every limit; the output keeps its own and the first ones found"),
         ),
         stages=(solve, Scalar(stage, ())),
@@ -265,8 +264,7 @@ def _says(request: Request, setup: Setup, solve: Solve) -> str:
     seen = "states measured" if setup.correction is None else "states estimated"
     extra = ", offset-free" if setup.disturbed else ""
     return (
-        f"linear MPC over {setup.horizon} samples, {setup.model.order} {seen}{extra}: "
-        f"{len(solve.problem.low)} limits, at most {solve.problem.cap} changes of the active set"
+        f"linear MPC over {setup.horizon} samples, {setup.model.order} {seen}{extra}: {len(solve.problem.low)} limits"
     )
 
 

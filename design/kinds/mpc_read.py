@@ -23,7 +23,7 @@ OBSERVERS = ("none", "luenberger", "kalman")
 KEYS = (
     *("horizon", "states", "A", "B", "C", "Q", "R", "P", "u_min", "u_max", "du_min", "du_max", "x_min", "x_max"),
     *("x_soft", "blocks", "reference", "delay_periods", "observer", "observer_poles", "process_noise"),
-    *("measurement_noise", "offset_free", "disturbance_noise", "iterations_max", "solver"),
+    *("measurement_noise", "offset_free", "disturbance_noise", "budget", "solver"),
 )
 
 

@@ -7,8 +7,8 @@
  * product form (Dantzig and Orchard-Hays, 1954). No product is added before it is rounded.
  *
  * The file that includes this one gives its sizes, FL_QP_ROWS, FL_QP_WIDTH (the rows filled up to a multiple of 4),
- * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most), FL_QP_CAP
- * (changes of it at most), and the type fl_real.
+ * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most),
+ * FL_QP_BUDGET (work of one search at most, where a column taken costs FL_QP_COLUMN and 1 for each active row), and the type fl_real.
  */
 #ifndef FL_QP_H
 #define FL_QP_H
@@ -42,6 +42,7 @@ typedef struct {
     int16_t active[FL_QP_ROOM];
     int8_t side[FL_QP_ROWS]; /* 1 at high, -1 at low, else 0 */
     int32_t length;          /* of the active set */
+    int32_t work;            /* so far */
 } fl_search_t;
 
 /* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
@@ -49,6 +50,7 @@ typedef struct {
 static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
     const fl_real *gram = &q->gram[row * FL_QP_WIDTH];
+    s->work += s->length + FL_QP_COLUMN;
     for (int32_t k = 0; k < s->length; k++) {
         s->factor[k] = s->eta[k][row] * s->pivot[k];
     }
@@ -73,11 +75,11 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
     }
 }
 
-/* Put `row` into the active set by its column; false when its pivot is too small. */
+/* Put `row` into the active set by its column; false when its pivot is too small, the set full or the work too much. */
 static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
     const fl_real pivot = s->column[row];
-    if (!(pivot > q->least) || s->length == FL_QP_ROOM) {
+    if (!(pivot > q->least) || s->length == FL_QP_ROOM || s->work >= FL_QP_BUDGET) {
         return 0;
     }
     const fl_real inverse = (fl_real)1 / pivot;
@@ -161,16 +163,15 @@ static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, f
 }
 
 /* Drive the violated `*row` to its limit; let every row leave whose multiplier reaches zero on the way. */
-static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row, int32_t *changes)
+static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
 {
     const int32_t entering = *row;
     const int32_t side = (s->value[entering] > q->high[entering]) ? 1 : -1;
     const fl_real sign = (fl_real)side;
     const fl_real limit = (side > 0) ? q->high[entering] : q->low[entering];
     fl_real multiplier = 0;
-    while (*changes < FL_QP_CAP) {
+    while (s->work < FL_QP_BUDGET) {
         int32_t place;
-        (*changes)++;
         fl_qp_column(q, s, entering);
         const fl_real gap = s->value[entering] - limit;
         const fl_real step = fl_qp_step(q, s, gap, s->column[entering], sign, &place);
@@ -195,15 +196,15 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row, int32
 /* `value` holds the unconstrained optimum, which violates `row`. */
 static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
-    int32_t changes = 0;
     s->length = 0;
+    s->work = 0;
     volatile int8_t *side = s->side; /* volatile: no compiler may ask the C library to clear it */
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         side[i] = 0;
     }
     int32_t status = FL_QP_SOLVED;
     while (row >= 0 && status == FL_QP_SOLVED) {
-        status = fl_qp_enter(q, s, &row, &changes);
+        status = fl_qp_enter(q, s, &row);
     }
     for (int32_t i = 0; i < FL_QP_MOVES; i++) {
         if (s->side[i] != 0) {

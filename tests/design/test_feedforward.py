@@ -29,7 +29,7 @@ def plant(*uses: tuple[str, dict[str, float]]) -> Plant:
 def term(machine: Plant, reference: float) -> float:
     """Return what the feedforward adds to a P controller without error."""
     law = design("pid", "x", AHEAD, 0.001, STAND, VOLTS, machine).law
-    return float(law.stages[0].function([], [reference, reference])[1])
+    return float(law.last.function([], [reference, reference])[1])
 
 
 def test_friction_costs_its_torque_times_r_over_kt() -> None:
@@ -59,7 +59,7 @@ def test_bounds_hold_with_an_integral(arithmetic: str) -> None:
     assert leaves_bounds(program, stimuli(program, [], 6000, 5)) == []
     random = np.random.default_rng(1)
     rows = np.repeat(random.choice([-400.0, 0.0, 400.0], (200, 2)), 40, axis=0)
-    x = np.array(law.stages[0].function.mapaccum(len(rows))(np.array(law.start), rows.T)[0])
+    x = np.array(law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)[0])
     assert law.state[0].low <= x.min() and x.max() <= law.state[0].high
     assert "coulomb_friction" in law.says
 

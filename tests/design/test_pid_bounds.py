@@ -39,7 +39,7 @@ def bang_bang(steps: int, longest: float, seed: int) -> np.ndarray:
 
 
 def extremes(law: Law, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x = np.array(law.stages[0].function.mapaccum(len(rows))(np.array(law.start), rows.T)[0])
+    x = np.array(law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)[0])
     return x.min(axis=1), x.max(axis=1)
 
 

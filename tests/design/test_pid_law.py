@@ -25,7 +25,7 @@ def pid(table: Mapping[str, object], period: float) -> Law:
 def run(law: Law, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """States before each sample and after the last, outputs, flags; `rows` (n, m)."""
     start = np.array(law.start)
-    x, u, flags, _ = law.stages[0].function.mapaccum(len(rows))(start, rows.T)
+    x, u, flags, _ = law.last.function.mapaccum(len(rows))(start, rows.T)
     return np.hstack([start[:, None], np.array(x)]).T, np.array(u).T, np.array(flags).T
 
 

@@ -77,7 +77,7 @@ def test_the_law_is_the_formula_and_keeps_its_ranges(gains, rate, windup, mode, 
     table |= {} if rate is None else {"rate_limit_per_s": rate}
     law = pid(table, mode)
     rows = inputs(law, 900, np.random.default_rng(seed))
-    x, u, _, _ = law.stages[0].function.mapaccum(len(rows))(np.array(law.start), rows.T)
+    x, u, _, _ = law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)
     x, u = np.array(x), np.array(u).ravel()
     column = {wire.name: rows[:, k].tolist() for k, wire in enumerate(law.inputs)}
     expected = pid_steps(table, H, rows[:, :2], U, column.get("hand"), column.get("engaged"), column.get("actual"))
@@ -100,14 +100,14 @@ def test_programs_keep_bounds_and_distance(mode: str, arithmetic: str) -> None:
 def test_back_to_automatic_is_bumpless() -> None:
     law = pid({"kp": 0.05, "ki": 3.0}, "manual")
     rows = np.array([[50.0, 20.0, 3.25, 0.0]] * 100 + [[50.0, 20.0, 3.25, 1.0]] * 2)
-    u = np.array(law.stages[0].function.mapaccum(len(rows))(np.array(law.start), rows.T)[1]).ravel()
+    u = np.array(law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)[1]).ravel()
     assert u[99] == u[100] == 3.25 and u[101] == pytest.approx(3.25 + 3.0 * H * 30.0)
 
 
 def test_a_rate_limit_holds_for_every_step() -> None:
     law = pid({"kp": 0.5, "rate_limit_per_s": 200.0})
     rows = inputs(law, 2000, np.random.default_rng(1))
-    u = np.array(law.stages[0].function.mapaccum(len(rows))(np.array(law.start), rows.T)[1]).ravel()
+    u = np.array(law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)[1]).ravel()
     moves = np.abs(np.diff([0.0, *u]))
     assert moves.max() <= 0.2 + 1e-12 and np.mean(moves > 0.19) > 0.1
 

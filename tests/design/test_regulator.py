@@ -56,7 +56,7 @@ def test_the_reference_is_reached_at_rest() -> None:
 
 def loop(law: Law, load: float) -> float:
     """Return the motor's speed after 2 s at a reference of 100 rad/s, `load` V of the drive lost."""
-    sample = law.stages[0].function
+    sample = law.last.function
     speed = current = 0.0
     x = np.array(law.start)
     for _ in range(2000):
@@ -92,8 +92,8 @@ def test_measured_states_need_no_memory() -> None:
     wires = (Signal("position", "m", -1.0, 1.0), Signal("speed", "m/s", -2.0, 2.0))
     table = {"K": [[3.0, 1.5]]}
     law = design("state_feedback", "x", table, 0.01, wires, (Signal("force", "N", -9.0, 9.0),), None).law
-    assert law.state == () and float(law.stages[0].function([], [0.5, -1.0])[1]) == 0.0
-    assert float(law.stages[0].function([], [1.0, 1.0])[1]) == -4.5
+    assert law.state == () and float(law.last.function([], [0.5, -1.0])[1]) == 0.0
+    assert float(law.last.function([], [1.0, 1.0])[1]) == -4.5
 
 
 def test_a_delayed_plant_keeps_its_past_inputs() -> None:
