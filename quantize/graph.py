@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from design.law import Law, Quadratic
+from design.law import Law
 from quantize.active_set import CAPPED, INFEASIBLE, Rows, exact, solve
 from quantize.program import QuantizeError
 
@@ -77,11 +77,11 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Nodes in order; `results[i][j]` is the node of element j of output i; a "solve" node solves `problem`."""
+    """Nodes in order; `results[i][j]` is the node of element j of output i; a "solve" node solves `rows`."""
 
     nodes: tuple[Node, ...]
     results: tuple[tuple[int, ...], ...]
-    problem: Quadratic | None = None
+    rows: Rows | None = None
 
 
 def read_graph(function: ca.Function) -> Graph:
@@ -151,20 +151,19 @@ def law_graph(law: Law) -> Graph:
             continue
         results[k] = len(nodes)
         nodes.append(replace(node, arguments=tuple(results[a] for a in node.arguments)))
-    return Graph(tuple(nodes), tuple(tuple(results[k] for k in row) for row in last.results), problem)
+    return Graph(tuple(nodes), tuple(tuple(results[k] for k in row) for row in last.results), exact(problem))
 
 
 def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
     """Evaluate in float64 on whole arrays at once; `arguments[i][j]` is element j of input i, any shape."""
     values: list[Array] = []
-    rows = exact(graph.problem) if graph.problem is not None else None
     for node in graph.nodes:
         if node.function == "constant":
             values.append(np.float64(node.value))  # type: ignore[arg-type]
         elif node.function == "argument":
             values.append(arguments[node.place[0]][node.place[1]])
         elif node.function == "solve":
-            values.append(_solved(rows, [values[a] for a in node.arguments]))
+            values.append(_solved(graph.rows, [values[a] for a in node.arguments]))
         elif node.function == "move":
             values.append(values[node.arguments[0]][node.place[1]])
         else:

@@ -33,7 +33,7 @@ def lower(law: Law, arithmetic: str) -> Program:
     graph = law_graph(law)
     bits = int(arithmetic[5:])
     if arithmetic.startswith("fixed"):
-        if graph.problem is not None:
+        if law.solve is not None:
             raise QuantizeError(
                 f"{law.name} solves a quadratic program in every step, which has no fixed-point form: use "
                 'arithmetic.number = "float32"'
@@ -171,9 +171,9 @@ class _Lowering:
         return self.builder
 
     def _tables(self) -> tuple[Table, ...]:
-        problem = self.graph.problem
-        if problem is None:
+        if self.law.solve is None:
             return ()
+        problem = self.law.solve.problem
         budget = problem.budget or budget_of(self.law, problem, self.arithmetic)
         return (table_of(problem, self.arithmetic, PLAN_DATA, budget),)
 

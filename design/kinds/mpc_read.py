@@ -112,8 +112,9 @@ def _check_stabilizable(model: Model) -> None:
             continue
         reached = np.linalg.svd(np.hstack([model.a - pole * np.eye(size), model.b]), compute_uv=False)[size - 1]
         if reached < 1e-9 * max(1.0, float(np.abs(model.a).max())):
+            shown = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
             raise DesignError(
-                f"controller.A has a mode at z = {pole:.6g} that does not fade and that no input reaches "
+                f"controller.A has a mode at z = {shown} that does not fade and that no input reaches "
                 f"(least singular value {reached:.2g}); correct A and B, or leave that state out of the model"
             )
 
