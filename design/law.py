@@ -94,6 +94,7 @@ class Law:
     stages: tuple[Solve | Scalar, ...]
     rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
     states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures
+    watched: tuple[int, ...] = ()  # inputs that carry the plant's outputs, where it is more than y
 
     @property
     def last(self) -> Scalar:

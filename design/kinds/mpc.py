@@ -215,7 +215,9 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         ),
         stages=(solve, Scalar(stage, ())),
     )
-    return law if setup.correction is not None else replace(law, states=setup.measured)
+    if np.array_equal(setup.seen, np.eye(setup.model.order)):
+        return replace(law, states=setup.measured)
+    return replace(law, watched=setup.measured)
 
 
 def _observed(setup: Setup, wires: Wires, acting: tuple[ca.SX, ...]) -> list[ca.SX]:
