@@ -24,12 +24,13 @@ from codegen.bundle import Bundle
 from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
+from design.active_set import COLUMN, solve
 from design.kinds import design
 from design.law import Law
 from identify.signal import Signal
-from quantize.active_set import COLUMN, rows_of, solve
 from quantize.lower import lower
 from quantize.program import Program
+from quantize.quadratic import rows_of
 from verify.build import build_image
 from verify.compare import compare
 from verify.cost import instructions

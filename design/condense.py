@@ -25,7 +25,7 @@ from design.law import DesignError, Quadratic
 
 Array = npt.NDArray[np.float64]
 
-MOST_ROWS = 256  # 132 kB of constants in float32
+MOST_ROWS = 255  # 260 kB of constants in float32; a row is one byte in the active set
 CONDITION = 1e8  # of H: beyond it the moves cannot be told apart in float32
 NONE = 1e-9  # a row this small beside its kind cannot be moved
 
@@ -91,7 +91,7 @@ def condense(prediction: Prediction, limits: Limits) -> Condensed:
     if rows > MOST_ROWS:
         raise DesignError(
             f"controller.horizon = {horizon}: {len(prediction.blocks)} moves and {len(bounded)} limited state(s) give "
-            f"{rows} rows, {2 * rows * (rows + 1)} bytes of constants; at most {MOST_ROWS} rows are built: shorten the "
+            f"{rows} rows, {4 * rows * rows} bytes of constants; at most {MOST_ROWS} rows are built: shorten the "
             "horizon, hold moves longer (blocks), or limit fewer states"
         )
     with np.errstate(over="ignore", invalid="ignore"):

@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy.optimize
 
+from design.active_set import CAPPED, INFEASIBLE, exact, solve
 from design.discretize import Sampled, state_space, zero_order_hold
-from design.law import DesignError, Law
+from design.law import DesignError, Law, Quadratic
 from design.roles import reference_and_measurement
-from design.small_signal import LinearLaw, linearize_law, sample
+from design.small_signal import LinearLaw, linearize_law
 from identify.linear import Linear
 
 Array = npt.NDArray[np.float64]
@@ -148,18 +149,36 @@ def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
     z = ca.SX(list(law.rest) or [min(max(0.0, wire.low), wire.high) for wire in law.inputs])
     z[at_reference] = r
     z[wires] = seen @ plant
-    x_next, u, flags = sample(law)(x, z)
+    moves = ca.SX.sym("moves", 0 if law.solve is None else len(law.solve.problem.scale) + 2)
+    x_next, u, flags, _ = law.last.function(x, z, *([] if law.solve is None else [moves]))
     step = ca.Function(
         "step",
-        [ca.vertcat(plant, x), r],
+        [ca.vertcat(plant, x), r, moves],
         [ca.vertcat(a @ plant + b[:, 0] * u[0], x_next), ca.vertcat((c @ plant)[0], u[0], ca.sum1(flags))],
     )
     steps = len(reference)
     start = np.concatenate([np.zeros(a.shape[0]), law.start])
-    _, rows = step.mapaccum(steps)(start, np.asarray(reference, dtype=np.float64).reshape(1, -1))
+    told = np.asarray(reference, dtype=np.float64)
+    if law.solve is None:
+        _, rows = step.mapaccum(steps)(start, told.reshape(1, -1), np.zeros((0, steps)))
+    else:
+        parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
+        rows = _solved_run(law.solve.problem, parameters, step, start, told)
     measured, output, flagged = np.array(rows, dtype=np.float64)
     time = np.arange(steps, dtype=np.float64) * law.period
     return Trajectory(time, np.asarray(reference, dtype=np.float64), measured, output, flagged > 0)
+
+
+def _solved_run(problem: Quadratic, parameters: ca.Function, step: ca.Function, start: Array, told: Array) -> Array:
+    """Run `step` with the moves of `problem` at `parameters`; return its results, one column a sample."""
+    rows, state, results = exact(problem), start, []
+    for reference in told:
+        found = solve(rows, np.array(parameters(state, reference)).T)
+        moves = [*found.moves[0], found.status[0] == CAPPED, found.status[0] == INFEASIBLE]
+        after, row = step(state, reference, np.array(moves, dtype=np.float64))
+        state = np.array(after).ravel()
+        results.append(np.array(row).ravel())
+    return np.array(results).T
 
 
 def step_metrics(trajectory: Trajectory) -> StepMetrics:

@@ -12,8 +12,9 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from design.active_set import solve
 from design.law import Law, Quadratic
-from quantize.active_set import rows_of, solve, table_of
+from quantize.quadratic import rows_of, table_of
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ LONGEST = 40_000  # work: a search beyond it is taken for one that does not end
 
 
 def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> int:
-    """Return the work that one search may take, in the units of `active_set`."""
+    """Return the work that one search may take, in the units of `design/active_set.py`."""
     assert law.solve is not None
     signals = (*law.state, *law.inputs)
     low, high = (np.array([getattr(signal, end) for signal in signals]) for end in ("low", "high"))

@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from design.active_set import CAPPED, INFEASIBLE, Rows, exact, solve
 from design.law import Law
-from quantize.active_set import CAPPED, INFEASIBLE, Rows, exact, solve
 from quantize.program import QuantizeError
 
 Array = NDArray[np.float64]

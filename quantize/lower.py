@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from design.law import Law
 from identify.signal import Signal
-from quantize.active_set import table_of
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
@@ -15,6 +14,7 @@ from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
 from quantize.graph import Graph, Node, law_graph
 from quantize.program import Assign, Number, Program, QuantizeError, Rounding, StatusBit, Table, Value
+from quantize.quadratic import table_of
 
 PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")

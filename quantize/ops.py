@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quantize.active_set import CAPPED, INFEASIBLE, Rows, rows_of, solve
+from design.active_set import CAPPED, INFEASIBLE, Rows, solve
 from quantize.program import Table
+from quantize.quadratic import rows_of
 
 Operand = Any  # numpy array, or a literal of the same element type
 Interval = tuple[float, float]

@@ -16,7 +16,7 @@ every sample (`condense.py`). Keys beside those:
   other than the reference are then measurements of C x, in order.
 - `offset_free = true`: a constant disturbance at the plant's input is estimated and met; `disturbance_noise` is the
   variance of its change in a sample.
-- `budget`: the work that one search may take before it is cut short (`quantize/active_set.py` says how it is counted);
+- `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
   without it the worst over the ranges in [signals] and some more. The output is then the optimum of the limits held so
   far, within its own, and the status says `capped`.
 """

@@ -8,7 +8,8 @@
  *
  * The file that includes this one gives its sizes, FL_QP_ROWS, FL_QP_WIDTH (the rows filled up to a multiple of 4),
  * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most),
- * FL_QP_BUDGET (work of one search at most, where a column taken costs FL_QP_COLUMN and 1 for each active row), and the type fl_real.
+ * FL_QP_BUDGET (work of one search at most, where a column taken costs FL_QP_COLUMN and 1 for each active row,
+ * and a row that leaves FL_QP_COLUMN and 2 for each that came after it), and the type fl_real.
  */
 #ifndef FL_QP_H
 #define FL_QP_H
@@ -39,7 +40,7 @@ typedef struct {
     fl_real factor[FL_QP_ROOM];
     fl_real eta[FL_QP_ROOM][FL_QP_WIDTH]; /* one for each active row */
     fl_real pivot[FL_QP_ROOM];
-    int16_t active[FL_QP_ROOM];
+    uint8_t active[FL_QP_ROOM];
     int8_t side[FL_QP_ROWS]; /* 1 at high, -1 at low, else 0 */
     int32_t length;          /* of the active set */
     int32_t work;            /* so far */
@@ -75,11 +76,11 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
     }
 }
 
-/* Put `row` into the active set by its column; false when its pivot is too small, the set full or the work too much. */
+/* Put `row` into the active set by its column; false when its pivot is too small or the set full. */
 static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
     const fl_real pivot = s->column[row];
-    if (!(pivot > q->least) || s->length == FL_QP_ROOM || s->work >= FL_QP_BUDGET) {
+    if (!(pivot > q->least) || s->length == FL_QP_ROOM) {
         return 0;
     }
     const fl_real inverse = (fl_real)1 / pivot;
@@ -92,27 +93,55 @@ static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row)
     }
     eta[row] = (fl_real)1 - inverse; /* leaves pivot / pivot in that row */
     s->pivot[s->length] = pivot;
-    s->active[s->length] = (int16_t)row;
+    s->active[s->length] = (uint8_t)row;
     s->length++;
     return 1;
 }
 
-/* Take the row at `place` out of the active set; those that came after it are put in again. */
-static int32_t fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
+/* Take the row at `place` out of the active set: out of every eta after its own, and out of the column.
+ *
+ * `out`, the tableau's column of that row without it, moves through the places; the eta it meets is put before it. */
+static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
 {
     const int32_t row = s->active[place];
     const int32_t last = s->length - 1;
     s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
     s->side[row] = 0;
-    s->length = place;
-    while (s->length < last) {
-        const int32_t again = s->active[s->length + 1];
-        fl_qp_column(q, s, again);
-        if (!fl_qp_store(q, s, again)) {
-            return 0;
-        }
+    s->length = last;
+    s->work += FL_QP_COLUMN + 2 * (last - place);
+    fl_real *out = s->eta[place];
+    for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
+        out[i] *= s->pivot[place];
     }
-    return 1;
+    out[row] = s->pivot[place];
+    for (int32_t k = place + 1; k <= last; k++) {
+        fl_real *eta = s->eta[k];
+        const int32_t at = s->active[k];
+        const fl_real held = eta[row];
+        const fl_real taken = out[at];
+        const fl_real rest = out[row];
+        const fl_real pivot = s->pivot[k] + taken * (held * s->pivot[k]);
+        const fl_real share = s->pivot[k] / pivot;
+        const fl_real inverse = (fl_real)1 / pivot;
+        const fl_real left = held * rest * share;
+        for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
+            const fl_real old = out[i];
+            out[i] = (eta[i] + old * held) * share;
+            eta[i] = old - out[i] * taken;
+        }
+        out[at] = (fl_real)1 - inverse;
+        eta[at] = taken * inverse;
+        out[row] = left;
+        eta[row] = rest - left * taken;
+        s->pivot[k - 1] = pivot;
+        s->active[k - 1] = (uint8_t)at;
+        out = eta;
+    }
+    const fl_real factor = s->column[row];
+    for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
+        s->column[i] += out[i] * factor;
+    }
+    s->column[row] = factor * out[row];
 }
 
 static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value)
@@ -170,9 +199,9 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
     const fl_real sign = (fl_real)side;
     const fl_real limit = (side > 0) ? q->high[entering] : q->low[entering];
     fl_real multiplier = 0;
+    fl_qp_column(q, s, entering);
     while (s->work < FL_QP_BUDGET) {
         int32_t place;
-        fl_qp_column(q, s, entering);
         const fl_real gap = s->value[entering] - limit;
         const fl_real step = fl_qp_step(q, s, gap, s->column[entering], sign, &place);
         if (step >= q->far) {
@@ -186,9 +215,7 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
             return fl_qp_store(q, s, entering) ? FL_QP_SOLVED : FL_QP_CAPPED;
         }
         (void)fl_qp_move(q, s, step * sign);
-        if (!fl_qp_leave(q, s, place)) {
-            return FL_QP_CAPPED;
-        }
+        fl_qp_leave(q, s, place);
     }
     return FL_QP_CAPPED;
 }

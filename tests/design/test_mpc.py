@@ -194,7 +194,7 @@ WRONG = {
     "horizon = 300": ({"horizon": 300}, r"controller.horizon = 300 is out of range"),
     "too many rows": (
         {"horizon": 120, "x_max": [1.0, 1.0], "x_min": [-1.0, -1.0]},
-        r"controller.horizon = 120.* give 360 rows, .* bytes of constants; at most 256 rows",
+        r"controller.horizon = 120.* give 360 rows, .* bytes of constants; at most 255 rows",
     ),
     "indefinite Q": ({"Q": [[1.0, 2.0], [2.0, 1.0]]}, r"controller.Q must be symmetric and not negative.* -1"),
     "zero R": ({"R": 0.0}, r"controller.R must be symmetric and positive definite; its least eigenvalue is 0"),

@@ -26,14 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.law import Quadratic
-from quantize.program import Table
 
 Raw = NDArray[Any]
 
 SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
 FAR = 1e30  # a step that nothing stops, and a limit that is none
-TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
-LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 COLUMN = 6  # work of one column beside 1 for each active row, in the proportion of instructions
 UNLIMITED = 10**9
 CHUNK = 4096  # parameters solved at a time: their pivots stay within the processor's cache
@@ -68,56 +65,18 @@ class Solution:
     side: NDArray[np.int64]
 
 
-def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int) -> Table:
-    """Round a problem to "float32" or "float64"; its members are those of `fl_qp_t`."""
-    kind = np.dtype(arithmetic).type
-    count, parameters = problem.slope.shape
-    width = -(-count // 4) * 4
-
-    def rounded(values: Raw) -> tuple[float, ...]:
-        return tuple(float(x) for x in np.clip(values, -FAR, FAR).astype(kind).ravel())
-
-    sizes = {
-        "FL_QP_ROWS": count,
-        "FL_QP_WIDTH": width,
-        "FL_QP_PARAMETERS": parameters,
-        "FL_QP_MOVES": len(problem.scale),
-        "FL_QP_ROOM": min(problem.freedom, count),
-        "FL_QP_COLUMN": COLUMN,
-        "FL_QP_BUDGET": budget,
-    }
-    spans = (problem.high - problem.low)[np.isfinite(problem.high - problem.low)]
-    tolerance = TOLERANCE[arithmetic] * (float(np.median(spans)) / 2 if len(spans) else 1.0)
-    numbers: dict[str, tuple[float, ...] | float] = {
-        "slope": rounded(np.pad(problem.slope, ((0, width - count), (0, 0))).T),
-        "low": rounded(problem.low),
-        "high": rounded(problem.high),
-        "gram": rounded(np.pad(problem.gram, ((0, 0), (0, width - count)))),
-        "scale": rounded(problem.scale),
-        "tolerance": float(kind(tolerance)),
-        "least": float(kind(LEAST[arithmetic])),
-        "far": float(kind(FAR)),
-    }
-    says = f"a quadratic program in {count} rows, {problem.freedom} unknowns and {parameters} parameters"
-    return Table(name, says, "fl_qp_t", "fl_qp.h", tuple(sizes.items()), tuple(numbers.items()))
-
-
-def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
-    """Make a table ready for `solve`."""
-    numbers = {key: np.array(values, dtype=kind) for key, values in table.numbers}
-    sizes = dict(table.sizes)
-    count = sizes["FL_QP_ROWS"]
-    gram = numbers["gram"].reshape(count, -1)
-    slope = numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T
-    return Rows(
-        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"],
-        numbers["tolerance"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"],
-    )  # fmt: skip
-
-
 def exact(problem: Quadratic) -> Rows:
-    """Make a problem ready for `solve` as the law has it, in float64."""
-    return rows_of(table_of(problem, "float64", "exact", UNLIMITED), np.dtype(np.float64))
+    """Make a problem ready for `solve` in float64, its search unlimited."""
+    low, high = (np.clip(ends, -FAR, FAR) for ends in (problem.low, problem.high))
+    tolerance, least = tolerance_of(problem) * 2.0**-40, 2.0**-36
+    room = min(problem.freedom, len(low))
+    return Rows(problem.slope, low, high, problem.gram, problem.scale, tolerance, least, room, UNLIMITED)
+
+
+def tolerance_of(problem: Quadratic) -> float:
+    """Return the size of the limits, of which a share is the tolerance."""
+    spans = (problem.high - problem.low)[np.isfinite(problem.high - problem.low)]
+    return float(np.median(spans)) / 2 if len(spans) else 1.0
 
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
@@ -163,7 +122,7 @@ class _Search:
         self.length = np.zeros(lanes, np.int64)  # of the active set
         self.side = np.zeros((lanes, width), np.int64)
         self.status, self.work = np.full(lanes, -1), np.zeros(lanes, np.int64)
-        self.entering = entering
+        self.entering, self.column = entering, np.zeros_like(value)
         self.sign, self.limit = np.zeros(lanes, kind), np.zeros(lanes, kind)
         self.multiplier = np.zeros(lanes, kind)
 
@@ -174,28 +133,28 @@ class _Search:
         while len(lanes):
             self.status[lanes[self.work[lanes] >= self.rows.budget]] = CAPPED
             lanes = lanes[self.status[lanes] < 0]
-            column = self._column(lanes, self.entering[lanes])
-            leaving = self._step(lanes, column)
+            leaving = self._step(lanes)
             stays = self.status[lanes] < 0
-            lanes, leaving, column = lanes[stays], leaving[stays], column[stays]
+            lanes, leaving = lanes[stays], leaving[stays]
             self._leave(lanes[leaving >= 0], leaving[leaving >= 0])
             joining = lanes[leaving < 0]
-            self._join(joining, column[leaving < 0])
+            self._join(joining)
             joining = joining[self.status[joining] < 0]
             self._select(joining)
             self._enter(joining[self.status[joining] < 0])
             lanes = lanes[self.status[lanes] < 0]
 
     def _enter(self, lanes: NDArray[np.int64]) -> None:
-        """Take the side on which the entering row is violated."""
+        """Take the side on which the entering row is violated, and the tableau's column of its multiplier."""
         row = self.entering[lanes]
         above = self.value[lanes, row] > self.rows.high[row]
         self.sign[lanes] = np.where(above, 1, -1)
         self.limit[lanes] = np.where(above, self.rows.high[row], self.rows.low[row])
         self.multiplier[lanes] = 0
+        self._column(lanes, row)
 
-    def _column(self, lanes: NDArray[np.int64], row: NDArray[np.int64]) -> Raw:
-        """Return the tableau's column (lanes, m) of a multiplier that is zero.
+    def _column(self, lanes: NDArray[np.int64], row: NDArray[np.int64]) -> None:
+        """Take the tableau's column of a multiplier that is zero.
 
         The gram is symmetric, and so is what it becomes: what an eta takes from this column in its pivot row is what
         it holds in this row.
@@ -208,10 +167,11 @@ class _Search:
             eta = self.eta[k, whose]
             factor = eta[np.arange(len(here)), row[here]] * self.pivot[k, whose]
             column[here] = column[here] - eta * factor[:, None]
-        return column
+        self.column[lanes] = column
 
-    def _step(self, lanes: NDArray[np.int64], column: Raw) -> NDArray[np.int64]:
+    def _step(self, lanes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Go as far as the entering row's limit or the first multiplier at zero; return that place, or -1."""
+        column = self.column[lanes]
         row, sign = self.entering[lanes], self.sign[lanes]
         pivot = column[np.arange(len(lanes)), row]
         gap = (self.value[lanes, row] - self.limit[lanes]) * sign
@@ -237,39 +197,56 @@ class _Search:
         return leaving
 
     def _leave(self, lanes: NDArray[np.int64], place: NDArray[np.int64]) -> None:
-        """Take the row at `place` out of the active set; those that came after it are put in again."""
-        row = self.active[lanes, place]
+        """Take the row at `place` out of the active set: out of every eta after its own, and out of the column.
+
+        `out`, the tableau's column of that row without it, moves through the places; the eta it meets is put before it.
+        """
+        if not len(lanes):
+            return
+        row, which = self.active[lanes, place], np.arange(len(lanes))
+        last = self.length[lanes] - 1
         self.value[lanes, row] = np.where(self.side[lanes, row] > 0, self.rows.high[row], self.rows.low[row])
         self.side[lanes, row] = 0
-        last = self.length[lanes] - 1
-        self.length[lanes] = place
-        while len(lanes):
-            more = (self.length[lanes] < last) & (self.status[lanes] < 0)
-            lanes, last = lanes[more], last[more]
-            again = self.active[lanes, np.minimum(self.length[lanes] + 1, self.rows.room - 1)]
-            self._store(lanes, again, self._column(lanes, again))
+        self.length[lanes] = last
+        self.work[lanes] += COLUMN + 2 * (last - place)
+        out = self.eta[place, lanes] * self.pivot[place, lanes][:, None]
+        out[which, row] = self.pivot[place, lanes]
+        for k in range(int(place.min()) + 1, int(last.max()) + 1):
+            here = np.flatnonzero((place < k) & (k <= last))
+            out[here] = self._past(lanes[here], k, row[here], out[here])
+        factor = self.column[lanes, row]
+        self.column[lanes] = self.column[lanes] + out * factor[:, None]
+        self.column[lanes, row] = factor * out[which, row]
 
-    def _join(self, lanes: NDArray[np.int64], column: Raw) -> None:
-        """Put the entering row into the active set."""
+    def _past(self, lanes: NDArray[np.int64], k: int, row: NDArray[np.int64], out: Raw) -> Raw:
+        """Put the eta at place `k` before `out` (lanes, m), the column of `row`; return what `out` becomes."""
+        which, at, eta = np.arange(len(lanes)), self.active[lanes, k], self.eta[k, lanes]
+        held, taken, rest = eta[which, row], out[which, at], out[which, row]
+        before = self.pivot[k, lanes]
+        pivot = before + taken * (held * before)
+        share, inverse = before / pivot, self.kind.type(1) / pivot
+        left = held * rest * share
+        eta = (eta + out * held[:, None]) * share[:, None]
+        out = out - eta * taken[:, None]
+        eta[which, at], out[which, at] = self.kind.type(1) - inverse, taken * inverse
+        eta[which, row], out[which, row] = left, rest - left * taken
+        self.eta[k - 1, lanes], self.pivot[k - 1, lanes], self.active[lanes, k - 1] = eta, pivot, at
+        return out
+
+    def _join(self, lanes: NDArray[np.int64]) -> None:
+        """Put the entering row into the active set; too small a pivot, or a full set, ends the search."""
         row = self.entering[lanes]
         self.side[lanes, row] = self.sign[lanes].astype(np.int64)
         self.value[lanes, row] = self.multiplier[lanes]
-        self._store(lanes, row, column)
-
-    def _store(self, lanes: NDArray[np.int64], row: NDArray[np.int64], column: Raw) -> None:
-        """Keep the pivot of `column` (lanes, m) in `row`; too small a one, a full set or too much work ends it all."""
-        pivot = column[np.arange(len(lanes)), row]
+        pivot = self.column[lanes, row]
         good = (pivot > self.rows.least) & (self.length[lanes] < self.rows.room)
-        good &= self.work[lanes] < self.rows.budget
         self.status[lanes[~good]] = CAPPED
-        lanes, row, column, pivot = lanes[good], row[good], column[good], pivot[good]
+        lanes, row, pivot = lanes[good], row[good], pivot[good]
         k = self.length[lanes]
         inverse = self.kind.type(1) / pivot
-        eta = column * inverse[:, None]
+        eta = self.column[lanes] * inverse[:, None]
         eta[np.arange(len(lanes)), row] = self.kind.type(1) - inverse  # leaves pivot / pivot in that row
-        self.eta[k, lanes] = eta
-        self.pivot[k, lanes] = pivot
-        self.active[lanes, k] = row
+        self.eta[k, lanes], self.pivot[k, lanes], self.active[lanes, k] = eta, pivot, row
         self.length[lanes] = k + 1
 
     def _select(self, lanes: NDArray[np.int64]) -> None:
