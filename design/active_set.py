@@ -9,9 +9,10 @@ slope = S - G H^-1 F and gram = G H^-1 G' (Goldfarb and Idnani, Mathematical Pro
 the root of its gram's diagonal, so that the most violated row is the one farthest from the optimum.
 
 Every solve starts at the unconstrained optimum m = 0; where that keeps every limit it is the answer. Otherwise the most
-violated row enters, rows whose multiplier would change its sign leave, until none is violated. What stands in `value`
-is m of a row in the active set and y of any other; both change along one column of the tableau, which is taken from the
-gram's column through the pivots so far (product form of the inverse: Dantzig and Orchard-Hays, 1954).
+violated row enters, rows whose multiplier would change its sign leave, until none is violated. Where no such set
+exists, or the search takes too long, the unconstrained moves stand: with limits behind them, the saturated LQR. What
+stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau, which is taken
+from the gram's column through the pivots so far (product form of the inverse: Dantzig and Orchard-Hays, 1954).
 
 `fl_qp.h` is the same in C, operation by operation: every product is rounded before it is added. What the two share
 beyond the arithmetic: the first of equal candidates is taken.
@@ -40,7 +41,8 @@ CHUNK = 4096  # parameters solved at a time: their pivots stay within the proces
 class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
-    `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`,
+    `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`
+    and, in a search, `share` of what the unconstrained optimum violates most;
     and one whose pivot is below `least` depends on the active ones; `budget` is the work of one search at most.
     """
 
@@ -50,6 +52,7 @@ class Rows:
     gram: Raw
     scale: Raw
     tolerance: float
+    share: float
     least: float
     room: int
     budget: int
@@ -68,9 +71,9 @@ class Solution:
 def exact(problem: Quadratic) -> Rows:
     """Make a problem ready for `solve` in float64, its search unlimited."""
     low, high = (np.clip(ends, -FAR, FAR) for ends in (problem.low, problem.high))
-    tolerance, least = tolerance_of(problem) * 2.0**-40, 2.0**-36
+    tolerance, share, least = tolerance_of(problem) * 2.0**-40, 2.0**-46, 2.0**-36
     room = min(problem.freedom, len(low))
-    return Rows(problem.slope, low, high, problem.gram, problem.scale, tolerance, least, room, UNLIMITED)
+    return Rows(problem.slope, low, high, problem.gram, problem.scale, tolerance, share, least, room, UNLIMITED)
 
 
 def tolerance_of(problem: Quadratic) -> float:
@@ -101,18 +104,19 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
     side = np.zeros(value.shape, np.int64)
     moves = value[:, : len(rows.scale)].copy()
     if len(broken):
-        search = _Search(rows, value[broken], excess[broken].argmax(axis=1))
+        search = _Search(rows, value[broken], excess[broken])
         search.run()
         status[broken], work[broken], side[broken] = search.status, search.work, search.side
         ends = np.where(search.side > 0, rows.high, np.where(search.side < 0, rows.low, search.value))
-        moves[broken] = ends[:, : len(rows.scale)]
+        found = search.status == SOLVED
+        moves[broken[found]] = ends[found, : len(rows.scale)]
     return Solution(moves * rows.scale, status, work, side)
 
 
 class _Search:
     """The lanes whose unconstrained optimum breaks a limit; each round takes one step of every lane not yet done."""
 
-    def __init__(self, rows: Rows, value: Raw, entering: NDArray[np.int64]) -> None:
+    def __init__(self, rows: Rows, value: Raw, excess: Raw) -> None:
         lanes, width = value.shape
         kind = value.dtype
         self.rows, self.value, self.kind = rows, value, kind
@@ -122,7 +126,8 @@ class _Search:
         self.length = np.zeros(lanes, np.int64)  # of the active set
         self.side = np.zeros((lanes, width), np.int64)
         self.status, self.work = np.full(lanes, -1), np.zeros(lanes, np.int64)
-        self.entering, self.column = entering, np.zeros_like(value)
+        self.entering, self.column = excess.argmax(axis=1), np.zeros_like(value)
+        self.tolerance = kind.type(rows.tolerance) + excess.max(axis=1) * kind.type(rows.share)
         self.sign, self.limit = np.zeros(lanes, kind), np.zeros(lanes, kind)
         self.multiplier = np.zeros(lanes, kind)
 
@@ -255,4 +260,4 @@ class _Search:
         excess = np.maximum(value - self.rows.high, self.rows.low - value)
         excess = np.where(self.side[lanes] == 0, excess, -1)
         self.entering[lanes] = excess.argmax(axis=1)
-        self.status[lanes[~(excess.max(axis=1) > self.rows.tolerance)]] = SOLVED
+        self.status[lanes[~(excess.max(axis=1) > self.tolerance[lanes])]] = SOLVED

@@ -69,11 +69,14 @@ class _Lowering:
         used, outside = self._read_inputs(inputs)
         held = [Term(f"self.{v.name}", v.number, v.low, v.high, 0.0) for v in state]
         nodes = self._walk([held, used], self._grids(outputs))
-        next_state = tuple(
-            Assign(v.name, self._store(nodes[n], v, f"{v.name}_next").name)
-            for v, n in zip(state, next_row, strict=True)
-        )
-        stored = [self._store(nodes[n], v, v.name) for v, n in zip(outputs, output_row, strict=True)]
+        next_state: list[Assign] = []
+        for v, n in zip(state, next_row, strict=True):
+            stored = self._store(nodes[n], v, f"{v.name}_next")
+            if stored.name in {f"self.{a.target}" for a in next_state}:  # it will have been written by then
+                self.ops.wish = (f"{v.name}_next", v.unit)
+                stored = self.ops.emit("copy", (stored,), stored.number, stored.error)
+            next_state.append(Assign(v.name, stored.name))
+        results = [self._store(nodes[n], v, v.name) for v, n in zip(outputs, output_row, strict=True)]
         return Program(
             name=law.name,
             says=law.says,
@@ -84,10 +87,10 @@ class _Lowering:
             state=state,
             start=tuple(self.builder.literal(x, v.number) for x, v in zip(law.start, state, strict=True)),
             body=tuple(self.ops.body),
-            next_state=next_state,
-            results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, stored, strict=True)),
+            next_state=tuple(next_state),
+            results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, results, strict=True)),
             status=self._status([nodes[n] for n in flag_row], outside),
-            rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, stored, strict=True)),
+            rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, results, strict=True)),
             tables=self._tables(),
         )
 

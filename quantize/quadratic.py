@@ -11,6 +11,7 @@ from design.law import Quadratic
 from quantize.program import Table
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
+SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 
 
@@ -39,6 +40,7 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int) -> Tab
         "gram": rounded(np.pad(problem.gram, ((0, 0), (0, width - count)))),
         "scale": rounded(problem.scale),
         "tolerance": float(kind(TOLERANCE[arithmetic] * tolerance_of(problem))),
+        "share": float(kind(SHARE[arithmetic])),
         "least": float(kind(LEAST[arithmetic])),
         "far": float(kind(FAR)),
     }
@@ -55,5 +57,5 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     slope = numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T
     return Rows(
         slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"],
-        numbers["tolerance"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"],
+        numbers["tolerance"].item(), numbers["share"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"],
     )  # fmt: skip

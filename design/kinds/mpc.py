@@ -17,8 +17,8 @@ every sample (`condense.py`). Keys beside those:
 - `offset_free = true`: a constant disturbance at the plant's input is estimated and met; `disturbance_noise` is the
   variance of its change in a sample.
 - `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
-  without it the worst over the ranges in [signals] and some more. The output is then the optimum of the limits held so
-  far, within its own, and the status says `capped`.
+  without it the worst over the ranges in [signals] and some more. The output is then that of the saturated LQR, and the
+  status says `capped`; likewise `infeasible` where no moves keep every limit.
 """
 
 from __future__ import annotations
@@ -210,8 +210,8 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         start=tuple(min(max(0.0, signal.low), signal.high) for signal, _ in ranges),
         why=tuple(why for _, why in ranges),
         flags=(
-            Flag("capped", "the search was cut short; the output keeps its limits, but is not the best"),
-            Flag("infeasible", "no moves keep every limit; the output keeps its own and the first ones found"),
+            Flag("capped", "the search was cut short; the output is that without limits, limited"),
+            Flag("infeasible", "no moves keep every limit; the output is that without limits, limited"),
         ),
         stages=(solve, Scalar(stage, ())),
     )

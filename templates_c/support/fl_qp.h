@@ -22,7 +22,8 @@ typedef struct {
     fl_real high[FL_QP_ROWS];
     fl_real gram[FL_QP_ROWS * FL_QP_WIDTH];
     fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
-    fl_real tolerance;          /* a row is violated beyond this */
+    fl_real tolerance;          /* a row is violated beyond this, */
+    fl_real share;              /* and this share of what the unconstrained optimum violates most */
     fl_real least;              /* smallest pivot */
     fl_real far;                /* a step that nothing stops */
 } fl_qp_t;
@@ -37,13 +38,13 @@ typedef struct {
 typedef struct {
     fl_real value[FL_QP_WIDTH];
     fl_real column[FL_QP_WIDTH];
-    fl_real factor[FL_QP_ROOM];
     fl_real eta[FL_QP_ROOM][FL_QP_WIDTH]; /* one for each active row */
     fl_real pivot[FL_QP_ROOM];
     uint8_t active[FL_QP_ROOM];
     int8_t side[FL_QP_ROWS]; /* 1 at high, -1 at low, else 0 */
     int32_t length;          /* of the active set */
     int32_t work;            /* so far */
+    fl_real tolerance;
 } fl_search_t;
 
 /* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
@@ -52,9 +53,6 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
 {
     const fl_real *gram = &q->gram[row * FL_QP_WIDTH];
     s->work += s->length + FL_QP_COLUMN;
-    for (int32_t k = 0; k < s->length; k++) {
-        s->factor[k] = s->eta[k][row] * s->pivot[k];
-    }
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
         fl_real a = gram[i];
         fl_real b = gram[i + 1];
@@ -62,7 +60,7 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
         fl_real d = gram[i + 3];
         const fl_real *eta = &s->eta[0][i];
         for (int32_t k = 0; k < s->length; k++) {
-            const fl_real factor = s->factor[k];
+            const fl_real factor = s->eta[k][row] * s->pivot[k];
             a -= eta[0] * factor;
             b -= eta[1] * factor;
             c -= eta[2] * factor;
@@ -155,7 +153,7 @@ static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value)
 static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved)
 {
     int32_t row = -1;
-    fl_real most = q->tolerance;
+    fl_real most = s->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         const fl_real value = s->value[i] - s->column[i] * moved;
         s->value[i] = value;
@@ -220,8 +218,8 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
     return FL_QP_CAPPED;
 }
 
-/* `value` holds the unconstrained optimum, which violates `row`. */
-static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row)
+/* `value` holds the unconstrained optimum, which violates `row`; `plan` keeps its moves where there is no better. */
+static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, fl_plan_t *plan)
 {
     s->length = 0;
     s->work = 0;
@@ -233,10 +231,11 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row)
     while (row >= 0 && status == FL_QP_SOLVED) {
         status = fl_qp_enter(q, s, &row);
     }
-    for (int32_t i = 0; i < FL_QP_MOVES; i++) {
+    for (int32_t i = 0; i < FL_QP_MOVES && status == FL_QP_SOLVED; i++) {
         if (s->side[i] != 0) {
             s->value[i] = (s->side[i] > 0) ? q->high[i] : q->low[i];
         }
+        plan->move[i] = s->value[i] * q->scale[i];
     }
     return status;
 }
@@ -276,9 +275,13 @@ static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters)
             }
         }
     }
-    plan.status = (row < 0) ? FL_QP_SOLVED : fl_qp_search(q, &s, row);
     for (int32_t i = 0; i < FL_QP_MOVES; i++) {
         plan.move[i] = s.value[i] * q->scale[i];
+    }
+    plan.status = FL_QP_SOLVED;
+    if (row >= 0) {
+        s.tolerance = q->tolerance + most * q->share;
+        plan.status = fl_qp_search(q, &s, row, &plan);
     }
     return plan;
 }

@@ -1,0 +1,112 @@
+"""The quadratic program as an operation: right, bounded in its work, and the same in Python and in C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from codegen.emit import emit
+from codegen.target import load_target
+from design.active_set import CAPPED, INFEASIBLE, SOLVED, exact, solve
+from design.kinds.mpc import design
+from design.law import Law
+from identify.signal import Signal
+from quantize.lower import lower
+from quantize.program import Program
+from quantize.quadratic import rows_of, table_of
+from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, request, servo, table
+from verify.compare import compare
+from verify.host import build_host
+from verify.links.library import LibraryLink
+from verify.reference import run
+from verify.stimuli import stimuli
+
+HARD = {"x_min": [-3.0, -15.0], "x_max": [3.0, 15.0]}
+
+
+def law_of(inputs: tuple[Signal, ...] = (ANGLE, SPEED), **keys: object) -> Law:
+    return design(request({**table(servo(), **SERVO), **keys}, inputs)).law
+
+
+def random_states(law: Law, count: int, seed: int = 1) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    low, high = (np.array([getattr(wire, end) for wire in law.inputs]) for end in ("low", "high"))
+    return random.uniform(low, high, size=(count, len(low))) * random.uniform(0, 1, size=(count, 1))
+
+
+def differences(program: Program, steps: int) -> tuple[int, set[int]]:
+    """How many steps differ between C and reference, and which status words the reference gave."""
+    blocks = stimuli(program, [], steps, 3)
+    traces = [run(program, block.inputs) for block in blocks]
+    library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), load_target("host")), program)
+    done = compare(program, library, blocks, traces, lambda part, label: None)
+    return done.differences, {int(word) & 3 for trace in traces for word in trace.status.ravel()}
+
+
+def test_the_optimum_is_another_solvers() -> None:
+    """The multipliers of a solver for the dual, min 1/2 m'Gm - y0'm + high m+ - low m-, give the same rows."""
+    law = law_of(**HARD)
+    assert law.solve is not None
+    problem, states = law.solve.problem, random_states(law, 150)
+    found = solve(exact(problem), states)
+    assert set(found.status) == {SOLVED, INFEASIBLE}
+    size = len(problem.low)
+    both = np.hstack([np.eye(size), -np.eye(size)])
+    hessian = ca.DM(both.T @ problem.gram @ both)
+    solver = ca.conic("dual", "qpoases", {"h": hessian.sparsity()}, {"printLevel": "none"})
+    for state, move, status in zip(states, found.moves[:, 0], found.status, strict=True):
+        free = problem.slope @ state
+        edge = np.concatenate([problem.high, -problem.low])
+        if status == SOLVED:
+            best = solver(h=hessian, g=edge - both.T @ free, lbx=0, ubx=np.inf)
+            rows = free - problem.gram @ (both @ np.array(best["x"]).ravel())
+            assert abs(rows[0] * problem.scale[0] - move) < 1e-7
+
+
+def test_single_precision_is_near_and_says_the_same() -> None:
+    law = law_of(**HARD)
+    assert law.solve is not None
+    states = random_states(law, 3000).astype(np.float32)
+    narrow = solve(rows_of(table_of(law.solve.problem, "float32", "plan", 10**6), np.dtype("f4")), states)
+    wide = solve(exact(law.solve.problem), states.astype(np.float64))
+    np.testing.assert_array_equal(narrow.status, wide.status)
+    assert np.max(np.abs(np.clip(narrow.moves, -6, 6) - np.clip(wide.moves, -6, 6))) < 1e-4
+
+
+def test_without_an_answer_the_moves_are_those_without_limits() -> None:
+    law = law_of(**HARD)
+    assert law.solve is not None
+    problem, states = law.solve.problem, random_states(law, 300)
+    free = states @ problem.slope[0] * problem.scale[0]
+    found = solve(exact(problem), states)
+    cut = solve(replace(exact(problem), budget=15), states)
+    assert np.count_nonzero(cut.status == CAPPED) > 30 and np.max(cut.work) < 15 + 6 + problem.freedom
+    for solution in (found, cut):
+        np.testing.assert_allclose(solution.moves[solution.status != SOLVED, 0], free[solution.status != SOLVED])
+
+
+CASES = {
+    "hard limits": ((ANGLE, SPEED), HARD),
+    "all of it": (
+        (REFERENCE, ANGLE),
+        {"C": [[1.0, 0.0]], "observer": "kalman", "process_noise": [1e-8, 1e-3], "measurement_noise": 1e-6,
+         "offset_free": True, "delay_periods": 2, "du_min": -1.0, "du_max": 1.5, "x_max": [np.inf, 12.0],
+         "x_soft": 100.0, "blocks": [1, 1, 1, 3, 9]},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("arithmetic", ["float32", "float64"])
+@pytest.mark.parametrize("case", CASES)
+def test_c_is_the_reference(case: str, arithmetic: str) -> None:
+    inputs, keys = CASES[case]
+    wrong, words = differences(lower(law_of(inputs, **keys), arithmetic), 400)
+    assert wrong == 0 and 0 in words
+
+
+def test_c_is_the_reference_where_the_search_is_cut_short() -> None:
+    wrong, words = differences(lower(law_of(**HARD, budget=30), "float32"), 2000)
+    assert wrong == 0 and words >= {0, CAPPED, INFEASIBLE}
