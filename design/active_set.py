@@ -11,8 +11,8 @@ the root of its gram's diagonal, so that the most violated row is the one farthe
 Every solve starts at the unconstrained optimum m = 0; where that keeps every limit it is the answer. Otherwise the most
 violated row enters, rows whose multiplier would change its sign leave, until none is violated. Where no such set
 exists, or the search takes too long, the unconstrained moves stand: with limits behind them, the saturated LQR. What
-stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau, which is taken
-from the gram's column through the pivots so far (product form of the inverse: Dantzig and Orchard-Hays, 1954).
+stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau,
+which is taken from the gram's column through the pivots so far (product form: Dantzig and Orchard-Hays, 1954).
 
 `fl_qp.h` is the same in C, operation by operation: every product is rounded before it is added. What the two share
 beyond the arithmetic: the first of equal candidates is taken.
@@ -42,8 +42,9 @@ class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
     `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`
-    and, in a search, `share` of what the unconstrained optimum violates most;
-    and one whose pivot is below `least` depends on the active ones; `budget` is the work of one search at most.
+    and, in a search, `share` of what the unconstrained optimum violates most; where answers are `checked`, an active row
+    must end within `trusted` of its limit; a row whose pivot is below `least` depends on the active ones; `budget` is the
+    work of one search at most.
     """
 
     slope: Raw
@@ -53,9 +54,11 @@ class Rows:
     scale: Raw
     tolerance: float
     share: float
+    trusted: float
     least: float
     room: int
     budget: int
+    checked: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,20 @@ def exact(problem: Quadratic) -> Rows:
     low, high = (np.clip(ends, -FAR, FAR) for ends in (problem.low, problem.high))
     tolerance, share, least = tolerance_of(problem) * 2.0**-40, 2.0**-46, 2.0**-36
     room = min(problem.freedom, len(low))
-    return Rows(problem.slope, low, high, problem.gram, problem.scale, tolerance, share, least, room, UNLIMITED)
+    return Rows(
+        problem.slope,
+        low,
+        high,
+        problem.gram,
+        problem.scale,
+        tolerance,
+        share,
+        tolerance * 2.0**32,
+        least,
+        room,
+        UNLIMITED,
+        False,
+    )
 
 
 def tolerance_of(problem: Quadratic) -> float:
@@ -106,6 +122,8 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
     if len(broken):
         search = _Search(rows, value[broken], excess[broken])
         search.run()
+        if rows.checked:
+            search.check(parameters[broken])
         status[broken], work[broken], side[broken] = search.status, search.work, search.side
         ends = np.where(search.side > 0, rows.high, np.where(search.side < 0, rows.low, search.value))
         found = search.status == SOLVED
@@ -148,6 +166,21 @@ class _Search:
             self._select(joining)
             self._enter(joining[self.status[joining] < 0])
             lanes = lanes[self.status[lanes] < 0]
+
+    def check(self, parameters: Raw) -> None:
+        """Call a lane capped where an active row, from the problem's own numbers, is not at its limit."""
+        for place in range(int(self.length.max(initial=0))):
+            lanes = np.flatnonzero((self.length > place) & (self.status == SOLVED))
+            row = self.active[lanes, place]
+            error = -np.where(self.side[lanes, row] > 0, self.rows.high[row], self.rows.low[row])
+            for j in range(parameters.shape[1]):
+                error = error + self.rows.slope[row, j] * parameters[lanes, j]
+            for k in range(int(self.length[lanes].max(initial=0))):
+                other = self.active[lanes, k]
+                less = error - self.rows.gram[row, other] * self.value[lanes, other]
+                error = np.where(self.length[lanes] > k, less, error)
+            good = (error < self.rows.trusted) & (error > -self.rows.trusted)
+            self.status[lanes[~good]] = CAPPED
 
     def _enter(self, lanes: NDArray[np.int64]) -> None:
         """Take the side on which the entering row is violated, and the tableau's column of its multiplier."""

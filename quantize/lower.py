@@ -177,8 +177,8 @@ class _Lowering:
         if self.law.solve is None:
             return ()
         problem = self.law.solve.problem
-        budget = problem.budget or budget_of(self.law, problem, self.arithmetic)
-        return (table_of(problem, self.arithmetic, PLAN_DATA, budget),)
+        budget, checked = budget_of(self.law, problem, self.arithmetic)
+        return (table_of(problem, self.arithmetic, PLAN_DATA, problem.budget or budget, checked),)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

@@ -12,10 +12,11 @@ from quantize.program import Table
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it
+TRUSTED = 2.0**-8  # share of the limits by which an active row may miss its own
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 
 
-def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int) -> Table:
+def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checked: bool) -> Table:
     """Round a problem to "float32" or "float64"; its members are those of `fl_qp_t`."""
     kind = np.dtype(arithmetic).type
     count, parameters = problem.slope.shape
@@ -32,6 +33,7 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int) -> Tab
         "FL_QP_ROOM": min(problem.freedom, count),
         "FL_QP_COLUMN": COLUMN,
         "FL_QP_BUDGET": budget,
+        "FL_QP_CHECKED": int(checked),
     }
     numbers: dict[str, tuple[float, ...] | float] = {
         "slope": rounded(np.pad(problem.slope, ((0, width - count), (0, 0))).T),
@@ -41,6 +43,7 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int) -> Tab
         "scale": rounded(problem.scale),
         "tolerance": float(kind(TOLERANCE[arithmetic] * tolerance_of(problem))),
         "share": float(kind(SHARE[arithmetic])),
+        "trusted": float(kind(TRUSTED * tolerance_of(problem))),
         "least": float(kind(LEAST[arithmetic])),
         "far": float(kind(FAR)),
     }
@@ -55,7 +58,9 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     count = sizes["FL_QP_ROWS"]
     gram = numbers["gram"].reshape(count, -1)
     slope = numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T
+    single = ("tolerance", "share", "trusted", "least")
+    tolerance, share, trusted, least = (numbers[name].item() for name in single)
     return Rows(
-        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"],
-        numbers["tolerance"].item(), numbers["share"].item(), numbers["least"].item(), sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"],
+        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"], tolerance, share, trusted, least,
+        sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], bool(sizes["FL_QP_CHECKED"]),
     )  # fmt: skip

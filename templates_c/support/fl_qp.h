@@ -9,7 +9,7 @@
  * The file that includes this one gives its sizes, FL_QP_ROWS, FL_QP_WIDTH (the rows filled up to a multiple of 4),
  * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most),
  * FL_QP_BUDGET (work of one search at most, where a column taken costs FL_QP_COLUMN and 1 for each active row,
- * and a row that leaves FL_QP_COLUMN and 2 for each that came after it), and the type fl_real.
+ * and a row that leaves FL_QP_COLUMN and 2 for each that came after it), FL_QP_CHECKED (1: doubt every answer), and the type fl_real.
  */
 #ifndef FL_QP_H
 #define FL_QP_H
@@ -24,6 +24,7 @@ typedef struct {
     fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
     fl_real tolerance;          /* a row is violated beyond this, */
     fl_real share;              /* and this share of what the unconstrained optimum violates most */
+    fl_real trusted;            /* an active row farther from its limit than this was not computed well enough */
     fl_real least;              /* smallest pivot */
     fl_real far;                /* a step that nothing stops */
 } fl_qp_t;
@@ -218,8 +219,28 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
     return FL_QP_CAPPED;
 }
 
+/* Whether the active rows, from their multipliers and the problem's own numbers, stand at their limits. */
+static int32_t fl_qp_holds(const fl_qp_t *q, const fl_search_t *s, const fl_real *parameters)
+{
+    for (int32_t k = 0; k < s->length; k++) {
+        const int32_t row = s->active[k];
+        const fl_real limit = (s->side[row] > 0) ? q->high[row] : q->low[row];
+        fl_real error = -limit;
+        for (int32_t j = 0; j < FL_QP_PARAMETERS; j++) {
+            error += q->slope[j * FL_QP_WIDTH + row] * parameters[j];
+        }
+        for (int32_t j = 0; j < s->length; j++) {
+            error -= q->gram[row * FL_QP_WIDTH + s->active[j]] * s->value[s->active[j]];
+        }
+        if (!(error < q->trusted && error > -q->trusted)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
 /* `value` holds the unconstrained optimum, which violates `row`; `plan` keeps its moves where there is no better. */
-static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, fl_plan_t *plan)
+static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *parameters, fl_plan_t *plan)
 {
     s->length = 0;
     s->work = 0;
@@ -230,6 +251,9 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, fl_pl
     int32_t status = FL_QP_SOLVED;
     while (row >= 0 && status == FL_QP_SOLVED) {
         status = fl_qp_enter(q, s, &row);
+    }
+    if (FL_QP_CHECKED && status == FL_QP_SOLVED && !fl_qp_holds(q, s, parameters)) {
+        status = FL_QP_CAPPED;
     }
     for (int32_t i = 0; i < FL_QP_MOVES && status == FL_QP_SOLVED; i++) {
         if (s->side[i] != 0) {
@@ -281,7 +305,7 @@ static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters)
     plan.status = FL_QP_SOLVED;
     if (row >= 0) {
         s.tolerance = q->tolerance + most * q->share;
-        plan.status = fl_qp_search(q, &s, row, &plan);
+        plan.status = fl_qp_search(q, &s, row, parameters, &plan);
     }
     return plan;
 }
