@@ -42,9 +42,9 @@ class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
     `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`
-    and, in a search, `share` of what the unconstrained optimum violates most; where answers are `checked`, an active row
-    must end within `trusted` of its limit; a row whose pivot is below `least` depends on the active ones; `budget` is the
-    work of one search at most.
+    and, in a search, `share` of what the unconstrained optimum violates most; where answers are `checked`, an active
+    row must end within `trusted` of its limit; one whose pivot is below `least` depends on the active ones; `budget` is
+    the work of one search at most.
     """
 
     slope: Raw

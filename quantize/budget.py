@@ -18,12 +18,12 @@ from quantize.quadratic import rows_of, table_of
 
 Array = NDArray[np.float64]
 
-DRAWN = 1500
+DRAWN = 700
 CORNERS = 9  # of so many inputs and states all corners are drawn
 SPARE = 1.4
 NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
 LEAST = 100  # work, for a problem that hardly ever meets a limit
-LONGEST = 40_000  # work: a search beyond it is taken for one that does not end
+LONGEST = 15_000  # work: a search beyond it is taken for one that does not end
 
 
 def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]:
