@@ -9,7 +9,7 @@ from codegen.environment import render, text_of
 from codegen.target import Region, Target, board_parts
 from quantize.program import Program, Value
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 STEPS_MOST = 64  # per frame; more gains little and delays the answer to a repeated request
 LIVE_SAMPLES = 64  # that wait for the line; more only delay the moment a slow line is noticed
 LIVE_BATCH = 4  # in one message: its sealing is what a step may have to wait for

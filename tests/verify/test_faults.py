@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import pty
 import random
@@ -14,12 +15,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.faults import ATTEMPTS, TIMEOUT, run
 from firmloop.cli import main
+from tests.verify.boards import ONE_STEP, PROGRAM, RESULT
 from tests.verify.wild import WildLine, build_image_library
-from verify.links import uart
+from verify.links import LinkError, uart
+from verify.links.framed import FramedLink
 
 PROJECT = """\
 schema = 1
@@ -41,9 +45,14 @@ names = ["nucleo_f411re"]
 """
 
 
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    return build_image_library(tmp_path_factory.mktemp("image"))
+
+
 @pytest.mark.parametrize("share", [0.02, 0.15, 0.4])
-def test_no_wrong_value_and_no_hang(share: float, tmp_path: Path) -> None:
-    library = build_image_library(tmp_path)
+def test_no_wrong_value_and_no_hang(share: float, library: ctypes.CDLL) -> None:
+    library.image_reset()
     line = WildLine(library, share, seed=7)
     tally = run(line, library, 5_000, seed=7)
     assert tally.harmed > 100 and tally.restarts == 5 and tally.resets_noticed >= 1
@@ -51,6 +60,16 @@ def test_no_wrong_value_and_no_hang(share: float, tmp_path: Path) -> None:
     assert tally.clean_repeats <= 1
     assert tally.longest <= TIMEOUT * ATTEMPTS
     assert tally.given_up == 0 or share > 0.15
+
+
+def test_a_host_whose_session_another_took_over_is_told(library: ctypes.CDLL) -> None:
+    line, dice = WildLine(library, 0.0, seed=0), random.Random(0)
+    first, second = (FramedLink(line, "wild line", PROGRAM.id, 1.0, 4, line.clock, dice.randbytes) for _ in range(2))
+    with pytest.raises(LinkError, match="wild line: the image knows nothing of this session"):
+        first.step(ONE_STEP(1.0, 0.0), 1)
+    assert line.now <= 4.0
+    second.reset()
+    assert np.frombuffer(second.step(ONE_STEP(1.0, 0.0), 1), RESULT)["sum"] == 1.0
 
 
 @contextmanager

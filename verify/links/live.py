@@ -111,7 +111,7 @@ class LiveLink:
     def close(self) -> None:
         """Ask for silence, if the line still carries it, and let go; the controller runs on."""
         try:
-            self._stream.write(seal(WATCH, self._sequence, _WATCH.pack(0, 1)))
+            self._stream.write(b"\0" + seal(WATCH, self._sequence, _WATCH.pack(0, 1)))
         except LinkError:
             pass  # the line has gone, and with it those who could hear
         self._stream.close()
@@ -126,7 +126,7 @@ class LiveLink:
 
     def _ask(self, kind: int, payload: bytes, size: int) -> bytes:
         self._sequence = (self._sequence + 1) & 0xFF
-        request = seal(kind, self._sequence, payload)
+        request = b"\0" + seal(kind, self._sequence, payload)
         for _ in range(self._attempts):
             self._stream.write(request)
             deadline = time.monotonic() + self._timeout
