@@ -30,7 +30,7 @@ from verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
 from verify.reference import Raw, element_type
 
 DATA, HELLO, WATCH = 0x40, 0x41, 0x42
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 STATUS = "status"
 _HELLO = struct.Struct("<5I16s")
 _WATCH = struct.Struct("<2I")
