@@ -76,7 +76,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         ],
         "fractions": [
             {"macro": v.name.upper(), "name": v.name, "fraction": v.number.fraction}
-            for v in (*program.inputs, *program.outputs)
+            for v in (*program.inputs, *program.outputs, *program.parameters)
             if not floating
         ],
         "status": [
@@ -88,11 +88,36 @@ def program_view(program: Program, version: str, command: str) -> View:
         "state": state,
         "state_bytes": sum(v.number.bits // 8 for v in program.state) or 4,
         "start": start,
+        "parameters": _parameters(program),
         "lines": [_line(op, program) for op in program.body],
         "stores": _stores(program),
         "ignored": [] if program.state else ["self"],
         "status_expression": " | ".join(_status_term(b.source, b.bit) for b in program.status) or "0U",
     }
+
+
+def setter_name(program: Program, parameter: Value) -> str:
+    """Return the name of the C function that sets a parameter."""
+    return f"{program.name}_set_{parameter.name}"
+
+
+def _parameters(program: Program) -> list[dict[str, str]]:
+    """Return what the parameters that can be tuned print: macros of default and range, and a setter each."""
+    first = len(program.state) - len(program.tunable)
+    return [
+        {
+            "name": value.name,
+            "macro": f"{program.name}_{value.name}".upper(),
+            "type": c_type(value.number),
+            "setter": setter_name(program, value),
+            "default": literal(program.start[first + k], value.number),
+            "low": literal(value.low, value.number),
+            "high": literal(value.high, value.number),
+            "note": _member(value)["note"],
+            "default_note": f"{physical(program.start[first + k], value.number):.6g} {value.unit or '1'}",
+        }
+        for k, value in enumerate(program.parameters)
+    ]
 
 
 def statement(op: Op, program: Program) -> str:
@@ -148,7 +173,11 @@ def _argument(argument: str | int | float, number: Number) -> str:
 
 def _stores(program: Program) -> list[dict[str, str]]:
     types = {v.name: c_type(v.number) for v in program.outputs}
-    states = [{"target": f"self->{a.target}", "source": _argument(a.source, TYPE_INT)} for a in program.next_state]
+    states = [
+        {"target": f"self->{a.target}", "source": _argument(a.source, TYPE_INT)}
+        for a in program.next_state
+        if a.target not in program.tunable
+    ]
     outputs = []
     for a in program.results:
         source = _argument(a.source, TYPE_INT)

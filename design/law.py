@@ -63,3 +63,4 @@ class Law:
     stages: tuple[Scalar, ...]
     rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
     states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures
+    tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`

@@ -174,8 +174,8 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
         program = lower(designed.law, project.arithmetic)
         bundle = emit(program, command)
         ranges = proof(program, designed.law.why)
-        inputs, trace = golden(program)
-        extra = package(program, bundle, command, inputs, trace.outputs, trace.status)
+        inputs, settings, trace = golden(program)
+        extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
         return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges))
 
 

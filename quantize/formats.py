@@ -102,7 +102,7 @@ def _fractions(law: Law, graph: Graph, spans: Sequence[Span], groups: _Groups) -
         sizes[group] = max(sizes.get(group, 0.0), abs(low), abs(high))
         if node.function == "constant":
             constants.setdefault(group, []).append(node.value)
-        elif node.function == "argument" and node.place[0] == 0:
+        elif node.function == "argument" and node.place[0] == 0 and law.state[node.place[1]].name not in law.tunable:
             constants.setdefault(group, []).append(starts[node.place[1]])
         else:
             computed.add(group)

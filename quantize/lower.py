@@ -77,6 +77,7 @@ class _Lowering:
             outputs=outputs,
             state=state,
             start=tuple(self.builder.literal(x, v.number) for x, v in zip(law.start, state, strict=True)),
+            tunable=law.tunable,
             body=tuple(self.ops.body),
             next_state=next_state,
             results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, stored, strict=True)),
@@ -92,6 +93,8 @@ class _Lowering:
     def _state(self, signal: Signal, q: int) -> Value:
         number = replace(self.builder.signal(signal.low, signal.high, q), bits=self.state_bits, fraction=q)
         low, high = self.builder.limits(signal.low, signal.high, number)
+        if signal.name in self.law.tunable:  # who sets it to the declared end, rounded, is within
+            low, high = self.builder.literal(signal.low, number), self.builder.literal(signal.high, number)
         return Value(signal.name, signal.unit, number, low, high)
 
     def _read_inputs(self, inputs: tuple[Value, ...]) -> tuple[list[Term], list[Term]]:

@@ -89,6 +89,12 @@ class Program:
     results: tuple[Assign, ...]
     status: tuple[StatusBit, ...]
     rounding: tuple[Rounding, ...]
+    tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
+
+    @property
+    def parameters(self) -> tuple[Value, ...]:
+        """The values that can be set on the running controller."""
+        return self.state[len(self.state) - len(self.tunable) :]
 
     @property
     def id(self) -> str:

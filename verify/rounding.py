@@ -36,7 +36,7 @@ def measure_rounding(
             got = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
             expected = evaluate(graph, [state, inputs])[1]
             worst = np.maximum(worst, [_apart(g, e) for g, e in zip(got, expected, strict=True)])
-            free = _free_run(law, graph, inputs)
+            free = _free_run(program, law, graph, inputs, state)
             drift = np.maximum(drift, [_apart(g, e) for g, e in zip(got, free, strict=True)])
     bounds = {r.output: r for r in program.rounding}
     return tuple(
@@ -56,11 +56,14 @@ def _used_inputs(program: Program, raw: Raw) -> list[Array]:
     return columns
 
 
-def _free_run(law: Law, graph: Graph, inputs: list[Array]) -> list[Array]:
+def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
+    """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
     lanes, steps = inputs[0].shape
     state = [np.full(lanes, x) for x in law.start]
     outputs = [np.empty((lanes, steps)) for _ in law.outputs]
     for k in range(steps):
+        for j in range(len(state) - len(program.tunable), len(state)):
+            state[j] = held[j][:, k]
         row = evaluate(graph, [state, [x[:, k] for x in inputs]])
         state = [np.broadcast_to(x, lanes) for x in row[0]]
         for y, value in zip(outputs, row[1], strict=True):

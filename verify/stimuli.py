@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from quantize.program import Program, Value
 from verify.reference import Raw, element_type
+from verify.settings import requests
 
 Array = NDArray[np.float64]
 LANE_STEPS = 1000
@@ -25,10 +26,11 @@ RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once,
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Raw inputs (lanes, steps, m) of one character."""
+    """Raw inputs (lanes, steps, m) of one character; `settings` (lanes, steps, k) asks for values of the parameters."""
 
     name: str
     inputs: Raw
+    settings: Raw | None = None  # None where nothing can be tuned, or nothing is
 
 
 def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: int, seed: int) -> list[Block]:
@@ -49,6 +51,8 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
     blocks = _cut(blocks, max(1, steps))
     for signals in recorded:
         blocks += _lanes(_recorded(program, signals, random))
+    if program.tunable:
+        return [Block(b.name, b.inputs, requests(program, random, *b.inputs.shape[:2])) for b in blocks]
     return blocks
 
 

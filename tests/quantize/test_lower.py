@@ -9,7 +9,7 @@ from identify.signal import Signal
 from quantize.lower import ARITHMETICS, lower
 from quantize.program import Program, QuantizeError
 from tests.laws import FULL, SPEED, TABLES, VOLTS, pid, random_law
-from verify.reference import Machine, run, start_state, working_type
+from verify.reference import Machine, run, set_parameter, start_state, working_type
 from verify.rounding import measure_rounding
 from verify.stimuli import Block, stimuli
 
@@ -19,12 +19,17 @@ def leaves_bounds(program: Program, blocks: list[Block]) -> list[str]:
     machine = Machine(program)
     length = max(b.inputs.shape[1] for b in blocks)
     inputs = np.concatenate([b.inputs for b in blocks if b.inputs.shape[1] == length])
+    asked = [b.settings for b in blocks if b.inputs.shape[1] == length and b.settings is not None]
+    settings = np.concatenate(asked).astype(working_type(program)) if asked else None
+    first = len(program.state) - len(program.tunable)
     lanes, steps, _ = inputs.shape
     state = start_state(program, lanes)
     wrong: set[str] = set()
     with np.errstate(all="ignore"):
         for k in range(steps):
             row = [inputs[:, k, j].astype(working_type(program)) for j in range(len(program.inputs))]
+            for j, value in enumerate(program.parameters if settings is not None else ()):
+                state[first + j] = set_parameter(value, state[first + j], settings[:, k, j])
             values = machine.step(row, state)
             state = [np.broadcast_to(values[s], lanes) for s in machine.next]
             if k % 4:
