@@ -1,8 +1,10 @@
 """Give every value of a law a float type and a bound, and follow what each rounding can do to it.
 
-One operation in round-to-nearest adds at most u |result| plus half the smallest subnormal (Higham, Accuracy and
-Stability of Numerical Algorithms, 2nd ed., 2.2), u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in
-float64, so its own rounding is part of the bound too. Inputs are clamped to their declared range, which also turns a
+One operation in round-to-nearest adds at most half a unit in the last place of its largest result, u 2**floor(log2
+|result|), plus half the smallest subnormal (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., 2.2),
+u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in float64, so its own rounding is part of the bound
+too. Where a sum is limited to a range, its own rounding matters only where law or program is within that range:
+beyond it both stand at the limit. Inputs are clamped to their declared range, which also turns a
 NaN into the low end; state is not, its range is the controller's own argument.
 """
 
@@ -25,6 +27,7 @@ class FloatBuilder:
 
     bits: int
     ops: Builder = field(default_factory=Builder)
+    inherited: dict[str, float] = field(default_factory=dict)  # the part of a value's error that its operands bring
 
     @property
     def _unit(self) -> float:
@@ -62,7 +65,7 @@ class FloatBuilder:
         x, x_error = self._operand(function, a, number)
         y, y_error = self._operand(function, b, number)
         if function in ("min", "max"):
-            return self.ops.emit(function, (x, y), number, max(x_error, y_error))
+            return self._limited(self.ops.emit(function, (x, y), number, max(x_error, y_error)), x, y, y_error)
         if function in ("lt", "le", "eq", "ne"):
             return self.ops.emit(function, (x, y), number, x_error + y_error)
         error = x_error + y_error
@@ -117,9 +120,24 @@ class FloatBuilder:
     def _rounded(self, term: Term) -> Term:
         """Widen the bound and the error of the operation just emitted by one rounding, and by the law's own."""
         size = max(abs(term.low), abs(term.high))
-        error = term.error + self._unit * size + LAW * (size + term.error) + self._tiny
+        error = term.error + self._own(size, term.error)
         margin = self._unit * size + self._tiny
+        self.inherited[term.name] = term.error
         return self.ops.widen(term, margin, error)
+
+    def _own(self, size: float, error: float) -> float:
+        """Return what rounding a result of magnitude `size` adds in program and law, which are `error` apart."""
+        reached = size + error
+        place = 2.0 ** math.floor(math.log2(reached)) if 0.0 < reached < math.inf else reached
+        return self._unit * place + LAW * reached + self._tiny
+
+    def _limited(self, term: Term, x: Term | float, y: Term | float, limit_error: float) -> Term:
+        """Give a value that has just been limited by a constant the error of a result within the limits."""
+        if not isinstance(x, Term) or isinstance(y, Term) or x.name not in self.inherited:
+            return term
+        inherited = self.inherited[term.name] = self.inherited[x.name]
+        error = inherited + self._own(_size(term) + x.error, inherited)
+        return self.ops.widen(term, 0.0, min(term.error, max(error, limit_error)))
 
     def _up(self, value: float, number: Number) -> float:
         """Return the smallest representable number not below `value`."""
