@@ -23,6 +23,7 @@ from verify.settings import requests
 Array = NDArray[np.float64]
 LANE_STEPS = 1000
 FRESH_STEPS = 8
+LONGEST_WORST = 40_000  # steps of a worst case
 RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
@@ -59,10 +60,17 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
 
 
 def adversarial(program: Program, steps: int, seed: int) -> list[Block]:
-    """Return about `steps` steps of what brings values and roundings to their ends, in equal shares."""
+    """Return about `steps` steps of what brings values and roundings to their ends, in equal shares.
+
+    The worst cases are as long as the steps allow: a slow state needs many samples to reach its end.
+    """
     random = np.random.default_rng(seed)
-    count = max(1, round(steps / LANE_STEPS / len(ADVERSARIAL)))
-    blocks = [Block(name, make(program, random, count, LANE_STEPS)) for name, make, _, _ in ADVERSARIAL]
+    share = steps // len(ADVERSARIAL)
+    ends = 2 * (len(program.outputs) + len(program.state))
+    blocks = []
+    for name, make, _, span in ADVERSARIAL:
+        length = max(span, min(LONGEST_WORST, share // ends)) if make is _worst else span
+        blocks.append(Block(name, make(program, random, max(1, round(share / length)), length)))
     if program.tunable:
         return [Block(b.name, b.inputs, requests(program, random, *b.inputs.shape[:2])) for b in blocks]
     return blocks

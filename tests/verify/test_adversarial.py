@@ -11,33 +11,30 @@ from quantize.lower import lower
 from verify.reference import run
 from verify.stimuli import adversarial, stimuli, to_physical
 
-LINEAR = [kind for name, kind in kinds().items() if name in ("state_space", "lead_lag", "notch", "transfer_function")]
+LINEAR = [kind for name, kind in kinds().items() if name in ("state_space", "lead_lag", "notch")]
 
 
 @pytest.mark.parametrize("kind", LINEAR, ids=lambda kind: kind.name)
 def test_the_worst_case_drives_every_state_to_the_end_of_its_proven_range(kind: Kind) -> None:
     program = lower(kind.design(kind.example).law, "fixed32")
-    block = next(block for block in adversarial(program, 80_000, 1) if block.name == "worst case")
+    block = next(block for block in adversarial(program, 60_000, 1) if block.name == "worst case")
     state = run(program, block.inputs).state
     for j, value in enumerate(program.state):
         reached = np.array([state[..., j].min(), state[..., j].max()]) / np.array([value.low, value.high])
         assert np.all(reached <= 1.0)
-        # the reach of a slow state takes longer than a lane; the widening of the range is 1 %
-        assert np.all(reached > (0.95 if kind.name != "transfer_function" else 0.2)), value.name
+        assert np.all(reached > 0.95), value.name  # it is widened by 1 %
 
 
 @pytest.mark.parametrize(
     ("name", "arithmetic", "most"),
     [
         ("pid", "fixed32", 3.0),
-        ("pid", "fixed16", 3.0),
         ("transfer_function", "float32", 3.0),
-        ("notch", "fixed16", 2.0),
     ],
 )
 def test_the_bound_on_rounding_is_kept_and_close(name: str, arithmetic: str, most: float) -> None:
     kind = kinds()[name]
-    for rounded in worst(kind.design(kind.example).law, arithmetic, 40_000):
+    for rounded in worst(kind.design(kind.example).law, arithmetic, 8_000):
         assert rounded.worst <= rounded.bound <= most * rounded.worst
 
 
