@@ -30,11 +30,12 @@ from identify.plant import IdentifyError, Plant
 from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
-from quantize.lower import lower
 from quantize.program import Program, QuantizeError
 from quantize.proof import proof
+from quantize.word_length import lower_within
 from verify.checker import Checked, ProofError, check_proof
 from verify.closed_loop import PlantLoop, SteppedPlant
+from verify.limit_cycles import ZeroInput, zero_input
 from verify.links import LinkError
 from verify.run import verify
 from verify.vectors import golden
@@ -74,6 +75,7 @@ class Generated:
     package: Mapping[str, str]  # golden vectors, their test and build files
     proof: Mapping[str, object]
     checked: Checked | None  # what the second, independent proof covered; None in floating point
+    still: ZeroInput | None = None  # what it does by itself while its inputs stand still; None in floating point
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +173,14 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
     """Turn the law into exact arithmetic and that into C."""
     assert project.arithmetic is not None, "require() has seen to it"
     with located(project):
-        program = lower(designed.law, project.arithmetic)
+        formats = ("fixed16", "fixed32") if project.arithmetic == "fixed" else (project.arithmetic,)
+        program = lower_within(designed.law, formats, project.allowed)
         bundle = emit(program, command)
-        ranges = proof(program, designed.law.why)
+        still = zero_input(program)
+        ranges = {**proof(program, designed.law.why), "zero_input": still.as_dict() if still else None}
         inputs, settings, trace = golden(program)
         extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
-        return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges))
+        return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)
 
 
 def verify_target(
