@@ -50,3 +50,7 @@ class Engine(Protocol):
     ) -> tuple[Array, Array]:
         """Also return dy/d(constants[which], start): (q, r, len(which) + number of states)."""
         ...
+
+    def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
+        """Return where the plant is on average (n,) on its way from `start`: another guess for where it began."""
+        ...

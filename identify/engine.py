@@ -103,6 +103,14 @@ class EffectSimulator:
             made, self._segments(course, made), np.asarray(start, dtype=np.float64), course.end - course.first
         )
 
+    def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
+        """Return where the plant is on average (n,) on its way from `start`: another guess for where it began."""
+        if self.equations is None:
+            return start
+        states = self.run_states(course, constants, start)[:, : self.states]
+        seen = states[np.all(np.isfinite(states), axis=1)]
+        return np.asarray(seen.mean(axis=0)) if len(seen) else start
+
     def assemble(self, constants: Array) -> Assembly:
         """Put the linear part and every effect that is not neutral together."""
         forms = self.writer.forms(constants[: self.plant.rate.numel_in(2)])
