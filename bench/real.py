@@ -65,7 +65,7 @@ def linked(source: Path, folder: Path) -> None:
 
 
 def with_gain(source: Path, folder: Path) -> None:
-    """Write what the servo's own controller knew beside each recording: its gain, from the file's entry in meta.json."""
+    """Write the gain of the servo's own controller beside each recording; meta.json holds it."""
     for entry in json.loads((source / "meta.json").read_text())["files"]:
         recording = read_recording(source / entry["file"], {})
         gain = np.full(len(recording.time), entry["kp"] / 256.0 * _TICKS / _PWM_FULL)
@@ -165,7 +165,11 @@ k3 = { value = 0.05, free = true, low = 0.0 }
 k4 = { value = 0.05, free = true, low = 0.0 }
 """
 
-SERVO = """
+# The position controller runs in the servo itself: duty = gain * error, up to the whole supply.
+_TORQUE = """kt_N_m_A/R_ohm*torque_enable\
+*(supply_voltage_V*max(-1, min(1, duty_per_rad*(position_ref_rad - position_rad))) - kt_N_m_A*speed_rad_s)"""
+
+SERVO = f"""
 kind = "ode"
 states = ["position_rad", "speed_rad_s"]
 inputs = ["position_ref_rad", "supply_voltage_V", "duty_per_rad", "torque_enable"]
@@ -173,17 +177,17 @@ inputs = ["position_ref_rad", "supply_voltage_V", "duty_per_rad", "torque_enable
 position_rad = "position_rad"
 [plant.derivatives]
 position_rad = "speed_rad_s"
-speed_rad_s = "(kt_N_m_A/R_ohm*torque_enable*(supply_voltage_V*max(-1, min(1, duty_per_rad*(position_ref_rad - position_rad))) - kt_N_m_A*speed_rad_s) - b_N_m_s_rad*speed_rad_s - 0.49*9.81*0.1*sin(position_rad)) / J_kg_m2"
+speed_rad_s = "({_TORQUE} - b_N_m_s_rad*speed_rad_s - 0.49*9.81*0.1*sin(position_rad)) / J_kg_m2"
 [plant.balances.speed_rad_s]
 kind = "torque"
 per = "1/J_kg_m2"
 position = "position_rad"
-effort = "kt_N_m_A/R_ohm*torque_enable*(supply_voltage_V*max(-1, min(1, duty_per_rad*(position_ref_rad - position_rad))) - kt_N_m_A*speed_rad_s)"
+effort = "{_TORQUE}"
 [plant.parameters]
-kt_N_m_A = { value = 0.4, free = true, low = 0.01 }
-R_ohm = { value = 4.0, free = false }
-b_N_m_s_rad = { value = 0.02, free = true, low = 0.0 }
-J_kg_m2 = { value = 0.006, free = true, low = 0.001 }
+kt_N_m_A = {{ value = 0.4, free = true, low = 0.01 }}
+R_ohm = {{ value = 4.0, free = false }}
+b_N_m_s_rad = {{ value = 0.02, free = true, low = 0.0 }}
+J_kg_m2 = {{ value = 0.006, free = true, low = 0.001 }}
 """
 
 HOOP = """
@@ -219,7 +223,9 @@ h = { value = 1.0, free = true }
 e = { value = 1.0, free = true }
 """
 
-_SERVO_FILES = tuple(f"kp{gain}_{{}}.csv.gz" for gain in (100, 200, 400, 800))
+_TRIED = ("sin_sin", "lift_and_drop", "up_and_down", "sin_time_square")
+_SERVO_TRAIN = tuple(f"kp{gain}_{kind}.csv.gz" for gain in (100, 400) for kind in _TRIED)
+_SERVO_TEST = tuple(f"kp{gain}_{kind}.csv.gz" for gain in (200, 800) for kind in _TRIED)
 _QUBE_FILES = tuple(sorted(path.name for path in (ROOT / "qube_servo_pendulum").glob("*.csv.gz")))
 
 MACHINES = (
@@ -237,8 +243,7 @@ MACHINES = (
     ),
     Machine(
         "dynamixel_xl330_pendulum",
-        tuple(name.format(kind) for name in _SERVO_FILES[:1] + _SERVO_FILES[2:3] for kind in ("sin_sin", "lift_and_drop", "up_and_down", "sin_time_square")),
-        tuple(name.format(kind) for name in _SERVO_FILES[1:2] + _SERVO_FILES[3:] for kind in ("sin_sin", "lift_and_drop", "up_and_down", "sin_time_square")),
+        _SERVO_TRAIN, _SERVO_TEST,
         SERVO, "rad", 0.095, ("load_dependent_friction",), (), with_gain, whole("position_rad", 1.0),
     ),
     Machine(
@@ -247,7 +252,8 @@ MACHINES = (
     ),
     Machine(
         "qube_servo_pendulum", _QUBE_FILES[5:7], _QUBE_FILES[8:9], QUBE, "rad", np.inf,
-        (), ("quadratic_drag", "backlash", "end_stop", "gravity_torque"), linked, windowed("arm_position_rad", 1.0, 0.2),
+        (), ("quadratic_drag", "backlash", "end_stop", "gravity_torque"), linked,
+        windowed("arm_position_rad", 1.0, 0.2),
     ),
 )  # fmt: skip
 
@@ -262,7 +268,6 @@ def run(machine: Machine, folder: Path) -> bool:
         f'schema = 1\nname = "{machine.name}"\n[recordings]\ntrain = {lists[0]}\ntest = {lists[1]}\n'
         f"[plant]{machine.plant}"
     )
-    begun = time.perf_counter()
     before = machine.score(project, [folder / name for name in machine.test], folder)
     middle = time.perf_counter()
     status, said = firmloop("diagnose", project, "--out", folder / "out")
@@ -290,9 +295,8 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", default=[machine.name for machine in MACHINES])
     parser.add_argument("--keep", type=Path)
     chosen = parser.parse_args()
-    print(
-        f"{'machine':26s} {'verdict':16s} {'nominal':>9s} {'after':>9s} {'bar':>7s} {'':4s} {'diagnose':>9s}  met effects"
-    )
+    titles = f"{'nominal':>9s} {'after':>9s} {'bar':>7s} {'':4s} {'diagnose':>9s}  met effects"
+    print(f"{'machine':26s} {'verdict':16s} {titles}")
     with tempfile.TemporaryDirectory() as made:
         folder = chosen.keep or Path(made)
         met = [run(machine, folder / machine.name) for machine in MACHINES if machine.name in chosen.only]

@@ -63,17 +63,21 @@ class _Problem(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("coordinate", "lag", "lag_rate", "begin", "length", "input", "ramp")),
         *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
         ("step", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("rate", "reading", "slope", "p")),
+        *((name, ctypes.c_void_p) for name in ("rate", "reading", "bent", "slope", "p")),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """Compiled equations of a plant that is not linear; `rate` and `slope` are null where only the reading is not."""
+    """Compiled equations of a plant that is not linear; what is linear is null.
+
+    `bent` is the effort of the first balance that has one.
+    """
 
     library: ctypes.CDLL
     rate: int
     reading: int
+    bent: int
     slope: int
 
 
@@ -137,7 +141,9 @@ def equations_of(plant: Plant, writer: FormWriter) -> Equations:
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     rate, reading = ca.densify(plant.rate(x, u, p)), ca.densify(plant.reading(x, u, p))
     slope = ca.densify(ca.jacobian(rate, x)).T
-    functions = {"rate": [rate], "reading": [reading], "slope": [rate, slope]}
+    effort = next((b.effort for b in plant.balances if b.kind in ("torque", "force")), None)
+    bent = ca.SX(0.0) if effort is None else ca.densify(effort(x, u, p))
+    functions = {"rate": [rate], "reading": [reading], "bent": [bent], "slope": [rate, slope]}
     generator = ca.CodeGenerator("equations.c")
     wrappers = ['#include "equations.c"']
     for name, results in functions.items():
@@ -159,6 +165,7 @@ def equations_of(plant: Plant, writer: FormWriter) -> Equations:
         loaded,
         0 if straight else place["rate"],
         0 if writer.linear_reading else place["reading"],
+        0 if writer.linear_effort else place["bent"],
         0 if straight else place["slope"],
     )
 
@@ -203,7 +210,8 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     for name, value in fixed.items():
         setattr(problem, name, value.ctypes.data)
     if equations is not None:
-        problem.rate, problem.reading, problem.slope = equations.rate, equations.reading, equations.slope
+        problem.rate, problem.reading = equations.rate, equations.reading
+        problem.bent, problem.slope = equations.bent, equations.slope
     names = [parameter.name for parameter in made.plant.parameters]
     delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
     return Job(made, problem, made.timing, delay, (terms, coordinates, fixed, lag, equations))

@@ -47,7 +47,7 @@ class Balance:
     per: ca.Function  # (p (k,)) -> scalar
     position: int = -1
     to: int = -1
-    effort: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
+    effort: ca.Function | None = None  # (x, u, p) -> scalar; not linear only in an `ode`
     current: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
     resistance: ca.Function | None = None  # (p) -> scalar
 

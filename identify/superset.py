@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.assembly import Assembly
 from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
 from identify.course import Course
 from identify.effect import Scales
@@ -131,7 +132,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("input", course.drive[:, 0])
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
-        see("effort", states @ assembly.effort_x + course.drive @ assembly.effort_u)
+        see("effort", _efforts(bare, engine, assembly, states, course.drive, constants))
         if assembly.speed >= 0:
             see("speed", states[:, assembly.speed])
         if assembly.position >= 0:
@@ -163,6 +164,17 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         slew=sizes.get("slew", 1.0),
         level=sizes.get("level", 1.0),
     )
+
+
+def _efforts(
+    plant: Plant, engine: EffectSimulator, assembly: Assembly, states: Array, drive: Array, constants: Array
+) -> Array:
+    """Return what the drive gives, (n,)."""
+    if engine.writer.linear_effort:
+        return np.asarray(states @ assembly.effort_x + drive @ assembly.effort_u)
+    bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
+    nominal = constants[: plant.rate.numel_in(2)]
+    return np.array([float(bent(x, u, nominal)) for x, u in zip(states, drive, strict=True)])
 
 
 def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:

@@ -45,7 +45,7 @@ typedef struct {
     const double *before;                /* m: the input before the first segment */
     const int *reads, *read_row, *read_output; /* reads: segments + 2 offsets; output -1: all */
     double step;                         /* s: the longest tabulated length */
-    nominal_t rate, reading;
+    nominal_t rate, reading, bent; /* bent: an effort that is not linear */
     slope_t slope;
     const double *p;
 } problem_t;

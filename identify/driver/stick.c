@@ -36,7 +36,11 @@ static view_t look(const run_t *run, const double *x, const double *u, double t)
     v.w = k->speed >= 0 ? x[k->speed] : 0.0;
     v.th = k->position >= 0 ? x[k->position] : 0.0;
     v.i = form(k->current, k->n, x, k->m, u);
-    v.effort = form(k->effort, k->n, x, k->m, u);
+    if (k->bent != NULL) {
+        k->bent(x, u, k->p, &v.effort);
+    } else {
+        v.effort = form(k->effort, k->n, x, k->m, u);
+    }
     for (int c = 0; c < k->coordinates; ++c) {
         if (k->coordinate[c].what == FRICTION && k->coordinate[c].row == k->speed) {
             v.s = run->s[c];
