@@ -92,8 +92,8 @@ def read_data(project: Project) -> Data:
     named = project.recordings
     assert named is not None, "require() has seen to it"
     return Data(
-        tuple(read_recording(path, named.rename) for path in named.train),
-        tuple(read_recording(path, named.rename) for path in named.test),
+        tuple(read_recording(path, named.rename, named.hold) for path in named.train),
+        tuple(read_recording(path, named.rename, named.hold) for path in named.test),
     )
 
 

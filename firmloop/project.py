@@ -11,6 +11,7 @@ from codegen.bundle import CodegenError
 from codegen.names import check_identifier
 from codegen.target import target_names
 from firmloop.table import ProjectError, Table, read_table
+from identify.hold import HOLDS
 from identify.signal import Signal
 from quantize.word_length import Allowed
 
@@ -36,6 +37,7 @@ class Recordings:
     test: tuple[Path, ...]
     rename: Mapping[str, str]  # a file's column name -> ours
     conditioning: Table
+    hold: str = "zero_order"  # what an input does between rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +212,7 @@ def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> 
 
 
 def _recordings(table: Table) -> Recordings:
-    table.only(("train", "test", "rename", "conditioning"))
+    table.only(("train", "test", "rename", "conditioning", "hold"))
     folder = table.file.parent
     train = tuple(folder / name for name in table.texts("train", 'train = ["steps.csv"]'))
     test = tuple(folder / name for name in table.texts("test", 'test = ["ramp.csv"]'))
@@ -221,8 +223,11 @@ def _recordings(table: Table) -> Recordings:
     for key in rename.values:
         rename.text(key, f'{key} = "speed_rad_s"')
     rename.texts_differ()
+    hold = str(table.values.get("hold", HOLDS[0]))
+    if hold not in HOLDS:
+        raise table.wrong("hold", f"is {hold!r}; it must be one of {', '.join(HOLDS)}")
     return Recordings(
-        train, test, {key: str(value) for key, value in rename.values.items()}, table.table("conditioning")
+        train, test, {key: str(value) for key, value in rename.values.items()}, table.table("conditioning"), hold
     )
 
 

@@ -26,6 +26,7 @@ class Course:
     longest: float  # s
     first: int
     end: int
+    knots: tuple[Array, Array] | None = None  # moments (k,) and values (k, m) of straight lines; None: rows are held
 
 
 class Engine(Protocol):

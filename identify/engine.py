@@ -139,10 +139,10 @@ class EffectSimulator:
     def _segments(self, course: Course, made: Job) -> Segments:
         delay = made.delay
         timing = made.timing
-        key = (id(course.time), id(course.drive), course.first, course.end, delay, *timing.key())
+        key = (id(course.time), id(course.drive), id(course.knots), course.first, course.end, delay, *timing.key())
         found = self.cuts.get(key)
         # The course is kept with its segments, so that its identity cannot be another's.
-        if found is not None and found[0].drive is course.drive and found[0].time is course.time:
+        if found is not None and found[0].drive is course.drive and found[0].knots is course.knots:
             return found[1]
         while len(self.cuts) >= 4 * _KEPT:
             self.cuts.pop(next(iter(self.cuts)))

@@ -42,8 +42,11 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
     time = course.time[course.first : course.end]
     late = delay + timing.input_delay
     value = _mapped(course.drive, timing)
+    lines = course.knots
     at_rest = _mapped(np.zeros((1, course.drive.shape[1])), timing)[0]
-    plain = not (late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew))
+    plain = lines is None and not (
+        late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew)
+    )
     if plain:
         rows = np.arange(len(time), dtype=np.int32)
         return Segments(
@@ -57,7 +60,12 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
             np.full(len(time), -1, dtype=np.int32),
             course.step,
         )
-    moments, values, ramps = _pieces(course.time[: course.end] + late, value[: course.end], at_rest, timing.slew, slew)
+    if lines is not None and not np.isfinite(timing.slew):
+        moments, values, ramps = _straight_lines(lines, _mapped(lines[1], timing), late)
+    else:
+        moments, values, ramps = _pieces(
+            course.time[: course.end] + late, value[: course.end], at_rest, timing.slew, slew
+        )
     stamps = _stamps(course, timing, outputs)
     last = max(float(stamp[-1]) for stamp in stamps)
     inner = np.concatenate([moments, timing.breaks])
@@ -127,6 +135,13 @@ def _pieces(time: Array, value: Array, rest: Array, rate: float, slew: Slew) -> 
     ramps = np.zeros_like(values)
     ramps[:, 0] = kept[:, 2]
     return kept[:, 0].copy(), values, ramps
+
+
+def _straight_lines(lines: tuple[Array, Array], value: Array, late: float) -> tuple[Array, Array, Array]:
+    """Moments, values and slopes of inputs that go from knot to knot; the last one is held."""
+    time = lines[0]
+    slopes = np.diff(value, axis=0) / np.diff(time)[:, None]
+    return time + late, value, np.concatenate([slopes, np.zeros((1, value.shape[1]))])
 
 
 def slew_function(library: ctypes.CDLL) -> Slew:
