@@ -15,7 +15,7 @@ from identify.plant import IdentifyError
 Array = NDArray[np.float64]
 
 HOLDS = ("zero_order", "linear", "band_limited")
-_FINER = 4  # knots of straight lines per row
+FINER = 4  # knots of straight lines per row
 _ENDS = 256  # rows by which the ends are continued, so that the transform sees no jump
 _EVEN = 1e-3  # of the step: rows that are further from even have no spectrum
 
@@ -42,9 +42,9 @@ def knots(hold: str, time: Array, drive: Array, source: str) -> tuple[Array, Arr
     size = scipy.fft.next_fast_len(len(whole), real=True)
     padded = np.concatenate([whole - line, np.zeros((size - len(whole), drive.shape[1]))])
     spectrum = scipy.fft.rfft(padded, axis=0)
-    lines = np.sinc(np.arange(len(spectrum)) / (size * _FINER)) ** 2
-    fine = _FINER * scipy.fft.irfft(spectrum / lines[:, None], size * _FINER, axis=0)
-    count = _FINER * (len(time) - 1) + 1
-    moments = np.interp(np.arange(count) / _FINER, np.arange(len(time)), time)
-    ramp = np.stack([np.interp(reach + np.arange(count) / _FINER, np.arange(len(whole)), each) for each in line.T], 1)
-    return moments, np.ascontiguousarray(fine[_FINER * reach : _FINER * reach + count] + ramp)
+    lines = np.sinc(np.arange(len(spectrum)) / (size * FINER)) ** 2
+    fine = FINER * scipy.fft.irfft(spectrum / lines[:, None], size * FINER, axis=0)
+    count = FINER * (len(time) - 1) + 1
+    moments = np.interp(np.arange(count) / FINER, np.arange(len(time)), time)
+    ramp = np.stack([np.interp(reach + np.arange(count) / FINER, np.arange(len(whole)), each) for each in line.T], 1)
+    return moments, np.ascontiguousarray(fine[FINER * reach : FINER * reach + count] + ramp)
