@@ -18,6 +18,10 @@ NUMBER_SAYS = {
     "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven",
     "fixed16": "16-bit fixed-point signals on 32-bit values, saturating, rounding to nearest; no overflow, proven",
 }
+INPUT_SAYS = {
+    "float": "What is no number commands the low limit, and the controller starts afresh",
+    "fixed": "Every value of the type is allowed",
+}
 PLACES = {"in": "in->", "self": "self->"}
 
 
@@ -36,6 +40,8 @@ def literal(value: float, number: Number) -> str:
     >>> literal(np.float32(0.1), Number("float", 32, 0)), literal(2.0, Number("float", 64, 0))
     ('0.1F', '2.0')
     """
+    if number.kind == "float" and math.isnan(value):
+        return f"fl_unset_f{number.bits}()"
     if number.kind == "fixed":
         raw = int(value)
         if raw == -(2**31):
@@ -67,7 +73,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         "program_id": program.id,
         "period": repr(program.period),
         "number_says": NUMBER_SAYS[program.arithmetic],
-        "nan_says": ", a NaN to the low end" if floating else "",
+        "input_says": INPUT_SAYS["float" if floating else "fixed"],
         "support": "fl_float.h" if floating else "fl_fixed.h",
         "rounding": [
             {"output": r.output, "bound": f"{r.bound:.3g}", "unit": r.unit}
@@ -152,9 +158,8 @@ def _line(op: Op, program: Program) -> dict[str, str]:
         q = f"Q{number.fraction}, " if number.kind == "fixed" else ""
         unit = f"{op.result.unit}, " if op.result.unit else ""
         note = f"{unit}{q}{low:.6g} to {high:.6g}"
-    kind = "int32_t" if number.kind == "fixed" else c_type(number)
     expression = re.sub(r"(?<=, )\((-[^()]+)\)(?=[,)])|(?<=\()\((-[^()]+)\)(?=[,)])", r"\1\2", form.format(*texts))
-    return {"name": op.result.name, "type": kind, "expression": expression, "note": note}
+    return {"name": op.result.name, "type": c_type(number), "expression": expression, "note": note}
 
 
 def _literal_number(op: Op, program: Program) -> Number:

@@ -13,6 +13,7 @@ SX function; kinds that need long loops add a stage type here and a lowering in 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -63,4 +64,11 @@ class Law:
     stages: tuple[Scalar, ...]
     rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
     states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures
+    first: ca.Function | None = None  # (x, z) -> x of the first sample: as if its inputs z had always stood
+    opening: str = ""  # the state variable that is 0 in the first sample and 1 after it
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
+
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """`why` by the name of the state variable."""
+        return {signal.name: why for signal, why in zip(self.state, self.why, strict=True)}

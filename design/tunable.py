@@ -102,6 +102,10 @@ def held(law: Law, parameters: Sequence[Parameter]) -> Law:
         ["x", "z"],
         ["x_next", "u", "flags", "named"],
     )
+    first = None
+    if law.first is not None:
+        begun = law.first(x[:order], ca.vertcat(z, x[order:]))
+        first = ca.Function("first", [x, z], [ca.vertcat(begun, x[order:])], ["x", "z"], ["x_first"])
     names = ", ".join(f"{p.signal.name} {p.signal.low:.6g} to {p.signal.high:.6g}" for p in parameters)
     return replace(
         law,
@@ -112,5 +116,6 @@ def held(law: Law, parameters: Sequence[Parameter]) -> Law:
         why=law.why + (WHY,) * len(parameters),
         stages=(Scalar(stage, scalar.named),),
         rest=law.rest[:count],
+        first=first,
         tunable=tuple(parameter.signal.name for parameter in parameters),
     )

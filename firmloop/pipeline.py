@@ -177,7 +177,7 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
         program = lower_within(designed.law, formats, project.allowed)
         bundle = emit(program, command)
         still = zero_input(program)
-        ranges = {**proof(program, designed.law.why), "zero_input": still.as_dict() if still else None}
+        ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
         inputs, settings, trace = golden(program)
         extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
         return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)

@@ -4,19 +4,22 @@ One operation in round-to-nearest adds at most half a unit in the last place of 
 |result|), plus half the smallest subnormal (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., 2.2),
 u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in float64, so its own rounding is part of the bound
 too. Where a sum is limited to a range, its own rounding matters only where law or program is within that range:
-beyond it both stand at the limit. Inputs are clamped to their declared range, which also turns a
-NaN into the low end; state is not, its range is the controller's own argument.
+beyond it both stand at the limit. Neither inputs nor state are limited: bounds hold while inputs
+keep their ranges, and state keeps its range by the controller's own argument. A state that an input has made infinite
+or no number is found in the next sample, and the controller starts afresh.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import numpy as np
 
 from quantize.builder import Builder, Constant, Operand, Term
-from quantize.program import Number
+from quantize.program import Number, Value
 
 LAW = 2.0**-53  # rounding of the law's own evaluation
 
@@ -41,6 +44,32 @@ class FloatBuilder:
         """Return the one format of every value."""
         del low, high, q
         return Number("float", self.bits, 0)
+
+    @property
+    def unset(self) -> float:
+        """What a state variable holds that only the first sample can set."""
+        return math.nan
+
+    def held(self, low: float, high: float, number: Number) -> tuple[float, float]:
+        """Return the range of a state variable."""
+        return self.limits(low, high, number)
+
+    def read(self, value: Value) -> Term:
+        """Return an input; every bound holds while it keeps its range."""
+        return Term(f"in.{value.name}", value.number, value.low, value.high, 0.0)
+
+    def fresh(self, probes: Sequence[Term]) -> Term:
+        """Return whether this is the first sample, or the state was lost."""
+        total: Operand = probes[0]
+        for probe in probes[1:]:
+            total = self.binary("add", total, probe)
+        assert isinstance(total, Term)
+        self.ops.wish = ("fresh", "")
+        return self.ops.emit("lost", (total,), total.number, 0.0)
+
+    def total(self, parts: Sequence[tuple[Fraction, Term]], constant: Fraction, q: int) -> Operand:
+        """Refuse: floating point adds up in the law's own order."""
+        raise AssertionError("no sum is gathered in floating point")
 
     def literal(self, value: float, number: Number) -> float:
         """Return the nearest representable value."""
@@ -86,14 +115,17 @@ class FloatBuilder:
         assert isinstance(a, Term) and isinstance(b, Term)
         return self.ops.emit(function, (a, b), a.number, a.error + b.error)
 
-    def choose(self, condition: Operand, a: Operand, q: int) -> Operand:
-        """Take `a` where the condition holds, else zero; near its edge the condition may choose unlike the law's."""
+    def choose(self, condition: Operand, a: Operand, b: Operand, q: int) -> Operand:
+        """Take `a` where the condition holds, else `b`; near its edge the condition may choose unlike the law's."""
         del q
         assert isinstance(condition, Term)
         number = Number("float", self.bits, 0)
-        value, error = self._operand("select", a, number)
-        flip = 0.0 if condition.error == 0.0 else _size(value) + error
-        return self.ops.emit("select", (condition, value, 0.0), number, max(error, flip))
+        (one, one_error), (other, other_error) = (self._operand("select", operand, number) for operand in (a, b))
+        error = max(one_error, other_error)
+        if condition.error != 0.0:
+            (low, high), (least, most) = _ends(one), _ends(other)
+            error += max(high - least, most - low)
+        return self.ops.emit("select", (condition, one, other), number, error)
 
     def store(self, a: Operand, number: Number, low: float, high: float, wish: tuple[str, str]) -> Term:
         """Return the value a state or output takes; a bare constant gets a name first."""
@@ -150,6 +182,10 @@ class FloatBuilder:
 
 def _size(a: Term | float) -> float:
     return max(abs(a.low), abs(a.high)) if isinstance(a, Term) else abs(a)
+
+
+def _ends(a: Term | float) -> tuple[float, float]:
+    return (a.low, a.high) if isinstance(a, Term) else (a, a)
 
 
 def _times(a: float, b: float) -> float:

@@ -89,6 +89,7 @@ class Program:
     results: tuple[Assign, ...]
     status: tuple[StatusBit, ...]
     rounding: tuple[Rounding, ...]
+    unset: str | None = None  # state that starts at the least integer, or as no number, until the first sample sets it
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
 
     @property

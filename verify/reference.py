@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quantize.ops import OPERATIONS
+from quantize.ops import OPERATIONS, SHIFTS
 from quantize.program import Number, Program, Value
 
 Raw = NDArray[Any]
@@ -74,7 +74,7 @@ class Machine:
             for k, argument in enumerate(op.arguments):
                 if isinstance(argument, str):
                     places.append(self.slots[argument])
-                elif (op.function, k) in (("shr", 1), ("shl", 1), ("mul_shift", 2)):
+                elif SHIFTS.get(op.function) == k:
                     shifts.append(int(argument))
                 else:
                     slot = self._slot(f"#{len(self.slots)}")

@@ -13,6 +13,9 @@ and of `form = "tustin"` (trapezoidal integral; kd s/(tf s + 1) with s = 2/h (z-
     v[k]   = kp (b r - y) + (I[k] + ki h/2 e[k]) + D[k]
     u[k], I[k+1] as above
 
+With constant gains D is computed as g (x - f) from f, the filtered x: f[k+1] = f[k] + (1-q) (x[k] - f[k]), f[0] = x[0],
+where q and g are the factors of D[k-1] and of x[k] - x[k-1] above: one state variable, and D[0] = 0 by itself.
+
 The tracking term (h/tt) (u - v) is `anti_windup = "back_calculation"` (Astrom and Murray, Feedback Systems, 2nd ed.,
 ch. 11). "clamping" has no such term and leaves I alone while v is beyond a limit and ki e points further out.
 "none" only adds.

@@ -51,5 +51,5 @@ def box_ranges(
         (wider[signal.name](), ARGUMENT if signal.name == "derivative" else why)
         if signal.name in wider
         else (signal, why)
-        for signal, why in state_ranges(whole, reference, measurement, output)
+        for signal, why in state_ranges(whole, reference, measurement, output, varying=True)
     )

@@ -121,7 +121,7 @@ def test_a_set_parameter_acts_as_one_that_was_always_there(form: str) -> None:
 def test_the_proof_covers_the_whole_range() -> None:
     law = pid({**FULL, "tunable": ["kp", "ki"], "ranges": {"kp": [0.0, 0.2], "ki": [0.0, 5.0]}})
     program = lower(law, "fixed32")
-    document = json.loads(json.dumps(proof(program, law.why)))
+    document = json.loads(json.dumps(proof(program, law.reasons)))
     checked = check_proof(document)
     assert checked is not None and checked.operations == len(program.body)
     held = next(value for value in document["state"] if value["name"] == "kp")

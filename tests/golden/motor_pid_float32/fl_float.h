@@ -5,6 +5,8 @@
 #ifndef FL_FLOAT_H
 #define FL_FLOAT_H
 
+#include <stdint.h>
+
 static inline float fl_min_f32(float a, float b)
 {
     return (a < b) ? a : b;
@@ -18,6 +20,19 @@ static inline float fl_max_f32(float a, float b)
 static inline float fl_clamp_f32(float x, float low, float high)
 {
     return fl_min_f32(fl_max_f32(x, low), high);
+}
+
+/* Whether `a` is not a number, or infinite. */
+static inline int32_t fl_lost_f32(float a)
+{
+    return ((a - a) == 0.0F) ? 0 : 1;
+}
+
+/* Not a number: what a controller holds until its first sample. */
+static inline float fl_unset_f32(void)
+{
+    const float zero = 0.0F;
+    return zero / zero;
 }
 
 static inline float fl_abs_f32(float a)
@@ -38,6 +53,19 @@ static inline double fl_max_f64(double a, double b)
 static inline double fl_clamp_f64(double x, double low, double high)
 {
     return fl_min_f64(fl_max_f64(x, low), high);
+}
+
+/* Whether `a` is not a number, or infinite. */
+static inline int32_t fl_lost_f64(double a)
+{
+    return ((a - a) == 0.0) ? 0 : 1;
+}
+
+/* Not a number: what a controller holds until its first sample. */
+static inline double fl_unset_f64(void)
+{
+    const double zero = 0.0;
+    return zero / zero;
 }
 
 static inline double fl_abs_f64(double a)

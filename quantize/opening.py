@@ -1,0 +1,101 @@
+"""Let a controller find its own first sample: no flag beside the state, no work in any later sample.
+
+A law says in `first` what its state is where the first inputs had always stood. The program keeps one state variable at
+a value that it cannot have otherwise, until the first sample: the least integer in fixed point, not a number in
+floating point. There the same test finds a controller that a NaN or an infinite input has reached, and starts it
+afresh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from design.law import Law, Scalar
+from quantize.graph import Graph, read_graph
+
+PASSING = ("add", "sub", "neg", "twice", "mul", "square")  # not finite where any operand is not, and not the constant 0
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A law whose function has a third argument, the truth value `fresh`, and no state that says the same.
+
+    `probes`: places of the state variables that tell when the controller is fresh; `unset`: the one that says so from
+    the start, None where the start needs no telling.
+    """
+
+    law: Law
+    graph: Graph
+    probes: tuple[int, ...]
+    unset: int | None
+
+
+def opened(law: Law, floating: bool) -> Opened:
+    """Rewrite `law` for fixed or for floating point."""
+    flag = next((j for j, s in enumerate(law.state) if s.name == law.opening), None)
+    kept = [j for j in range(len(law.state)) if j != flag]
+    x, z, fresh = ca.SX.sym("x", len(law.state)), ca.SX.sym("z", len(law.inputs)), ca.SX.sym("fresh")
+    first = law.first(x, z) if law.first is not None else x
+    begun: list[ca.SX] = [x[j] for j in range(len(law.state))]
+    own: list[int] = []  # state that the first inputs set
+    for j in kept:
+        if law.state[j].name in law.tunable:
+            continue
+        if law.first is not None and ca.depends_on(first[j], z):
+            own.append(j)
+            begun[j] = ca.if_else(fresh, first[j], x[j])
+        elif floating:
+            begun[j] = ca.if_else(fresh, law.start[j], x[j])
+    if flag is not None:
+        begun[flag] = ca.SX(1)
+    (stage,) = law.stages
+    after, u, flags, named = stage.function(ca.vertcat(*begun), z)
+    function = ca.Function(
+        "law", [x[kept] if kept else ca.SX(0, 1), z, fresh], [after[kept] if kept else ca.SX(0, 1), u, flags, named]
+    )
+    shorter = replace(
+        law,
+        state=tuple(law.state[j] for j in kept),
+        start=tuple(law.start[j] for j in kept),
+        why=tuple(law.why[j] for j in kept),
+        stages=(Scalar(function, stage.named),),
+    )
+    graph = read_graph(function)
+    if not floating:
+        unset = kept.index(own[0]) if own else None
+        return Opened(shorter, graph, (unset,) if unset is not None else (), unset)
+    mortal = [k for k, j in enumerate(kept) if law.state[j].name not in law.tunable]
+    probes = _probes(graph, mortal)
+    return Opened(shorter, graph, probes, probes[0] if own else None)
+
+
+def _probes(graph: Graph, mortal: Sequence[int]) -> tuple[int, ...]:
+    """Return few state variables such that what is not finite reaches one of them from any of `mortal`."""
+    follows = {j: _reached(graph, j, mortal) for j in mortal}
+    for _ in mortal:
+        follows = {j: found.union(*(follows[k] for k in found)) for j, found in follows.items()}
+    left, chosen = set(mortal), []
+    while left:
+        best = max(mortal, key=lambda k: sum(k in follows[j] or k == j for j in left))
+        chosen.append(best)
+        left = {j for j in left if best not in follows[j] and best != j}
+    return tuple(sorted(chosen))
+
+
+def _reached(graph: Graph, j: int, mortal: Sequence[int]) -> set[int]:
+    """Return the state variables that are not finite in the next sample where variable `j` is not in this one."""
+    lost = [False] * len(graph.nodes)
+    for k, node in enumerate(graph.nodes):
+        if node.function == "argument":
+            lost[k] = node.place == (0, j)
+        elif node.function in PASSING:
+            zero = any(graph.nodes[a].function == "constant" and graph.nodes[a].value == 0 for a in node.arguments)
+            lost[k] = any(lost[a] for a in node.arguments) and not (node.function == "mul" and zero)
+        elif node.function == "choose" and graph.nodes[node.arguments[0]].place == (2, 0):
+            lost[k] = lost[node.arguments[2]]  # as it is where no probe has seen it yet
+        elif node.function == "choose":
+            lost[k] = lost[node.arguments[1]] and lost[node.arguments[2]]
+    return {k for k in mortal if lost[graph.results[0][k]]}
