@@ -96,6 +96,11 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds)
         return monitor(project, watch, arguments.out, console)
 
+    if arguments.verb == "tune":
+        from firmloop.tuning import tune
+
+        return tune(project, arguments.out, console)
+
     from firmloop import verbs
 
     if arguments.verb == "identify":
@@ -181,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _verb(verbs, "diagnose", "say where simulation and recordings differ and why; DIR/diagnosis.json, DIR/report.html")
     _verb(verbs, "design", "tune the controller; margins and step metrics")
+    _verb(verbs, "tune", "tune the controller by every rule and compare the loops; DIR/tuning.csv")
     _verb(verbs, "generate", "write the controller's C and DIR/manifest.json")
     for name, says in (
         ("verify", "generate, build and run the C against the bit-exact reference; DIR/verdict.json"),

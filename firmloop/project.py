@@ -27,6 +27,7 @@ EXAMPLES = {
     "arithmetic": '[arithmetic] with number = "float32"',
     "target": '[target] with names = ["host"]',
 }
+FURTHER = ("tuning",)  # tables that only the verb of that name reads
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ def read_project(path: Path) -> Project:
         on the first thing that is wrong, with file and line.
     """
     document = read_table(path)
-    document.only(("schema", "name", *EXAMPLES))
+    document.only(("schema", "name", *EXAMPLES, *FURTHER))
     if "schema" not in document.values:
         raise document.missing("schema", "schema = 1")
     if document.values["schema"] != SCHEMA or isinstance(document.values["schema"], bool):

@@ -11,7 +11,9 @@ they are where tf is the same at every point. The integral is kept in the output
 gains moves nothing by itself: the transfer is bumpless.
 
 `controllers` holds one table per point, `points` its value of the signal; or `points` holds the tables, with the value
-as `at`. Each table is that of a `pid` (`kind` may be left out); limits, forms and modes must agree.
+as `at`. Each table is that of a `pid` (`kind` may be left out); limits, forms and modes must agree. A point may be
+tuned: `tune` and that rule's keys stand in its table, and `plant = { gain = 3.0 }` names the parameters of the
+project's plant that are different at that operating point.
 
 The range of the state is proven in `pid_box.py`.
 """
@@ -27,12 +29,13 @@ import casadi as ca
 from design.feedforward import feedforward
 from design.kinds import Design, Kind, Request
 from design.kinds.pid import KEYS as PID_KEYS
-from design.kinds.pid import find_wires, given_gains, read_pid
+from design.kinds.pid import find_gains, find_wires, given_gains, read_pid
 from design.kinds.pid_box import box_ranges, whole_pid
 from design.kinds.pid_range import Pid
 from design.kinds.pid_write import Factor, Factors, factors, write
 from design.law import DesignError
-from design.table import check_keys, choice, numbers
+from design.table import check_keys, choice, numbers, real
+from design.tuning import Gains
 from identify.signal import Signal
 
 KEYS = ("schedule_on", "points", "controllers", "feedforward")
@@ -56,7 +59,7 @@ def design(request: Request) -> Design:
     pids = []
     for k, table in enumerate(tables):
         try:
-            pids.append(read_pid(table, request.period, wires, given_gains(table)))
+            pids.append(read_pid(table, request.period, wires, _gains(request, table, wires)))
         except DesignError as error:
             raise DesignError(f"point {k + 1} of the gain_schedule: {error}") from None
     _check_alike(pids)
@@ -75,6 +78,28 @@ def design(request: Request) -> Design:
     law = write(request, says, whole, mixed, z, wires, ranges, named, ahead)
     figures = {f"{name}_{k}": getattr(pid, name) for k, pid in enumerate(pids, 1) for name in ("kp", "ki", "kd")}
     return Design(law, figures, None, {})
+
+
+def _gains(request: Request, table: Mapping[str, object], wires: Wires) -> Gains:
+    """Take the gains of a point, or tune them for the plant as it is there: `plant` holds what is different."""
+    if "tune" not in table:
+        return given_gains(table)
+    own = {key: value for key, value in table.items() if key != "plant"}
+    plant, changed = request.plant, table.get("plant", {})
+    if not isinstance(changed, dict):
+        raise DesignError(f"controller.plant = {changed!r} is no table; write it like plant = {{ gain = 3.0 }}")
+    if plant is not None:
+        names = [parameter.name for parameter in plant.parameters]
+        for name in changed:
+            choice({"plant": name}, "plant", None, names)
+        plant = replace(
+            plant,
+            parameters=tuple(
+                replace(parameter, value=real(changed, parameter.name, parameter.value))
+                for parameter in plant.parameters
+            ),
+        )
+    return find_gains(replace(request, table=own, plant=plant), wires)[1]
 
 
 def _points(table: Mapping[str, object]) -> tuple[tuple[float, ...], list[Mapping[str, object]]]:
@@ -106,9 +131,8 @@ def _points(table: Mapping[str, object]) -> tuple[tuple[float, ...], list[Mappin
         kind = entry.pop("kind", "pid")
         if kind != "pid":
             raise DesignError(f"point {k} of the gain_schedule has kind = '{kind}'; only 'pid' can be interpolated")
-        if "tune" in entry:
-            raise DesignError(f"point {k} of the gain_schedule asks for tune; one plant has one tuning: give its gains")
-        check_keys(entry, PID_KEYS, f"point {k} of the gain_schedule, a pid,")
+        if "tune" not in entry:
+            check_keys(entry, PID_KEYS, f"point {k} of the gain_schedule, a pid,")
     return at, list(given)
 
 

@@ -76,7 +76,7 @@ TIMES = ("ideal", "series")  # forms that give times in place of ki and kd
 def design(request: Request) -> Design:
     """Read the table, tune where it says so, and write the law."""
     wires = find_wires(request)
-    tuned_by, gains = _gains(request)
+    tuned_by, gains = find_gains(request, wires)
     ahead = feedforward(request.table, request.plant, wires.reference)
     pid = read_pid(request.table, request.period, wires, gains)
     if ahead is not None:
@@ -144,7 +144,7 @@ def find_wires(request: Request) -> Wires:
     return Wires(reference, measurement, output, extra.get("manual"), switch, extra.get("tracking"))
 
 
-def _gains(request: Request) -> tuple[str | None, Gains]:
+def find_gains(request: Request, wires: Wires) -> tuple[str | None, Gains]:
     """Take the gains from the table, or from the tuning rule that it names."""
     table = request.table
     if "tune" not in table:
@@ -162,7 +162,13 @@ def _gains(request: Request) -> tuple[str | None, Gains]:
         )
     if request.plant is None:
         raise DesignError(f"controller.tune = '{rule.name}' needs a plant; add [plant] or give kp, ki, kd")
-    return rule.name, rule.tune(linearize(request.plant), request.period, table)
+    return rule.name, rule.tune(linearize(request.plant), request.period, {**room(wires), **table})
+
+
+def room(wires: Wires) -> dict[str, float]:
+    """Tell a tuning rule the output's limits, and a usual step: a quarter of the reference's range."""
+    top = max(wires.reference.high, -wires.reference.low)
+    return {"u_min": wires.output.low, "u_max": wires.output.high, "usual_step": top / 4}
 
 
 def given_gains(table: Mapping[str, object]) -> Gains:
