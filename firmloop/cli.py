@@ -96,6 +96,14 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds)
         return monitor(project, watch, arguments.out, console)
 
+    if arguments.verb == "step":
+        from firmloop.step import step
+
+        return step(project, arguments.out, console)
+    if arguments.verb == "examine":
+        from firmloop.examine import examine
+
+        return examine(project, arguments.out, arguments.draws, arguments.seed, console)
     if arguments.verb == "tune":
         from firmloop.tuning import tune
 
@@ -179,6 +187,12 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND")
 
     _verb(verbs, "identify", "fit the plant to the train recordings; DIR/project.toml holds it")
+    _verb(verbs, "step", "measure step responses over repeated trials, and read models off them; DIR/step.json")
+    examine = _verb(verbs, "examine", "intervals by three ways, residual tests, sensitivities; DIR/examination.json")
+    examine.add_argument(
+        "--draws", type=_draws, default=10_000, metavar="N", help="draws of the Monte Carlo intervals (default 10000)"
+    )
+    examine.add_argument("--seed", type=_seed, default=SEED, metavar="N", help=f"seed of the draws (default {SEED})")
     simulate = _verb(verbs, "simulate", "predict every output of a recording from its input column alone", "FILE.csv")
     simulate.add_argument("recording", type=Path, metavar="RECORDING", help="the recording whose input is taken")
     simulate.add_argument(
@@ -256,6 +270,10 @@ def _place(text: str) -> Path:
 
 def _steps(text: str) -> int:
     return _whole(text, 1, MOST_STEPS)
+
+
+def _draws(text: str) -> int:
+    return _whole(text, 100, 1_000_000)
 
 
 def _seed(text: str) -> int:
