@@ -32,7 +32,7 @@ from design.kinds.pid import KEYS as PID_KEYS
 from design.kinds.pid import find_gains, find_wires, given_gains, read_pid
 from design.kinds.pid_box import box_ranges, whole_pid
 from design.kinds.pid_range import Pid
-from design.kinds.pid_write import Factor, Factors, factors, write
+from design.kinds.pid_write import Factor, Factors, Wires, factors, write
 from design.law import DesignError
 from design.table import check_keys, choice, numbers, real
 from design.tuning import Gains
