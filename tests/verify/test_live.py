@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from pathlib import Path
 
@@ -19,10 +20,12 @@ from firmloop.pipeline import design, generate, plant_of
 from firmloop.project import read_project
 from identify.recording import read_recording
 from quantize.lower import lower
+from quantize.program import Program
 from tests.laws import FULL, pid
 from verify.build import build_image
+from verify.frame import binding, seal, unseal
 from verify.links import LinkError
-from verify.links.live import LiveLink, open_live_port
+from verify.links.live import DATA, HELLO, WATCH, LiveLink, open_live_port, watchable
 from verify.reference import run
 
 PROJECT = """\
@@ -66,6 +69,46 @@ def stream_without_loss(link: LiveLink, names: tuple[str, ...], every: int, step
         if seen.lost_in_image + seen.lost_on_line == 0:
             return seen
     raise AssertionError("ten times in a row samples were lost")
+
+
+class Echo:
+    """An image that answers at once, after what an earlier watch left on the line."""
+
+    def __init__(self, program: Program) -> None:
+        self._hello = struct.pack("<5I16s", 2, 0, 0, 0, len(watchable(program)), program.id.encode())
+        self._ahead = self._waiting = b""
+
+    def leave(self, kind: int, sequence: int, payload: bytes, bound: int) -> None:
+        self._ahead += b"\0" + seal(kind, sequence, payload, bound)
+
+    def write(self, data: bytes) -> None:
+        kind, sequence, payload = unseal(data[1:-1])
+        reply = payload[:4] + self._hello if kind == HELLO else payload
+        ahead, self._ahead = self._ahead, b""
+        self._waiting += ahead + b"\0" + seal(kind | 0x80, sequence, reply)
+
+    def read(self, timeout: float) -> bytes:
+        waiting, self._waiting = self._waiting, b""
+        return waiting
+
+    def close(self) -> None:
+        """Stay: the controller runs on."""
+
+
+def test_what_an_earlier_watch_left_on_the_line_is_not_taken() -> None:
+    program = lower(pid(FULL), "float32")
+    echo = Echo(program)
+    with LiveLink(echo, "test line", program, timeout=5.0, attempts=1) as link:
+        mask_of_another = struct.pack("<4s2I", b"late", 1, 1)
+        echo.leave(WATCH | 0x80, 2, mask_of_another, 0)
+        link.watch(("output",), 1)
+        row = struct.pack("<3If", 0, 8, 7, 1.5)
+        echo.leave(DATA, 0, row, binding(int.from_bytes(b"late", "little"), 0))
+        echo.leave(DATA, 0, row, 0)
+        echo.leave(DATA, 0, struct.pack("<3If", 0, 9, 8, 2.5), binding(int.from_bytes(link._ticket, "little"), 0))
+        link.state()
+        (samples,) = link.samples(5.0)
+    assert samples.rows.tolist() == [(8, 2.5)]
 
 
 @pytest.mark.qemu
