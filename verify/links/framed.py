@@ -200,7 +200,7 @@ class FramedLink:
             raise LinkError(self._refusal(NAK_SESSION))
         raise LinkError(
             f"{self._where}: no reply within {self._attempts} attempts of {self._timeout:g} s: check that the image "
-            "runs, the baud rate and the wiring"
+            "runs, the baud rate, the wiring, and that this version of firmloop built the image"
         )
 
     def _is_ours(self, kind: int, reply: bytes) -> bool:
