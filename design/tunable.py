@@ -47,7 +47,7 @@ def read_parameters(
         raise DesignError(f"controller.ranges = {ranges!r} is not a table; write [controller.ranges] and kp = [0, 1]")
     names: list[str] = []
     for entry in listed:
-        if entry not in defaults:
+        if not isinstance(entry, str) or entry not in defaults:
             raise DesignError(
                 f"controller.tunable names {entry!r}, which {owner} cannot have tuned on the target; "
                 f"it can: {', '.join(defaults)}"

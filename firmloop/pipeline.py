@@ -161,8 +161,10 @@ def design(project: Project, plant: Plant | None) -> Design:
         )
 
 
-def analyze(project: Project, designed: Design, plant: Plant) -> Loop:
-    """Close the loop on paper: margins, and a step of the reference."""
+def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
+    """Close the loop on paper: margins, and a step of the reference; None where the controller has no reference."""
+    if len(designed.law.inputs) < 2:
+        return None
     with located(project):
         linear = linearize(plant)
         step = closed_loop(designed.law, linear, step_profile(designed.law, linear))
@@ -218,11 +220,13 @@ def verify_target(
 def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
 
-    None where there is no plant, or none that can be moved step by step.
+    None where there is no plant, or none that can be moved step by step, or no reference to follow.
     """
     if project.plant is None:
         return None
     plant, law = plant_of(project), designed.law
+    if len(law.inputs) < 2:
+        return None
     reference, measurement = reference_and_measurement(law.inputs)
     told = law.inputs[reference]
     middle, span = (told.low + told.high) / 2.0, told.high - told.low

@@ -19,7 +19,7 @@ from fractions import Fraction
 import numpy as np
 
 from quantize.builder import Builder, Constant, Operand, Term
-from quantize.program import Number, Value
+from quantize.program import Number, QuantizeError, Value
 
 LAW = 2.0**-53  # rounding of the law's own evaluation
 
@@ -74,7 +74,14 @@ class FloatBuilder:
     def literal(self, value: float, number: Number) -> float:
         """Return the nearest representable value."""
         del number
-        return float(np.float32(value)) if self.bits == 32 else float(value)
+        with np.errstate(over="ignore"):
+            found = float(np.float32(value)) if self.bits == 32 else float(value)
+        if math.isfinite(value) and (not math.isfinite(found) or (found == 0.0) != (value == 0.0)):
+            raise QuantizeError(
+                f"the number {value:g} of the law is {'0' if found == 0.0 else 'beyond every value'} in float32; "
+                "rescale the signals' units or use float64"
+            )
+        return found
 
     def limits(self, low: float, high: float, number: Number) -> tuple[float, float]:
         """Return the representable limits inside the given ones."""

@@ -96,6 +96,12 @@ class _Lowering:
     def _value(self, signal: Signal, q: int) -> Value:
         number = self.builder.signal(signal.low, signal.high, q)
         low, high = self.builder.limits(signal.low, signal.high, number)
+        if low >= high:
+            raise QuantizeError(
+                f"signals.{signal.name} from {signal.low:g} to {signal.high:g} {signal.unit} holds no two numbers of "
+                f"this format ({number.bits} bits, Q{number.fraction}); "
+                "give it in a smaller unit or lower the gains beside it"
+            )
         return Value(signal.name, signal.unit, number, low, high)
 
     def _state(self, signal: Signal, q: int) -> Value:

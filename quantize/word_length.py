@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from design.law import Law
 from quantize.lower import lower
 from quantize.program import Program, QuantizeError
+
+SHARE = 0.1  # of an output's range; a controller that is farther off is none
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +39,20 @@ def lower_within(law: Law, arithmetics: Sequence[str], allowed: Sequence[Allowed
                 raise
             reasons.append(f"{arithmetic} is refused ({error})")
             continue
-        broken = first_broken(program, allowed)
+        broken = _useless(law, program) or first_broken(program, allowed)
         if broken is None:
             return program
         reasons.append(f"{arithmetic} {broken}")
-    raise QuantizeError(
-        f"{allowed[0].key} = {allowed[0].most:g} is not kept: {'; '.join(reasons)}{_way_out(arithmetics)}"
-    )
+    asked = f"{allowed[0].key} = {allowed[0].most:g} is not kept: " if allowed else ""
+    raise QuantizeError(f"{asked}{'; '.join(reasons)}{_way_out(arithmetics, allowed)}")
+
+
+def _useless(law: Law, program: Program) -> str | None:
+    """Say which output may be wrong by a large part of its range: its gain leaves no digits for it."""
+    for signal, rounding in zip(law.outputs, program.rounding, strict=True):
+        if rounding.bound > SHARE * (signal.high - signal.low) and math.isfinite(rounding.bound):
+            return f"may put {rounding.output} {rounding.bound:.3g} {rounding.unit} off, more than a tenth of its range"
+    return None
 
 
 def first_broken(program: Program, allowed: Sequence[Allowed]) -> str | None:
@@ -54,7 +64,8 @@ def first_broken(program: Program, allowed: Sequence[Allowed]) -> str | None:
     return None
 
 
-def _way_out(arithmetics: Sequence[str]) -> str:
+def _way_out(arithmetics: Sequence[str], allowed: Sequence[Allowed]) -> str:
     if arithmetics == ("fixed16",):
         return "; leave bits out or write bits = 32"
-    return "; allow more, narrow the ranges in [signals], or use a longer number"
+    more = "allow more" if allowed else "lower the gains"
+    return f"; {more}, narrow the ranges in [signals], or use a longer number"
