@@ -101,6 +101,9 @@ class _Meaning:
             self.ranges[f"in.{value.name}"] = (-half, half - 1) if self.fixed else (-math.inf, math.inf)
         for value in program.state:
             self.ranges[f"self.{value.name}"] = (value.low, value.high)
+        if program.unset is not None:  # it may hold the least integer, or no number, besides
+            high = self.ranges[f"self.{program.unset}"][1]
+            self.ranges[f"self.{program.unset}"] = (-(2.0**31), high) if self.fixed else (-math.inf, math.inf)
         for op in program.body:
             self.ranges[op.result.name] = (op.result.low, op.result.high)
         self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
@@ -141,9 +144,9 @@ class _Meaning:
         if name not in self.symbols:
             low, high = self.ranges[name]
             if self.fixed or name in self.truths:
-                narrow = z3.BitVec(name, 32)
-                self.assumed += [narrow >= math.ceil(low), narrow <= math.floor(high)]
-                self.symbols[name] = z3.SignExt(WIDE - 32, narrow)
+                value = z3.BitVec(name, WIDE)
+                self.assumed += [value >= math.ceil(low), value <= math.floor(high)]
+                self.symbols[name] = value
             else:
                 x = z3.FP(name, self.sort)
                 if math.isfinite(low) and math.isfinite(high):
@@ -170,7 +173,7 @@ class _Meaning:
         return bool(solver.check() == z3.unsat)
 
     def _functions(self) -> dict[str, Any]:
-        one = z3.BitVecVal(1, WIDE)
+        one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
 
         def least(a: Any, b: Any) -> Any:
             return z3.If(a < b, a, b)
@@ -184,7 +187,14 @@ class _Meaning:
         found: dict[str, Any] = {"number": self.number, "ite": ite}
         found["fl_shl_i32"] = lambda a, s: a << s
         found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
+        found["fl_asr_i32"] = lambda a, s: a >> s
+        found["fl_acc_i64"] = lambda a, s: (a << s) + (one << (s - 1))
+        found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
+        found["fl_high_i32"] = lambda acc, s: acc >> s
         found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
+        for end in ("f32", "f64"):
+            found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
+            found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
         for end in ("i32", "f32", "f64"):
             found[f"fl_min_{end}"] = least
             found[f"fl_max_{end}"] = most

@@ -77,7 +77,7 @@ def _changed_numbers(line: str) -> Iterator[tuple[str, str]]:
                 )
 
 
-_OTHER_TYPE = {"int32_t": "int16_t", "float": "int32_t", "double": "float"}
+_OTHER_TYPE = {"int64_t": "int32_t", "int32_t": "int16_t", "float": "int32_t", "double": "float"}
 _SWAPS = (
     (" + ", " - "), (" - ", " + "), (" * ", " + "), (" < ", " <= "), (" < ", " > "), (" != ", " == "), ("0)", "1)"),
     ("fl_min", "fl_max"), ("fl_max", "fl_min"), (" | ", " & "), ("? 1 : 0", "? 0 : 1"), (" = -", " = "),
@@ -105,7 +105,7 @@ def mutants(bundle: Bundle) -> list[Mutant]:
         swapped = re.sub(r"= ([\w>-]+) - ([\w>-]+);", r"= \2 - \1;", code)
         if swapped != code:
             found.append(Mutant("operands swapped", k, line, swapped + mark + note))
-        typed = re.sub(r"\bconst (int32_t|double|float) ", lambda t: f"const {_OTHER_TYPE[t[1]]} ", code)
+        typed = re.sub(r"\bconst (int64_t|int32_t|double|float) ", lambda t: f"const {_OTHER_TYPE[t[1]]} ", code)
         if typed != code:
             found.append(Mutant("type", k, line, typed + mark + note))
         if "->" in code.partition("=")[0]:

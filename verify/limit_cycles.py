@@ -108,7 +108,7 @@ def _linear(program: Program, machine: Machine, rest: list[States]) -> _Model | 
     rows |= {f"self.{v.name}": row for v, row in zip(program.state, np.eye(order, order + noises), strict=True)}
     conditions: list[tuple[Array, float]] = []
     for k, op in enumerate(program.body):
-        rows[op.result.name] = _row(op, rows, named, order + k, conditions)
+        rows[op.result.name] = _row(op, rows, named, order + k, order, conditions)
     found = [rows[a.source] for a in (*program.next_state, *program.results)]
     if any(row is None for row in found):
         return None
@@ -123,13 +123,14 @@ def _row(
     rows: Mapping[str, Array | None],
     named: Mapping[str, States],
     own: int,
+    order: int,
     conditions: list[tuple[Array, float]],
 ) -> Array | None:
     """Return how the result depends on state and roundings; None where that has an edge at rest."""
     width = len(next(row for row in rows.values() if row is not None))
     still = np.zeros(width)
     given: list[Array | None] = [rows[a] if isinstance(a, str) else still for a in op.arguments]
-    values = [float(named[a][0]) if isinstance(a, str) else float(a) for a in op.arguments]
+    values = [_one(named[a]) if isinstance(a, str) else float(a) for a in op.arguments]
     moving = [k for k, row in enumerate(given) if row is None or np.any(row != 0)]
     if not moving:
         return still
@@ -148,32 +149,51 @@ def _row(
             return a
         case "shl":
             return a * float(2.0 ** values[1])
+        case "acc":
+            return a * float(2.0 ** values[1])
+        case "mac":
+            if {1, 2} <= set(moving):
+                return None
+            c = given[2]
+            assert c is not None
+            return a + b * values[2] + c * values[1]
+        case "high":  # its half was added at the start of the sum
+            return _rounded(a * float(2.0 ** -values[1]), own, order)
+        case "asr":  # rounded down: up to a whole unit
+            return 2.0 * _rounded(a * float(2.0 ** -values[1]) / 2.0, own, order)
         case "shr":
-            return _rounded(a * float(2.0 ** -values[1]), own)
+            return _rounded(a * float(2.0 ** -values[1]), own, order)
         case "mul" | "mul_shift":
             if moving == [0, 1]:
                 return None
             shift = values[2] if op.function == "mul_shift" else 0.0
             row: Array = (a * values[1] + b * values[0]) * 2.0**-shift
-            return _rounded(row, own) if shift and np.any(row) else row  # what is times zero is not rounded
+            return _rounded(row, own, order) if shift else row
         case "min" | "max" | "clamp":
             if moving != [0]:
                 return None
             return _kept(a, values, op.function, conditions)
         case "select":
             return None if 0 in moving else given[1 if values[0] else 2]
-        case "lt" | "le":
+        case "lt" | "le" | "eq" | "ne":
             if values[0] == values[1]:
                 return None
             conditions.append((a - b, abs(values[0] - values[1])))
             return still
         case _:
-            return None  # an equality, a truth value of such, a magnitude
+            return None  # a truth value of one that may change, a magnitude
 
 
-def _rounded(row: Array, own: int) -> Array:
+def _one(value: object) -> float:
+    """Return the value of the only lane."""
+    return float(np.asarray(value).ravel()[0])
+
+
+def _rounded(row: Array, own: int, order: int) -> Array:
+    """Add the rounding of operation `own`; a whole multiple of state variables is exact."""
     row = row.copy()
-    row[own] += 1.0
+    if np.any(row[order:]) or not np.array_equal(row, np.round(row)):
+        row[own] += 1.0
     return row
 
 
@@ -264,7 +284,7 @@ def _search(program: Program, machine: Machine, starts: States) -> tuple[Array, 
     outputs = np.array(seen, dtype=np.float64)  # (steps, r, lanes)
     scale = np.array([2.0**-v.number.fraction for v in program.outputs])
     at_start = machine.step(_still(program, 1), _rest(program, machine))
-    origin = np.array([float(np.asarray(at_start[s]).ravel()[0]) for s in machine.results])
+    origin = np.array([_one(at_start[s]) for s in machine.results])
     low, high = outputs.min(axis=0)[:, returned], outputs.max(axis=0)[:, returned]
     swing = np.max(high - low, axis=1, initial=0.0) * scale
     away = np.where(high == low, np.abs(high - origin[:, None]), 0.0)
