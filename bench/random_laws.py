@@ -152,7 +152,7 @@ def main() -> int:
                 refused[f"{draw.kind} {arithmetic}: {error}"] += 1
                 continue
             try:
-                checked = check_proof(json.loads(json.dumps(proof(program, draw.law.why))))
+                checked = check_proof(json.loads(json.dumps(proof(program, draw.law.reasons))))
                 assert checked is not None, "fixed point is always checked"
                 proven[draw.kind] += checked.operations + checked.stores
             except ProofError as error:

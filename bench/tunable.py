@@ -41,7 +41,7 @@ def main() -> int:
             verdict = verify(law, program, bundle, load_target(name), (), steps, 1, None, lambda fraction, label: None)
             print(row(verdict, arithmetic, time.perf_counter() - start), flush=True)
             wrong += verdict.differences + sum(r.worst > r.bound for r in verdict.rounding)
-        checked = check_proof(json.loads(json.dumps(proof(program, law.why))))
+        checked = check_proof(json.loads(json.dumps(proof(program, law.reasons))))
         if checked is not None:
             print(
                 f"          {checked.operations} operations and {checked.stores} stores proven again by z3", flush=True

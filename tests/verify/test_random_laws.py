@@ -19,7 +19,7 @@ def test_random_laws_are_proven_again() -> None:
             continue
         seen.add(draw.kind)
         program = lower(draw.law, "fixed32")
-        checked = check_proof(json.loads(json.dumps(proof(program, draw.law.why))))
+        checked = check_proof(json.loads(json.dumps(proof(program, draw.law.reasons))))
         assert checked is not None and checked.operations == len(program.body)
     assert len(seen) >= 4
 
