@@ -96,6 +96,18 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds)
         return monitor(project, watch, arguments.out, console)
 
+    if arguments.verb == "datasheet":
+        from firmloop.datasheet import datasheet
+
+        return datasheet(project, arguments.out, console)
+    if arguments.verb == "excite":
+        from firmloop.excite import excite
+
+        return excite(project, arguments.out, console)
+    if arguments.verb == "model":
+        from firmloop.model import model
+
+        return model(project, arguments.out, console)
     if arguments.verb == "step":
         from firmloop.step import step
 
@@ -187,6 +199,9 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND")
 
     _verb(verbs, "identify", "fit the plant to the train recordings; DIR/project.toml holds it")
+    _verb(verbs, "datasheet", "parameters from a datasheet and the standard tests, checked; DIR/project.toml")
+    _verb(verbs, "excite", "an excitation signal for the bench; DIR/excitation.csv and its C table")
+    _verb(verbs, "model", "fit ARX, OE or a subspace model where no physics is known; DIR/project.toml")
     _verb(verbs, "step", "measure step responses over repeated trials, and read models off them; DIR/step.json")
     examine = _verb(verbs, "examine", "intervals by three ways, residual tests, sensitivities; DIR/examination.json")
     examine.add_argument(

@@ -27,7 +27,7 @@ EXAMPLES = {
     "arithmetic": '[arithmetic] with number = "float32"',
     "target": '[target] with names = ["host"]',
 }
-FURTHER = ("tuning",)  # tables that only the verb of that name reads
+FURTHER = ("tuning", "datasheet", "standard_tests", "experiment", "model")  # tables that only one verb reads
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,12 @@ def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
     return _text({**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
 
 
+def made_text(project: Project, plant: Mapping[str, object], verb: str, folder: Path) -> str:
+    """Return the project with `plant` as its [plant] table, to be kept in `folder`; `verb` has made it."""
+    document = {**_moved(project, folder), "plant": plant}
+    return _text(document, f"plant made by: firmloop {verb} {project.path.name}")
+
+
 def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> str:
     """Return the project with the parameters and the effects of `plant`, to be kept in `folder`.
 
