@@ -14,8 +14,9 @@ import numpy as np
 from identify.excitations import Array, Excitation, Request
 from identify.plant import IdentifyError
 
-CLIPPINGS = 200
-CLIPPED = 0.85  # of the peak
+CLIPPINGS = 1000
+WORK = 30_000_000  # samples in all, so that a long signal does not take minutes
+CLIPPED = 0.75  # of the peak
 
 
 def make(request: Request) -> Array:
@@ -36,7 +37,7 @@ def make(request: Request) -> Array:
     spectrum[places] = np.exp(-1j * math.pi * steps * (steps - 1) / count)
     wave = np.fft.irfft(spectrum, request.samples)
     best = wave
-    for _ in range(CLIPPINGS):
+    for _ in range(min(CLIPPINGS, WORK // request.samples)):
         top = CLIPPED * np.abs(wave).max()
         clipped = np.fft.rfft(np.clip(wave, -top, top))[places]
         spectrum[places] = clipped / np.maximum(np.abs(clipped), 1e-300)
