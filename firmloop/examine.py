@@ -17,6 +17,7 @@ from firmloop.pipeline import Data, conditioning_of, located, plant_of, read_dat
 from firmloop.pipeline import identify as identify_stage
 from firmloop.project import Project, require
 from firmloop.project_text import fitted_text
+from firmloop.saturation import refuse_saturated
 from firmloop.words import about_fit, in_unit, rounded_to
 from identify.condition import NONE
 from identify.fit import Fit, fit, interval95
@@ -52,6 +53,7 @@ def examine(project: Project, out: Path, draws: int, seed: int, console: Console
     """Fit, draw the data anew, test the residuals, vary the parameters; OUT/examination.json."""
     require(project, "plant", "recordings")
     data = read_data(project)
+    refuse_saturated(project, data.train)
     with results_folder(out, ()) as folder:
         with progress("examining the fit") as bar:
             found = examination(project, data, draws, seed, bar)

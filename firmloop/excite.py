@@ -13,6 +13,7 @@ from firmloop.console import Console
 from firmloop.output import results_folder
 from firmloop.pipeline import command_of
 from firmloop.project import Project
+from firmloop.saturation import refuse_saturated
 from firmloop.table import ProjectError
 from identify.excitations import excitation
 from identify.plant import IdentifyError
@@ -39,7 +40,9 @@ def excite(project: Project, out: Path, console: Console) -> int:
             time, values = excitation(table.without("input"))
         except IdentifyError as error:
             raise project.document.complaint(str(error)) from None
-        write_recording(make_recording(time, {name: values}, "excitation", ""), folder / "excitation.csv")
+        made = make_recording(time, {name: values}, "the excitation", "")
+        refuse_saturated(project, (made,), name)
+        write_recording(made, folder / "excitation.csv")
         files = _c_table(project, name, time, values)
         write_files(files, folder)
     low, high = _band(time, values)

@@ -15,6 +15,7 @@ from firmloop.output import results_folder
 from firmloop.pipeline import conditioning_of, located, read_data
 from firmloop.project import Project, require
 from firmloop.project_text import made_text
+from firmloop.saturation import refuse_saturated
 from firmloop.table import Table
 from identify.blackbox import EVEN, STRUCTURES, Continuous, Record, Sampled, check_records, continuous
 from identify.condition import NONE, condition_input, condition_output
@@ -40,6 +41,7 @@ def model(project: Project, out: Path, console: Console) -> int:
         raise asked.wrong("structure", f"is no model structure; known: {', '.join(STRUCTURES)}")
     order, late = _whole(asked, "order", 2, 1, MOST_ORDER), _whole(asked, "delay_samples", 0, 0, 10_000)
     data = read_data(project)
+    refuse_saturated(project, data.train)
     with results_folder(out, ()) as folder, located(project):
         with progress(f"fitting {structure}"):
             period = _period(data.train)
@@ -141,9 +143,9 @@ def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Re
 
 def _lines(structure: str, made: Continuous, judged: Mapping[str, Sequence[Mapping[str, object]]]) -> list[str]:
     poles = np.sort_complex(np.linalg.eigvals(made.a))
-    words = [f"{p.real:.4g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.4g}{p.imag:+.4g}j" for p in poles]
+    words = [f"{p.real:.3g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.3g}{p.imag:+.3g}j" for p in poles]
     lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s, poles {', '.join(words)} rad/s"]
-    lines.append(f"  gain at rest {_gain(made):.4g}")
+    lines.append(f"  gain at rest {_gain(made):.3g}")
     rows = [
         (
             f"{role} {entry['recording']}",

@@ -13,6 +13,7 @@ from firmloop.documents import fields_document, finite
 from firmloop.output import results_folder
 from firmloop.pipeline import read_data
 from firmloop.project import Project, require
+from firmloop.saturation import refuse_saturated
 from firmloop.words import in_unit, quantity, rounded_to
 from identify.graphical import METHODS
 from identify.plant import IdentifyError
@@ -39,7 +40,9 @@ def step(project: Project, out: Path, console: Console) -> int:
     assert project.plant is not None
     drive, output = project.plant.input, project.plant.outputs[0]
     with results_folder(out, ()) as folder:
-        responses = [step_response(recording, drive, output) for recording in read_data(project).train]
+        trials = read_data(project).train
+        refuse_saturated(project, trials)
+        responses = [step_response(recording, drive, output) for recording in trials]
         figures = [step_figures(response, expected(response, project)) for response in responses]
         read = {method.name: [_read(method.read, response) for response in responses] for method in METHODS}
         document = _document(responses, figures, read)

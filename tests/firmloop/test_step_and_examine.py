@@ -82,3 +82,26 @@ def test_examine_says_how_far_to_trust(trials: Path, tmp_path: Path, capsys: pyt
     assert document["sensitivity"]["local"]["final"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert set(document["conditioning"]) == {"gain", "time_constant_s"}
     assert (tmp_path / "out" / "project.toml").is_file()
+
+
+@pytest.mark.parametrize("verb", ["step", "examine"])
+def test_an_input_that_saturates_is_said(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    trials.write_text(PROJECT + '[signals]\noutput = { unit = "V", low = -10, high = 10 }\n')
+    assert main([verb, str(trials), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "voltage_V of trial1.csv goes to 12 V, but signals.output ends at -10 and 10" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_negative_gain_is_a_gain(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in trials.parent.glob("trial*.csv"):
+        lines = path.read_text().splitlines()
+        turned = [",".join([*line.split(",")[:2], str(-float(line.split(",")[2]))]) for line in lines[1:]]
+        path.write_text("\n".join([lines[0], *turned]) + "\n")
+    assert main(["step", str(trials), "--out", str(tmp_path / "out")]) == 0
+    document = json.loads((tmp_path / "out" / "step.json").read_text())
+    assert document["trials"][0]["figures"]["gain"] == pytest.approx(-1.5, rel=0.01)
+    assert document["trials"][0]["models"]["63 %"]["time_constant_s"] == pytest.approx(0.2, rel=0.05)
+    capsys.readouterr()
