@@ -8,27 +8,27 @@ mains' angular frequency and 2 L z n = R::
     j[k] = (i[k] cos(w h) - i[k-1]) / sin(w h)
     e[k] = v - w L j + n (L/w n j - 2 L z i)                    what the model leaves of the voltage
     n[k+1] = n - g m_n e j,     z[k+1] = z + g m_z e i          least mean squares (Widrow and Stearns, 1985, ch. 6)
-    C[k+1] = C (2 - L n^2 C)                                    Newton's reciprocal, one turn a sample
     m_n = h / (tau L/w n0 I^2),  m_z = h / (tau L n0 I^2)       both settle within tau at the nominal current I
 
 and g is 1 while the speed is below `speed_limit_rad_s`, where the rotor's part of the circuit still is that of
 standstill, else 0: what was found then stands until the next start.
 
 Interval: one Monte Carlo draw a sample in place of thousands at once. A twin estimate takes every step of n with a
-random weight of 0 or 2, as a half-sample bootstrap does; its distance d from n, and the mean distance s, are all that
-has to be kept::
+random weight of 0 or 2, as a half-sample bootstrap does; its distance d from n and the mean of that are all that has to
+be kept::
 
-    d[k+1] = (1 - h/tau) d + b m_n e j,      s[k+1] = s + h/(4 tau) (|d| - s)        while g = 1
-    half width of the 95 % interval = 1.96 sqrt(pi/2) s
+    d[k+1] = (1 - h/tau) d + b m_n e j,      s[k+1] = s + h/tau (1.96 sqrt(pi/2) |d| - s)/4       while g = 1
+
+s is the half width of the 95 % interval, for the mean distance of a normal variable is sqrt(2/pi) deviations.
 
 b = +-1 is the next binary digit of x/M, M a prime of which 2 is a primitive root: x[k+1] = 2 x mod M.
 
-Regime: the run has begun where the current's amplitude i^2 + j^2 is below (threshold I)^2 above the speed limit, for
-about three samples: the centrifugal switch has opened. No time is preset. The capacitor is low where n is so high that
-C is below `flag_below` times its rated value.
+Regime: the start lasts while the start circuit carries current, i[k]^2 + i[k-1]^2 above (threshold I)^2; when the
+centrifugal switch has opened it has ended, and `starting` falls. No time is preset. The capacitor is low where n is so
+high that C is below `flag_below` times its rated value.
 
 Inputs, in order: voltage, auxiliary current, speed. Outputs, in order: natural frequency, its half width, damping
-ratio, capacitance, and the regime (0 start, 1 run). n, z and C are limited to the ranges of their signals.
+ratio. All are limited to the ranges of their signals.
 """
 
 from __future__ import annotations
@@ -52,10 +52,9 @@ KEYS = (
 PRIME = 8179  # the largest below 2^13 of which 2 is a primitive root
 SEED = 1.0
 NORMAL = 1.959963984540054 * math.sqrt(math.pi / 2)  # half width of 95 % over the mean distance of a normal variable
-WIDEST = 0.25  # share of the natural frequency's range that a twin may be away
-SMOOTH = 0.375  # of the regime: three samples in a row carry it over one half
+SLOWER = 4.0  # the mean distance follows that much more slowly than the estimates
 INPUT_UNITS = ("V", "A", "rad/s")
-OUTPUT_UNITS = ("rad/s", "rad/s", "1", "F", "1")
+OUTPUT_UNITS = ("rad/s", "rad/s", "1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +94,7 @@ def _check_wires(request: Request) -> None:
         raise DesignError(
             f"controller.kind = 'start_monitor' has inputs in ({', '.join(units[0])}) and outputs in "
             f"({', '.join(units[1])}); it needs voltage, auxiliary current and speed in ({', '.join(INPUT_UNITS)}), and "
-            "natural frequency, its half width, damping ratio, capacitance and regime in "
+            "natural frequency, its half width and damping ratio in "
             f"({', '.join(OUTPUT_UNITS)}): correct [signals] or controller.outputs"
         )
 
@@ -129,7 +128,10 @@ def _circuit(request: Request) -> Circuit:
             f"controller.settle_s = {found.settle:g} is below five periods of {request.period:g} s; least mean squares "
             "would follow the noise: give more"
         )
-    rated = (found.natural, None, found.damping, found.capacitance, None)
+    width = request.outputs[1]
+    if not width.low <= 0 < width.high:
+        raise DesignError(f"signals.{width.name} ranges from {width.low:g} to {width.high:g}; a half width starts at 0")
+    rated = (found.natural, None, found.damping)
     for wire, value in zip(request.outputs, rated, strict=True):
         if value is not None and not (0 < wire.low < value < wire.high):
             raise DesignError(
@@ -147,57 +149,51 @@ def _circuit(request: Request) -> Circuit:
 def _write(request: Request, circuit: Circuit) -> Law:
     """Write the equations of the module docstring; j is kept times sin(w h), which the constants take up."""
     h, omega, inductance = request.period, circuit.omega, circuit.inductance
-    cosine, sine = math.cos(omega * h), math.sin(omega * h)
-    frequency, width, damping, capacitance, regime = request.outputs
-    names = ("n", "z", "c", "current_last", "twin", "spread", "draw", "run")
-    n, z, c, last, twin, spread, draw, run = symbols(names)
+    frequency, width, damping = request.outputs
+    names = ("n", "z", "current_last", "twin", "spread", "draw")
+    n, z, last, twin, spread, draw = symbols(names)
     v, i, speed = symbols([wire.name for wire in request.inputs])
 
     slow = speed < circuit.limit
-    quarter = cosine * i - last
-    model = (inductance / omega / sine) * (n * quarter) - (2 * inductance) * (z * i)
-    residual = v - (omega * inductance / sine) * quarter + n * model
-    used = ca.if_else(slow, residual, 0)
     rate = h / (circuit.settle * inductance * circuit.natural * circuit.current**2)
-    step = (rate * omega / sine) * (used * quarter)
+    gain = ca.if_else(slow, rate, 0)
+    scale = inductance / omega / math.sin(omega * h)
+    quarter = (scale * math.cos(omega * h)) * i - scale * last
+    residual = v - omega**2 * quarter + n * (n * quarter - (2 * inductance) * (z * i))
+    push = gain * residual
+    step = (omega**2 / inductance) * (push * quarter)
     n_next = _within(n - step, frequency)
-    z_next = _within(z + rate * (used * i), damping)
-    c_next = _within(c * (2.0 - (inductance * c) * (n * n)), capacitance)
+    z_next = _within(z + push * i, damping)
 
     double = draw + draw
     carried = PRIME < double
-    forget, far = h / circuit.settle, WIDEST * (frequency.high - frequency.low)
-    moved = twin - forget * twin + ca.if_else(carried, step, 0) - ca.if_else(ca.logic_not(carried), step, 0)
-    twin_next = ca.if_else(slow, ca.fmin(ca.fmax(moved, -far), far), twin)
-    spread_next = spread + ca.if_else(slow, forget / 4 * (ca.fabs(twin) - spread), 0)
+    held = (h / circuit.settle / rate) * gain
+    twin_next = twin - held * twin - step + ca.if_else(carried, step + step, 0)
+    spread_next = spread + held * (NORMAL / SLOWER * ca.fabs(twin) - 1 / SLOWER * spread)
 
-    still = i * i + (1 / sine**2) * (quarter * quarter) < (circuit.threshold * circuit.current) ** 2
-    wanted = ca.if_else(ca.logic_and(still, ca.logic_not(slow)), SMOOTH, 0)
-    run_next = run - SMOOTH * run + wanted
-    running = run_next > 0.5
+    starting = (circuit.threshold * circuit.current) ** 2 < i * i + last * last
     low = n_next > circuit.natural / math.sqrt(circuit.flag)
 
     check_names(request, [*names, "residual"])
-    nexts = (n_next, z_next, c_next, i, twin_next, spread_next, double - ca.if_else(carried, PRIME, 0), run_next)
-    half = ca.fmin(NORMAL * spread, width.high)
-    outputs = (n_next, half, z_next, c_next, ca.if_else(running, 1, 0))
+    nexts = (n_next, z_next, i, twin_next, spread_next, double - ca.if_else(carried, PRIME, 0))
     stage = ca.Function(
         "law",
-        [ca.vertcat(n, z, c, last, twin, spread, draw, run), ca.vertcat(v, i, speed)],
-        [ca.densify(ca.vertcat(*part)) for part in (nexts, outputs, (running, low), (residual,))],
+        [ca.vertcat(n, z, last, twin, spread, draw), ca.vertcat(v, i, speed)],
+        [
+            ca.densify(ca.vertcat(*part))
+            for part in (nexts, (n_next, ca.fmin(spread_next, width.high), z_next), (starting, low), (residual,))
+        ],
         ["x", "z"],
         ["x_next", "u", "flags", "named"],
     )
-    current = request.inputs[1]
+    far = _farthest(request, circuit, scale, rate)
     ranges: Mapping[str, tuple[Signal, float, str]] = {
         "n": (frequency, circuit.natural, "limited to the range of its output"),
         "z": (damping, circuit.damping, "limited to the range of its output"),
-        "c": (capacitance, circuit.capacitance, "limited to the range of its output"),
-        "current_last": (current, 0.0, "the current of the sample before"),
-        "twin": (Signal("", "rad/s", -far, far), 0.0, "limited to a quarter of the natural frequency's range"),
-        "spread": (Signal("", "rad/s", -0.01 * far, 1.01 * far), 0.0, "a convex mean of distances of the twin"),
+        "current_last": (request.inputs[1], 0.0, "the current of the sample before"),
+        "twin": (Signal("", "rad/s", -far, far), 0.0, "at most the largest step over the share forgotten a sample"),
+        "spread": (Signal("", "rad/s", 0.0, 1.01 * NORMAL * far), 0.0, "a convex mean of the twin's distances"),
         "draw": (Signal("", "1", 0.0, float(PRIME)), SEED, "a remainder of the prime"),
-        "run": (Signal("", "1", -0.01, 1.01), 0.0, "a convex mean of zeros and ones"),
     }
     return Law(
         name=request.name,
@@ -210,11 +206,21 @@ def _write(request: Request, circuit: Circuit) -> Law:
         start=tuple(start for _, start, _ in ranges.values()),
         why=tuple(why for _, _, why in ranges.values()),
         flags=(
-            Flag("running", "the auxiliary winding is off: the run has begun"),
+            Flag("starting", "the start circuit carries current"),
             Flag("capacitor_low", "the start capacitor has lost more than it may"),
         ),
         stages=(Scalar(stage, (Signal("residual", "V", -math.inf, math.inf),)),),
     )
+
+
+def _farthest(request: Request, circuit: Circuit, scale: float, rate: float) -> float:
+    """Bound the twin's distance: |d+| <= (1 - f) |d| + S, hence |d| <= S/f, f the share forgotten, S the largest step."""
+    omega, inductance, forget = circuit.omega, circuit.inductance, request.period / circuit.settle
+    volts, amperes, _ = (max(abs(wire.low), abs(wire.high)) for wire in request.inputs)
+    quarter = 2 * scale * amperes
+    n, z = request.outputs[0].high, request.outputs[2].high
+    residual = volts + (omega**2 + n**2) * quarter + 2 * inductance * n * z * amperes
+    return 1.01 * rate * omega**2 / inductance * residual * quarter / forget
 
 
 def _within(value: ca.SX, wire: Signal) -> ca.SX:
@@ -244,8 +250,6 @@ KIND = Kind(
             Signal("natural_frequency", "rad/s", 400.0, 800.0),
             Signal("half_width", "rad/s", 0.0, 100.0),
             Signal("damping_ratio", "1", 0.05, 1.0),
-            Signal("capacitance", "F", 1.5e-4, 6e-4),
-            Signal("regime", "1", 0.0, 1.0),
         ),
         plant=None,
     ),
