@@ -74,9 +74,7 @@ def start(random: np.random.Generator, share: float) -> Start:
     time = np.arange(round(SECONDS / FINE)) * FINE
     volts = 115.0 * random.uniform(0.95, 1.05) * math.sqrt(2)
     voltage = volts * np.sin(120 * math.pi * time + random.uniform(0, 2 * math.pi))
-    plant = make_plant(
-        "single_phase_induction_motor", "voltage_V", ["speed_rad_s", "aux_current_A"], {**MOTOR, **own}
-    )
+    plant = make_plant("single_phase_induction_motor", "voltage_V", ["speed_rad_s", "aux_current_A"], {**MOTOR, **own})
     speed, current = simulate(plant, make_recording(time, {"voltage_V": voltage}, "simulated", ""), None).T
     ended = float(time[int(np.argmax(speed > MOTOR["switch_open_rad_s"]))])
     # The voltage of a row is held until the next one: what drove the current read here is half a row old.
@@ -89,10 +87,7 @@ def watch(arithmetic: str, starts: list[Start]) -> tuple[Array, NDArray[np.uint3
     kind = kinds()["start_monitor"]
     program = lower(kind.design(kind.example).law, arithmetic)
     raw = np.stack(
-        [
-            np.stack([to_raw(value, one.rows[:, k]) for k, value in enumerate(program.inputs)], axis=-1)
-            for one in starts
-        ]
+        [np.stack([to_raw(value, one.rows[:, k]) for k, value in enumerate(program.inputs)], axis=-1) for one in starts]
     )
     trace = run(program, raw)
     shown = [to_physical(value, trace.outputs[..., k]) for k, value in enumerate(program.outputs)]

@@ -10,8 +10,9 @@ mains' angular frequency and 2 L z n = R::
     n[k+1] = n - g m_n e j,     z[k+1] = z + g m_z e i          least mean squares (Widrow and Stearns, 1985, ch. 6)
     m_n = h / (tau L/w n0 I^2),  m_z = h / (tau L n0 I^2)       both settle within tau at the nominal current I
 
-and g is 1 while the speed is below `speed_limit_rad_s`, where the rotor's part of the circuit still is that of
-standstill, else 0: what was found then stands until the next start.
+and g is 1 while the speed is below `speed_limit_rad_s`, where the rotor's part of the circuit is still nearly that of
+standstill, else 0: what was found then stands until the next start. R and L are those of the whole branch, rotor
+included, at about that speed (`identify/revolving_field.py` gives them as voltage over current).
 
 Interval: one Monte Carlo draw a sample in place of thousands at once. A twin estimate takes every step of n with a
 random weight of 0 or 2, as a half-sample bootstrap does; its distance d from n and the mean of that are all that has to
@@ -93,8 +94,8 @@ def _check_wires(request: Request) -> None:
     if units != (INPUT_UNITS, OUTPUT_UNITS):
         raise DesignError(
             f"controller.kind = 'start_monitor' has inputs in ({', '.join(units[0])}) and outputs in "
-            f"({', '.join(units[1])}); it needs voltage, auxiliary current and speed in ({', '.join(INPUT_UNITS)}), and "
-            "natural frequency, its half width and damping ratio in "
+            f"({', '.join(units[1])}); it needs voltage, auxiliary current and speed in ({', '.join(INPUT_UNITS)}), "
+            "and natural frequency, its half width and damping ratio in "
             f"({', '.join(OUTPUT_UNITS)}): correct [signals] or controller.outputs"
         )
 
@@ -104,8 +105,8 @@ def _circuit(request: Request) -> Circuit:
     omega = 2 * math.pi * positive(table, "frequency_hz", 60.0)
     if omega * request.period >= 1.0:
         raise DesignError(
-            f"controller.period_s = {request.period:g} is too slow for mains of {omega / 2 / math.pi:g} Hz; a quadrature "
-            f"needs at least 7 samples a period: at most {1 / omega:.2g} s"
+            f"controller.period_s = {request.period:g} is too slow for mains of {omega / 2 / math.pi:g} Hz; a "
+            f"quadrature needs at least 7 samples a period: at most {1 / omega:.2g} s"
         )
     resistance, inductance = positive(table, "resistance_ohm", None), positive(table, "inductance_H", None)
     capacitance = positive(table, "capacitance_F", None)
@@ -135,13 +136,14 @@ def _circuit(request: Request) -> Circuit:
     for wire, value in zip(request.outputs, rated, strict=True):
         if value is not None and not (0 < wire.low < value < wire.high):
             raise DesignError(
-                f"signals.{wire.name} ranges from {wire.low:g} to {wire.high:g}, but the rated circuit has {value:.6g}; "
-                "the range must hold it, and be above 0"
+                f"signals.{wire.name} ranges from {wire.low:g} to {wire.high:g}, but the rated circuit has {value:.6g}"
+                "; the range must hold it, and be above 0"
             )
     if not found.natural / math.sqrt(found.flag) < request.outputs[0].high:
         raise DesignError(
             f"signals.{request.outputs[0].name}.high = {request.outputs[0].high:g} is reached before the capacitor has "
-            f"fallen to {found.flag:g} of its rated value; give at least {1.1 * found.natural / math.sqrt(found.flag):.4g}"
+            f"fallen to {found.flag:g} of its rated value; "
+            f"give at least {1.1 * found.natural / math.sqrt(found.flag):.4g}"
         )
     return found
 
@@ -214,7 +216,7 @@ def _write(request: Request, circuit: Circuit) -> Law:
 
 
 def _farthest(request: Request, circuit: Circuit, scale: float, rate: float) -> float:
-    """Bound the twin's distance: |d+| <= (1 - f) |d| + S, hence |d| <= S/f, f the share forgotten, S the largest step."""
+    """Bound the twin: |d+| <= (1 - f) |d| + S, hence |d| <= S/f, f the share forgotten, S the largest step."""
     omega, inductance, forget = circuit.omega, circuit.inductance, request.period / circuit.settle
     volts, amperes, _ = (max(abs(wire.low), abs(wire.high)) for wire in request.inputs)
     quarter = 2 * scale * amperes
@@ -235,8 +237,8 @@ KIND = Kind(
         name="motor_start",
         table={
             "voltage_rms_V": 115.0,
-            "resistance_ohm": 3.27,
-            "inductance_H": 9.55e-3,
+            "resistance_ohm": 4.0,
+            "inductance_H": 10.0e-3,
             "capacitance_F": 340e-6,
             "speed_limit_rad_s": 38.0,
         },
