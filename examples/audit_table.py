@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+OFFERED = "method"  # where a row tells what firmloop has for a method of the study
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +41,17 @@ def missing(where: str, figure: str, published: str, why: str, ours: str = "-") 
 
 def document(title: str, notes: Sequence[str], rows: Sequence[Row]) -> str:
     """Write the report as Markdown."""
-    good = sum(row.reproduced for row in rows)
+    figures = [row for row in rows if row.where != OFFERED]
+    good = sum(row.reproduced for row in figures)
     head = (
-        f"{len(rows)} published figures: {good} reproduced, {len(rows) - good} not reproducible, each with the reason."
+        f"{len(figures)} published figures and statements: {good} reproduced, {len(figures) - good} not reproducible, "
+        f"each with the reason. Below them {len(rows) - len(figures)} methods that the study uses or proposes."
     )
     lines = [f"# {title}", "", head, "", *notes, ""]
     lines += ["| where | figure | published | ours | verdict | why |", "|---|---|---|---|---|---|"]
     for row in rows:
         verdict = "reproduced" if row.reproduced else "not reproducible"
+        verdict = "offered" if row.where == OFFERED else verdict
         cells = (row.where, row.figure, row.published, row.ours, verdict, row.why)
         lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
     return "\n".join(lines) + "\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from examples.audit_table import Row
+from examples.audit_table import OFFERED, Row
 
 SHARED = (
     ("step response: first and second order", 'plant.kind = "first_order", "second_order"; identify, 95 % intervals'),
@@ -47,6 +47,6 @@ L3510 = (
 def rows(own: tuple[tuple[str, str], ...]) -> list[Row]:
     """Return one row a method."""
     return [
-        Row("method", name, "used or proposed", ours, True, "what firmloop offers for it")
+        Row(OFFERED, name, "used or proposed", ours, True, "what firmloop offers for it")
         for name, ours in (*SHARED, *own)
     ]

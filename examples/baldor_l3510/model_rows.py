@@ -241,14 +241,14 @@ def _claims() -> list[Row]:
     start, value = stated.VOLTS * stated.START_AMPS / 1000, circuit()[0]
     return [
         missing(
-            "method",
+            "experiment",
             "supply of the step",
             "Keysight N6705C",
             "the start takes 115 V x 85.3 A; the maker gives that mainframe 600 W, and direct current",
             f"{start:.1f} kVA",
         ),
         missing(
-            "method",
+            "experiment",
             "current sensor",
             "LEM LA 55-P",
             "the maker's range is 70 A peak; the start current peaks at sqrt(2) x 85.3 A",

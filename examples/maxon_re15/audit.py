@@ -246,18 +246,18 @@ def _statistics() -> list[Row]:
     factor = float(scipy.stats.t.ppf(0.975, 2)) / math.sqrt(3)
     return [
         missing(
-            "method",
+            "statistics",
             "confidence intervals from n = 3",
             "not printed",
             "with three repeats the 95 % interval is t(0.975, 2)/sqrt(3) deviations to each side",
             f"+- {factor:.2f} s",
         ),
         missing("abstract", "deviation from hardware", "< 5 %", "no measured figure is printed beside a simulated one"),
-        missing("method", "R2", "> 0.95", "no measured data"),
-        missing("method", "MAE, RMSE", "not printed", "named, but no number is given"),
+        missing("statistics", "R2", "> 0.95", "no measured data"),
+        missing("statistics", "MAE, RMSE", "not printed", "named, but no number is given"),
         missing("discussion", "fuzzy PID and MPC better by", "< 3 %", "no number of either is given"),
         missing(
-            "method",
+            "statistics",
             "sensitivity to L and R",
             "not printed",
             "of the assumed motor: L + 10 % and R + 10 % move the rise time by",
