@@ -160,7 +160,8 @@ def _write(request: Request, circuit: Circuit) -> Law:
     rate = h / (circuit.settle * inductance * circuit.natural * circuit.current**2)
     gain = ca.if_else(slow, rate, 0)
     scale = inductance / omega / math.sin(omega * h)
-    quarter = (scale * math.cos(omega * h)) * i - scale * last
+    turned = scale * i
+    quarter = math.cos(omega * h) * turned - last
     residual = v - omega**2 * quarter + n * (n * quarter - (2 * inductance) * (z * i))
     push = gain * residual
     step = (omega**2 / inductance) * (push * quarter)
@@ -173,17 +174,17 @@ def _write(request: Request, circuit: Circuit) -> Law:
     twin_next = twin - held * twin - step + ca.if_else(carried, step + step, 0)
     spread_next = spread + held * (NORMAL / SLOWER * ca.fabs(twin) - 1 / SLOWER * spread)
 
-    starting = (circuit.threshold * circuit.current) ** 2 < i * i + last * last
+    starting = (circuit.threshold * circuit.current * scale) ** 2 < turned * turned + last * last
     low = n_next > circuit.natural / math.sqrt(circuit.flag)
 
     check_names(request, [*names, "residual"])
-    nexts = (n_next, z_next, i, twin_next, spread_next, double - ca.if_else(carried, PRIME, 0))
+    nexts = (n_next, z_next, turned, twin_next, spread_next, double - ca.if_else(carried, PRIME, 0))
     stage = ca.Function(
         "law",
         [ca.vertcat(n, z, last, twin, spread, draw), ca.vertcat(v, i, speed)],
         [
             ca.densify(ca.vertcat(*part))
-            for part in (nexts, (n_next, ca.fmin(spread_next, width.high), z_next), (starting, low), (residual,))
+            for part in (nexts, (n_next, _within(spread_next, width), z_next), (starting, low), (residual,))
         ],
         ["x", "z"],
         ["x_next", "u", "flags", "named"],
@@ -192,7 +193,11 @@ def _write(request: Request, circuit: Circuit) -> Law:
     ranges: Mapping[str, tuple[Signal, float, str]] = {
         "n": (frequency, circuit.natural, "limited to the range of its output"),
         "z": (damping, circuit.damping, "limited to the range of its output"),
-        "current_last": (request.inputs[1], 0.0, "the current of the sample before"),
+        "current_last": (
+            Signal("", "V*s^2", scale * request.inputs[1].low, scale * request.inputs[1].high),
+            0.0,
+            "a constant times the current of the sample before",
+        ),
         "twin": (Signal("", "rad/s", -far, far), 0.0, "at most the largest step over the share forgotten a sample"),
         "spread": (Signal("", "rad/s", 0.0, 1.01 * NORMAL * far), 0.0, "a convex mean of the twin's distances"),
         "draw": (Signal("", "1", 0.0, float(PRIME)), SEED, "a remainder of the prime"),
