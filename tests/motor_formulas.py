@@ -107,11 +107,12 @@ def start_monitor(request: Request, rows: np.ndarray) -> np.ndarray:
         j = (i * math.cos(w * h) - last) / math.sin(w * h)
         e = v - w * inductance * j + n * (inductance / w * n * j - 2 * inductance * z * i)
         x, carried = (2 * x) % 8179, 2 * x > 8179
+        twin, before = (1 - h / tau) * twin, twin
         if speed < table["speed_limit_rad_s"]:
             step = h / (tau * inductance / w * n0 * current**2) * e * j
             z = z + h / (tau * inductance * n0 * current**2) * e * i
             n = n - step
-            twin, before = (1 - h / tau) * twin + (step if carried else -step), twin
+            twin += step if carried else -step
             spread += h / (4 * tau) * (1.959963984540054 * math.sqrt(math.pi / 2) * abs(before) - spread)
         n, z = min(max(n, 400.0), 800.0), min(max(z, 0.05), 1.0)
         last = i

@@ -18,7 +18,7 @@ Interval: one Monte Carlo draw a sample in place of thousands at once. A twin es
 random weight of 0 or 2, as a half-sample bootstrap does; its distance d from n and the mean of that are all that has to
 be kept::
 
-    d[k+1] = (1 - h/tau) d + b m_n e j,      s[k+1] = s + h/tau (1.96 sqrt(pi/2) |d| - s)/4       while g = 1
+    d[k+1] = (1 - h/tau) d + b g m_n e j,      s[k+1] = s + g h/tau (1.96 sqrt(pi/2) |d| - s)/4
 
 s is the half width of the 95 % interval, for the mean distance of a normal variable is sqrt(2/pi) deviations.
 
@@ -170,9 +170,10 @@ def _write(request: Request, circuit: Circuit) -> Law:
 
     double = draw + draw
     carried = PRIME < double
-    held = (h / circuit.settle / rate) * gain
-    twin_next = twin - held * twin - step + ca.if_else(carried, step + step, 0)
-    spread_next = spread + held * (NORMAL / SLOWER * ca.fabs(twin) - 1 / SLOWER * spread)
+    forget, weighted = h / circuit.settle, ca.if_else(carried, step, 0)
+    twin_next = (1 - forget) * twin - step + weighted + weighted
+    change = (NORMAL * forget / SLOWER) * ca.fabs(twin) - (forget / SLOWER) * spread
+    spread_next = spread + ca.if_else(slow, change, 0)
 
     starting = (circuit.threshold * circuit.current * scale) ** 2 < turned * turned + last * last
     low = n_next > circuit.natural / math.sqrt(circuit.flag)
