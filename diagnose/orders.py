@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from diagnose.hypothesis import Scene
 from diagnose.refit import Fitted, whitened
-from diagnose.response import disturbed, travelled
+from diagnose.response import disturbed
 from diagnose.screen import Ground, orthogonal
 from identify.linear import linearize
+from identify.superset import travelled
 
 Array = NDArray[np.float64]
 

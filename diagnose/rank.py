@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, Scene, first_point, full_start
+from diagnose.hypothesis import Cause, Point, Scene, entered, first_point, full_start
 from diagnose.noise import Noise, white
 from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of, residual_of
@@ -42,7 +42,9 @@ _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 _MINOR = 0.02  # of what the others explain: less may be the trace of how a model simplifies them
+_MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
 _GIVEN = 3  # causes tried beside the parameters as given
+_TRANSLATED = 3  # starts from which one effect is tried in the place of another
 _SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
@@ -53,7 +55,6 @@ CONTAINS: Mapping[str, tuple[str, ...]] = {
     "presliding_friction": ("coulomb_friction",),
     "backlash": ("flexible_coupling",),
     "load_step": ("load_torque",),
-    "flexible_coupling": (),
 }
 
 
@@ -115,7 +116,30 @@ def search(scene: Scene, progress: Progress) -> Search:
         nominal = best
     else:
         best = _pruned(scene, best)
+        best, swapped = _swapped(scene, best)
+        rounds.append(swapped)
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+
+
+def _swapped(scene: Scene, best: Rival) -> tuple[Rival, tuple[Rival, ...]]:
+    """Put what an effect is mistaken for in its place, one by one; return the best and all that was tried."""
+    tried: list[Rival] = []
+    seen = {frozenset(cause.label for cause in best.fitted.causes)}
+    begun = time.process_time()
+    for gone in best.fitted.causes:
+        names = {*gone.effect.confusable_with, *_containing(gone.effect.name)}
+        for come in scene.causes:
+            if come in best.fitted.causes:
+                continue
+            mistaken = come.effect.name in names or gone.effect.name in come.effect.confusable_with
+            labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
+            if mistaken and labels not in seen and time.process_time() - begun < _ROUND:
+                seen.add(labels)
+                tried.append(_translated(scene, best, gone, come))
+    winner = min(tried, key=lambda each: each.score, default=best)
+    if best.score - winner.score > TIE and not _larger(winner, best):
+        return winner, (best, *tried)
+    return best, tuple(sorted(tried, key=lambda each: each.score))
 
 
 def _bar(rival: Rival) -> float:
@@ -206,7 +230,7 @@ def _gain(screened: Screened | None) -> float:
 
 def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
     """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
-    if all(len(noise.coefficients) == 0 for noise in nominal.noises):
+    if all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal):
         return ()
     flat = [white(noise.rms) for noise in nominal.noises]
     begin = first_point(scene, scene.train)
@@ -218,6 +242,17 @@ def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
         causes, point = _extended(given, each, each.start)
         found.append(fit(scene, scene.train, causes, point, flat, 2 * _SHORT))
     return tuple(found)
+
+
+def _ran_away(scene: Scene, nominal: Rival) -> bool:
+    """Tell whether a refit has moved a parameter that the recordings determine well far from where it was given."""
+    given = {p.name: p.value for p in scene.plant.parameters}
+    sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
+    for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
+        if each.logarithmic and size * _FIRM**2 > 1.0:
+            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > _MOVED:
+                return True
+    return False
 
 
 def _round(
@@ -250,7 +285,63 @@ def _round(
     longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
     noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
     rated = [_rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
+    best_one = min(rated, key=lambda each: each.score)
+    known = {each.fitted.causes for each in rated}
+    rated += [
+        each for each in (*_reduced(scene, best_one), *_enriched(scene, best_one)) if each.fitted.causes not in known
+    ]
     return tuple(sorted(rated, key=lambda each: each.score))
+
+
+def _reduced(scene: Scene, rich: Rival) -> list[Rival]:
+    """Fit what the newest effect contains, from the values that both have by the same name."""
+    newest = rich.fitted.causes[-1]
+    names = CONTAINS.get(newest.effect.name, ())
+    return [_translated(scene, rich, newest, cause) for cause in scene.causes if cause.effect.name in names]
+
+
+def _enriched(scene: Scene, simple: Rival) -> list[Rival]:
+    """Fit what contains the newest effect, from the values that both have by the same name."""
+    newest = simple.fitted.causes[-1]
+    names = _containing(newest.effect.name)
+    return [
+        _translated(scene, simple, newest, cause)
+        for cause in scene.causes
+        if cause.effect.name in names and _alike(newest, cause)
+    ]
+
+
+def _alike(one: Cause, other: Cause) -> dict[str, str]:
+    """Map parameters of the other to those of the first that have the same name."""
+    mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
+    return {key: mine[each.name] for key, each in zip(other.keys, other.parameters, strict=True) if each.name in mine}
+
+
+def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
+    """Put one cause in the place of another, and fit from the best of the starts of what they do not share."""
+    values = rival.fitted.point.values
+    shared = {key: values[own] for key, own in _alike(gone, come).items()}
+    kept = tuple(cause for cause in rival.fitted.causes if cause != gone)
+    rest = {key: value for key, value in values.items() if key not in gone.keys}
+    starts = (
+        scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])
+    )
+    distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_TRANSLATED]
+    trials = []
+    for start in distinct:
+        whole = {**rest, **start} if shared else entered({**rest, **_returned(gone, values)}, come, start)
+        begin = Point(whole, rival.fitted.point.starts)
+        trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
+    best = min(trials, key=lambda each: each.cost)
+    return _rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
+
+
+def _returned(gone: Cause, values: Mapping[str, float]) -> dict[str, float]:
+    """Give the inertia that a cause had taken back to the nominal parameter."""
+    if gone.taken is None:
+        return {}
+    load, held = gone.taken
+    return {held: values[held] + values[load]}
 
 
 def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
@@ -259,7 +350,7 @@ def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> t
     kept = tuple(cause for cause in base.causes if cause.effect.name not in simpler)
     gone = {key for cause in base.causes if cause not in kept for key in cause.keys}
     values = {key: value for key, value in base.point.values.items() if key not in gone}
-    return (*kept, screened.cause), Point({**values, **start}, base.point.starts)
+    return (*kept, screened.cause), Point(entered(values, screened.cause, start), base.point.starts)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:

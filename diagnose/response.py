@@ -34,13 +34,3 @@ def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, p
     full = np.zeros((len(recording.time), push.shape[1]))
     full[: len(push)] = push
     return np.stack([lfilter(row, bottom, full, axis=0) for row in top], axis=1)
-
-
-def travelled(recording: Recording) -> Array | None:
-    """Return the angle (n,) in rad: recorded, or the integral of the recorded speed."""
-    if "position_rad" in recording.columns:
-        return recording.columns["position_rad"]
-    if "speed_rad_s" not in recording.columns:
-        return None
-    speed = recording.columns["speed_rad_s"]
-    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Scene, outputs_of
+from diagnose.hypothesis import Cause, Scene, entered, outputs_of
 from diagnose.noise import Noise
 from diagnose.refit import Fitted, slopes_of, whitened
 from identify.least_squares import triangle
@@ -48,7 +48,7 @@ def ground(scene: Scene, recordings: Sequence[Recording], base: Fitted, noises: 
     tangents, lefts = [], []
     count, states = len(base.coordinates), len(scene.engine.states)
     for k, recording in enumerate(recordings):
-        slopes = slopes_of(scene, recording, base.coordinates, base.point, k)
+        slopes = slopes_of(scene, recording, base.coordinates, base.point, k, base.residuals[k])
         parts = np.zeros((*slopes.shape[:2], count + states * len(recordings)))
         parts[..., :count] = slopes[..., :count]
         parts[..., count + states * k : count + states * (k + 1)] = slopes[..., count:]
@@ -118,7 +118,8 @@ def _secants(
     for change in [dict(start), {**start, **turned}] if turned else [dict(start)]:
         parts = []
         for k, recording in enumerate(recordings):
-            simulated = scene.engine.simulate(recording, {**base.point.values, **change}, base.point.starts[k])
+            values = entered(base.point.values, cause, change)
+            simulated = scene.engine.simulate(recording, values, base.point.starts[k])
             parts.append(simulated - (outputs_of(scene, recording) - base.residuals[k]))
         found.append(tuple(parts))
     return tuple(found)

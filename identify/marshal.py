@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identify.assembly import ADD, LEVEL, LIMIT, OUTPUT, Assembly, Timing
 from identify.compiler import shared_library
+from identify.course import Course
 from identify.effects import effects
 from identify.forms import FormWriter
 from identify.plant import Plant
@@ -64,6 +65,8 @@ class _Problem(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
         ("step", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("rate", "reading", "bent", "slope", "p")),
+        ("turns", ctypes.c_int),
+        *((name, ctypes.c_void_p) for name in ("turn_time", "turn")),
     )
 
 
@@ -106,7 +109,7 @@ def library() -> ctypes.CDLL:
     lines = [
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
-        "    double u, t, begin, w, th, i, effort, s, y;",
+        "    double u, t, begin, w, th, turn, i, effort, s, y;",
         "} view_t;",
     ]
     cases, memory = [], "-1"
@@ -217,8 +220,8 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     return Job(made, problem, made.timing, delay, (terms, coordinates, fixed, lag, equations))
 
 
-def run_job(made: Job, cut: Segments, start: Array, rows: int) -> Array:
-    """Run over the segments and return the outputs (rows, r); NaN where the simulation did not get to."""
+def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
+    """Run over the segments of a course and return the outputs (q, r); NaN where the simulation did not get to."""
     problem = made.problem
     problem.segments = len(cut.begin)
     problem.step = cut.step
@@ -227,7 +230,10 @@ def run_job(made: Job, cut: Segments, start: Array, rows: int) -> Array:
         ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
     ):  # fmt: skip
         setattr(problem, name, value.ctypes.data)
-    outputs = np.full((rows, problem.r), np.nan)
+    problem.turns = 0 if course.turn is None else len(course.turn)
+    if course.turn is not None:
+        problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data
+    outputs = np.full((course.end - course.first, problem.r), np.nan)
     begin = np.ascontiguousarray(made.assembly.start(start))
     done = library().run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)
     if done < 0:

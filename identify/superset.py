@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -65,12 +65,16 @@ class Superset:
         return np.concatenate([start, rest[len(start) :]])
 
     def course(self, recording: Recording) -> Course:
-        """Return what drives the simulation of a recording; made once."""
+        """Return what drives the simulation of a recording; made once.
+
+        Waves per turn follow the recorded angle where there is one: after many turns a simulated one has lost count.
+        """
         found = self.courses.get(id(recording))
         if found is None or found[0] is not recording:
             while len(self.courses) >= 64:
                 self.courses.pop(next(iter(self.courses)))
-            found = self.courses[id(recording)] = (recording, course_of(self.plant, recording))
+            course = replace(course_of(self.plant, recording), turn=travelled(recording))
+            found = self.courses[id(recording)] = (recording, course)
         return found[1]
 
 
@@ -175,6 +179,31 @@ def _efforts(
     bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
     nominal = constants[: plant.rate.numel_in(2)]
     return np.array([float(bent(x, u, nominal)) for x, u in zip(states, drive, strict=True)])
+
+
+def inertia_parameter(plant: Plant, balance: int) -> str | None:
+    """Return the free nominal parameter that is the inertia of a balance, None where there is no such one."""
+    bare = with_effects(plant, ())
+    engine = effect_simulator(bare)
+    given = np.array([p.value for p in bare.parameters])
+    inertia = 1.0 / engine.writer.forms(given).balances[balance].per
+    for index, parameter in enumerate(bare.parameters):
+        moved = given.copy()
+        moved[index] *= 1.01
+        ratio = 1.0 / engine.writer.forms(moved).balances[balance].per / inertia
+        if parameter.free and math.isclose(ratio, 1.01, rel_tol=1e-6):
+            return parameter.name
+    return None
+
+
+def travelled(recording: Recording) -> Array | None:
+    """Return the angle (n,) in rad: recorded, or the integral of the recorded speed."""
+    if "position_rad" in recording.columns:
+        return np.ascontiguousarray(recording.columns["position_rad"], dtype=np.float64)
+    if "speed_rad_s" not in recording.columns:
+        return None
+    speed = recording.columns["speed_rad_s"]
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])
 
 
 def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:

@@ -48,6 +48,8 @@ typedef struct {
     nominal_t rate, reading, bent; /* bent: an effort that is not linear */
     slope_t slope;
     const double *p;
+    int turns;                           /* 0: waves per turn follow the simulated angle */
+    const double *turn_time, *turn;      /* s, rad: the angle they follow instead */
 } problem_t;
 
 typedef struct {
