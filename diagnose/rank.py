@@ -41,7 +41,7 @@ _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
-_MINOR = 0.02  # of what the others explain: less may be the trace of how a model simplifies them
+_MINOR = 0.008  # of what the others explain: less may be the trace of how a model simplifies them
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
 _GIVEN = 3  # causes tried beside the parameters as given
 _TRANSLATED = 3  # starts from which one effect is tried in the place of another
@@ -171,8 +171,10 @@ def _nominal(scene: Scene) -> Rival:
     for _ in range(2):
         sizes = [white(noise.rms) for noise in noises_of(scene, fitted.residuals)]
         fitted = fit(scene, scene.train, (), fitted.point, sizes, _LONG)
-    colored = fit(scene, scene.train, (), fitted.point, noises_of(scene, fitted.residuals), _LONG)
-    return min((_rated(scene, fitted), _rated(scene, colored)), key=lambda each: each.score)
+    rated = [_rated(scene, fitted)]
+    for _ in range(3):
+        rated.append(_rated(scene, fit(scene, scene.train, (), rated[-1].fitted.point, rated[-1].noises, _LONG)))
+    return min(rated, key=lambda each: each.score)
 
 
 def _columns(scene: Scene) -> list[list[Array]]:
@@ -217,7 +219,9 @@ def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     )
     labels = sorted({*colored, *plain})  # a cause may show under one noise model alone
     merged = [max((colored.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
-    return tuple(sorted((each for each in merged if each is not None), key=lambda each: -each.gain))
+    drops = {label: max(each.drop for each in (colored.get(label), plain.get(label)) if each) for label in labels}
+    raised = [replace(each, gain=max(each.gain, drops[each.cause.label])) for each in merged if each is not None]
+    return tuple(sorted(raised, key=lambda each: -each.gain))
 
 
 def _scaled(screened: Screened | None, scale: float) -> Screened | None:

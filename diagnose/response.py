@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
+from identify.attach import with_effects
+from identify.engine import effect_simulator
 from identify.linear import linearize
 from identify.plant import Plant
 from identify.recording import Recording
-from identify.simulate import course_of
+from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
@@ -34,3 +36,17 @@ def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, p
     full = np.zeros((len(recording.time), push.shape[1]))
     full[: len(push)] = push
     return np.stack([lfilter(row, bottom, full, axis=0) for row in top], axis=1)
+
+
+def effort_of(plant: Plant, values: Mapping[str, float], recording: Recording) -> Array:
+    """Return what the drive gives (n,), N m or N, by the recorded current or else the simulated one."""
+    bare = with_effects(plant, ())
+    constants = np.array([values.get(p.name, p.value) for p in bare.parameters])
+    engine = effect_simulator(bare)
+    assembly, course = engine.assemble(constants), course_of(bare, recording)
+    states = engine.run_states(course, constants, rest_start(bare, recording))
+    for index, signal in enumerate(bare.states):
+        if signal.name in recording.columns:
+            states[:, index] = recording.columns[signal.name]
+    effort: Array = states @ assembly.effort_x + course.drive @ assembly.effort_u
+    return np.nan_to_num(effort)
