@@ -15,7 +15,7 @@ from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.locate import worst_spans
 from diagnose.noise import whiteness
 from diagnose.preflight import Preflight
-from diagnose.rank import CONTAINS, RICHER, TIE, Rival, Search, innovations, unseen_residuals
+from diagnose.rank import CONTAINS, TIE, Rival, Search, innovations, unseen_residuals
 from diagnose.refit import Fitted, fit_starts, residual_of
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
@@ -123,8 +123,7 @@ def _rivals(search: Search) -> tuple[Rival, ...]:
         if any(other in CONTAINS.get(name, ()) for name in theirs for other in ours):
             continue
         if any(other in CONTAINS.get(name, ()) for name in ours for other in theirs):
-            if rival.score - search.best.score > -RICHER:
-                continue
+            continue
         found.append(rival)
     return tuple(sorted(found, key=lambda each: each.score))
 

@@ -31,7 +31,7 @@ SLOW = (
 )
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 TIE = 10.0  # explanations closer than this in BIC are not told apart
-RICHER = 12.0  # what a richer effect must win over the simpler one that it contains
+RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
 MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
@@ -102,7 +102,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         if best.score - rivals[0].score < _CLEAR:
             again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, _LAST)
             base = min((_rated(scene, again), best), key=lambda each: each.score)
-        chosen = _simplest(rivals)
+        chosen = _simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
         if gain < max(_bar(chosen), _MINOR * sum(gains)) or _larger(chosen, base):
@@ -116,12 +116,12 @@ def search(scene: Scene, progress: Progress) -> Search:
         nominal = best
     else:
         best = _pruned(scene, best)
-        best, swapped = _swapped(scene, best)
+        best, swapped = _swapped(scene, best, sum(gains))
         rounds.append(swapped)
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
 
 
-def _swapped(scene: Scene, best: Rival) -> tuple[Rival, tuple[Rival, ...]]:
+def _swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival, ...]]:
     """Put what an effect is mistaken for in its place, one by one; return the best and all that was tried."""
     tried: list[Rival] = []
     seen = {frozenset(cause.label for cause in best.fitted.causes)}
@@ -136,9 +136,11 @@ def _swapped(scene: Scene, best: Rival) -> tuple[Rival, tuple[Rival, ...]]:
             if mistaken and labels not in seen and time.process_time() - begun < _ROUND:
                 seen.add(labels)
                 tried.append(_translated(scene, best, gone, come))
-    winner = min(tried, key=lambda each: each.score, default=best)
-    if best.score - winner.score > TIE and not _larger(winner, best):
-        return winner, (best, *tried)
+    for winner in sorted(tried, key=lambda each: each.score):
+        (come,) = set(winner.fitted.names) - set(best.fitted.names) or {""}
+        held = any(name in CONTAINS.get(come, ()) for name in best.fitted.names)
+        if best.score - winner.score > (richer(gain) if held else TIE) and not _larger(winner, best):
+            return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))
 
 
@@ -368,14 +370,22 @@ def _containing(name: str) -> tuple[str, ...]:
     return tuple(richer for richer, simpler in CONTAINS.items() if name in simpler)
 
 
-def _simplest(rivals: Sequence[Rival]) -> Rival:
-    """Return the best; a simpler one that it contains wins where the richer one gains too little."""
+def _simplest(rivals: Sequence[Rival], without: float) -> Rival:
+    """Return the best; a simpler one that it contains wins where the richer one gains too little.
+
+    `without` is the score without either.
+    """
     chosen = rivals[0]
     for other in rivals[1:]:
         last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
-        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < RICHER:
+        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < richer(without - other.score):
             chosen = other
     return chosen
+
+
+def richer(gain: float) -> float:
+    """Return what a richer effect must win over the simpler one that it contains, which had won `gain`."""
+    return max(RICHER, _MINOR * gain)
 
 
 def _pruned(scene: Scene, best: Rival) -> Rival:

@@ -16,6 +16,7 @@ from identify.linear import linearize
 from identify.plant import Plant
 from identify.recording import Recording
 from identify.simulate import course_of, rest_start
+from identify.superset import efforts
 
 Array = NDArray[np.float64]
 
@@ -48,5 +49,4 @@ def effort_of(plant: Plant, values: Mapping[str, float], recording: Recording) -
     for index, signal in enumerate(bare.states):
         if signal.name in recording.columns:
             states[:, index] = recording.columns[signal.name]
-    effort: Array = states @ assembly.effort_x + course.drive @ assembly.effort_u
-    return np.nan_to_num(effort)
+    return np.nan_to_num(efforts(bare, engine, assembly, states, course.drive, constants))

@@ -136,7 +136,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("input", course.drive[:, 0])
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
-        see("effort", _efforts(bare, engine, assembly, states, course.drive, constants))
+        see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if assembly.speed >= 0:
             see("speed", states[:, assembly.speed])
         if assembly.position >= 0:
@@ -170,7 +170,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     )
 
 
-def _efforts(
+def efforts(
     plant: Plant, engine: EffectSimulator, assembly: Assembly, states: Array, drive: Array, constants: Array
 ) -> Array:
     """Return what the drive gives, (n,)."""
