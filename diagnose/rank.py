@@ -137,8 +137,8 @@ def _swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival
                 seen.add(labels)
                 tried.append(_translated(scene, best, gone, come))
     for winner in sorted(tried, key=lambda each: each.score):
-        (come,) = set(winner.fitted.names) - set(best.fitted.names) or {""}
-        held = any(name in CONTAINS.get(come, ()) for name in best.fitted.names)
+        newest = winner.fitted.names[-1]
+        held = any(name in CONTAINS.get(newest, ()) for name in best.fitted.names)
         if best.score - winner.score > (richer(gain) if held else TIE) and not _larger(winner, best):
             return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,22 @@ from identify.superset import efforts
 Array = NDArray[np.float64]
 
 
-def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:
-    """Return what torques `push` (n, b) in the balance `number` (of those with a state) do to the outputs (n, r, b)."""
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The linear plant from a torque to its outputs, as a filter of rows: numerators (r, d), one denominator (d,)."""
+
+    top: Array
+    bottom: Array
+
+    def to(self, push: Array, rows: int) -> Array:
+        """Return what torques `push` (n, b) do to the outputs (rows, r, b)."""
+        full = np.zeros((rows, push.shape[1]))
+        full[: len(push)] = push
+        return np.stack([lfilter(row, self.bottom, full, axis=0) for row in self.top], axis=1)
+
+
+def response(plant: Plant, values: Mapping[str, float], recording: Recording, number: int = 0) -> Response:
+    """Return the response to a torque in the balance `number` (of those with a state)."""
     parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in plant.parameters)
     bare = linearize(replace(plant, parameters=parameters))
     balance = [each for each in plant.balances if each.state >= 0][number]
@@ -33,10 +47,12 @@ def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, p
     whole[balance.state, states] = float(balance.per(constants))
     moved = expm(whole * course_of(plant, recording).step)
     outputs, none = bare.c, np.zeros((len(bare.c), 1))
-    top, bottom = ss2tf(moved[:states, :states], moved[:states, states:], outputs, none)
-    full = np.zeros((len(recording.time), push.shape[1]))
-    full[: len(push)] = push
-    return np.stack([lfilter(row, bottom, full, axis=0) for row in top], axis=1)
+    return Response(*ss2tf(moved[:states, :states], moved[:states, states:], outputs, none))
+
+
+def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:
+    """Return what torques `push` (n, b) in the balance `number` (of those with a state) do to the outputs (n, r, b)."""
+    return response(plant, values, recording, number).to(push, len(recording.time))
 
 
 def effort_of(plant: Plant, values: Mapping[str, float], recording: Recording) -> Array:

@@ -88,7 +88,8 @@ def screen(
 ) -> tuple[tuple[Screened, ...], ...]:
     """Project secants (simulated with the cause - without) on what each ground leaves; best first, ground by ground.
 
-    `orders` are the waves per turn worth a simulation, by the name of the effect; all where it says none.
+    `orders` are the waves per turn or the moments worth a simulation, by the name of the effect; where it says none, all
+    of the grid.
     """
     found: list[list[Screened]] = [[] for _ in grounds]
     for cause in causes:
@@ -113,8 +114,9 @@ def screen(
 
 
 def _promising(starts: Sequence[Mapping[str, float]], orders: Sequence[float]) -> list[Mapping[str, float]]:
-    """Keep of a grid over waves per turn the orders asked for, phase zero."""
-    key = next((key for start in starts for key in start if key.endswith(".periods_per_rev")), None)
+    """Keep of a grid over waves per turn, or over moments, those asked for, phase zero."""
+    grids = (".periods_per_rev", ".time_s")
+    key = next((key for start in starts for key in start if key.endswith(grids)), None)
     if key is None:
         phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
         return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
