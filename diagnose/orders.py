@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,8 @@ def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mappin
         found["load_step"] = _best(
             scene, base, grounds, moments, lambda k, at: (scene.train[k].time >= at)[:, None] * 1.0
         )
-    angles = [angle for angle in map(travelled, scene.train) if angle is not None]
-    if not any(balance.kind == "torque" for balance in plant.balances) or len(angles) < len(scene.train):
+    angles = angles_of(scene, base)
+    if not any(balance.kind == "torque" for balance in plant.balances) or not angles:
         return found
     efforts = [effort_of(plant, values, recording) for recording in scene.train]
     waves = np.arange(1.0, _HIGHEST + 1.0)
@@ -48,8 +49,29 @@ def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mappin
     return found
 
 
+def angles_of(scene: Scene, base: Fitted) -> list[Array]:
+    """Return the angle (n,) in rad that waves follow in every recording; empty where there is none."""
+    seen = list(scene.train)
+    if not scene.engine.recorded:
+        seen = [
+            replace(
+                recording,
+                columns={
+                    **recording.columns,
+                    **{
+                        signal.name: recording.columns[signal.name] - residual[:, index]
+                        for index, signal in enumerate(scene.plant.outputs)
+                    },
+                },
+            )
+            for recording, residual in zip(scene.train, base.residuals, strict=True)
+        ]
+    found = [angle for angle in map(travelled, seen) if angle is not None]
+    return found if len(found) == len(seen) else []
+
+
 def _wave(angle: Array) -> Array:
-    return np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float64)
 
 
 def _best(
@@ -57,7 +79,7 @@ def _best(
     base: Fitted,
     grounds: Sequence[Ground],
     choices: Array,
-    torque: Callable[[int, float], Array],
+    torque: Callable[[int, float], NDArray[np.floating]],
 ) -> tuple[float, ...]:
     """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
     gains = np.zeros((len(grounds), len(choices)))

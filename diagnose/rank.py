@@ -29,6 +29,7 @@ SLOW = (
     "gravity_torque",
     "end_stop",
 )
+_SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 TIE = 10.0  # explanations closer than this in BIC are not told apart
 RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
@@ -84,6 +85,7 @@ def search(scene: Scene, progress: Progress) -> Search:
     progress(0.05, "refitting the nominal plant")
     nominal = _nominal(scene)
     best = nominal
+    scene.engine.follow(_follows_record(scene, nominal))
     rounds: list[tuple[Rival, ...]] = []
     gains: list[float] = []
     first: tuple[Screened, ...] = ()
@@ -109,7 +111,7 @@ def search(scene: Scene, progress: Progress) -> Search:
             best = base
             break
         gains.append(gain)
-        best = chosen
+        best = _refollowed(scene, chosen)
         if turn == 0:
             nominal = base
     if not gains:
@@ -144,11 +146,46 @@ def _swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival
     return best, tuple(sorted(tried, key=lambda each: each.score))
 
 
+def _follows_record(scene: Scene, nominal: Rival) -> bool:
+    """Tell whether waves per turn had better follow the recorded angle than the simulated one.
+
+    A recorded position always; the integral of a recorded speed where the simulated angle is further from it than the
+    noise of the speed can bring it.
+    """
+    for recording, residual in zip(scene.train, nominal.fitted.residuals, strict=True):
+        if "position_rad" in recording.columns:
+            return True
+        for index, signal in enumerate(scene.plant.outputs):
+            if signal.name == "speed_rad_s":
+                step = float(np.median(np.diff(recording.time)))
+                drift = np.cumsum(residual[:, index]) * step
+                walk = float(np.median(np.abs(np.diff(residual[:, index])))) * step * np.sqrt(len(residual))
+                if float(np.std(drift)) > walk:
+                    return True
+    return False
+
+
+def _refollowed(scene: Scene, rival: Rival) -> Rival:
+    """Let waves follow the other angle, the recorded or the simulated one, if that explains clearly more."""
+    waves = any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
+    if not waves or any("position_rad" in recording.columns for recording in scene.train):
+        return rival
+    now = scene.engine.recorded
+    scene.engine.follow(not now)
+    fitted = rival.fitted
+    other = _rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
+    if rival.score - other.score > TIE:
+        return other
+    scene.engine.follow(now)
+    return rival
+
+
 def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
     slow = rival.fitted.causes[-1].effect.name in SLOW
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
-    return SLOW_THRESHOLD if slow and colored else THRESHOLD
+    searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)
+    return (SLOW_THRESHOLD if slow and colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
 
 
 def _larger(rival: Rival, base: Rival) -> bool:

@@ -88,8 +88,7 @@ def screen(
 ) -> tuple[tuple[Screened, ...], ...]:
     """Project secants (simulated with the cause - without) on what each ground leaves; best first, ground by ground.
 
-    `orders` are the waves per turn or the moments worth a simulation, by the name of the effect; where it says none, all
-    of the grid.
+    `orders` are the waves per turn or the moments worth a simulation, by the effect's name; where there is none, all.
     """
     found: list[list[Screened]] = [[] for _ in grounds]
     for cause in causes:

@@ -65,6 +65,7 @@ class _Problem(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
         ("step", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("rate", "reading", "bent", "slope", "p")),
+        ("longest", ctypes.c_double),
         ("turns", ctypes.c_int),
         *((name, ctypes.c_void_p) for name in ("turn_time", "turn")),
     )
@@ -230,6 +231,7 @@ def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
         ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
     ):  # fmt: skip
         setattr(problem, name, value.ctypes.data)
+    problem.longest = course.longest_change
     problem.turns = 0 if course.turn is None else len(course.turn)
     if course.turn is not None:
         problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data

@@ -22,10 +22,18 @@ from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
+_COARSE = (
+    1.0  # changes the trace of an effect by less than a thousandth, and is several times as fast as the usual step
+)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(slots=True)
 class Superset:
-    """A plant with all its candidates; `neutral` holds the values at which it is the plant itself."""
+    """A plant with all its candidates; `neutral` holds the values at which it is the plant itself.
+
+    Waves per turn follow the recorded angle where there is one and `recorded` is set (after many turns under a
+    disturbance a simulated angle has lost count), else the simulated one.
+    """
 
     plant: Plant
     names: tuple[str, ...]
@@ -33,6 +41,7 @@ class Superset:
     states: tuple[str, ...]
     engine: EffectSimulator
     courses: dict[int, tuple[Recording, Course]]
+    recorded: bool = True
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
@@ -64,16 +73,23 @@ class Superset:
             return rest
         return np.concatenate([start, rest[len(start) :]])
 
-    def course(self, recording: Recording) -> Course:
-        """Return what drives the simulation of a recording; made once.
+    def follow(self, recorded: bool) -> None:
+        """Let waves per turn follow the recorded or the simulated angle from now on."""
+        if recorded != self.recorded:
+            self.recorded = recorded
+            self.courses.clear()
 
-        Waves per turn follow the recorded angle where there is one: after many turns a simulated one has lost count.
-        """
+    def course(self, recording: Recording) -> Course:
+        """Return what drives the simulation of a recording; made once."""
         found = self.courses.get(id(recording))
         if found is None or found[0] is not recording:
             while len(self.courses) >= 64:
                 self.courses.pop(next(iter(self.courses)))
-            course = replace(course_of(self.plant, recording), turn=travelled(recording))
+            course = replace(
+                course_of(self.plant, recording),
+                turn=travelled(recording) if self.recorded else None,
+                longest_change=_COARSE,
+            )
             found = self.courses[id(recording)] = (recording, course)
         return found[1]
 

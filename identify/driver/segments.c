@@ -77,7 +77,7 @@ static int coarsest(const run_t *run, double length) {
         }
         rate = fmax(rate, own);
     }
-    while (level < run->levels - 2 && ldexp(k->step, -level) * rate > LONGEST) {
+    while (level < run->levels - 2 && ldexp(k->step, -level) * rate > k->longest) {
         ++level;
     }
     return level;
