@@ -86,7 +86,7 @@ def _best(
     plants = [response(scene.plant, base.point.values, recording) for recording in scene.train]
     for place, choice in enumerate(choices):
         moved = [
-            plant.to(torque(k, float(choice)), len(recording.time))
+            plant.to(np.asarray(torque(k, float(choice)), dtype=np.float64), len(recording.time))
             for k, (plant, recording) in enumerate(zip(plants, scene.train, strict=True))
         ]
         for index, under in enumerate(grounds):
