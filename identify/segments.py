@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Slew = Callable[..., int]
 
 _SAME = 1e-9  # of the step: moments closer than this are one
+_FINEST = 2.0**-6  # of the step: shorter lengths are left as they are
 _EVEN = 1e-6  # of the step: rows this close to even are even, and their time stamps rounded
 
 
@@ -96,7 +97,10 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
 
 
 def _snapped(length: Array, step: float) -> Array:
-    return np.where(np.abs(length - step) < _EVEN * step, step, length)
+    """Make lengths exact that are a row or a half, quarter ... of one, because the simulator has tables for those."""
+    shares = np.exp2(np.round(np.log2(np.maximum(length / step, _FINEST))))
+    exact = (shares >= _FINEST) & (shares <= 1.0) & (np.abs(length - shares * step) < _EVEN * shares * step)
+    return np.where(exact, shares * step, length)
 
 
 def _mapped(drive: Array, timing: Timing) -> Array:
