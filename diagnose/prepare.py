@@ -33,7 +33,7 @@ def prepared(
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """Return the recordings to search, those that are too long cut to their liveliest stretch."""
     hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
-    rows = _MOST_ROWS // (FINER if hold == "band_limited" else 1)
+    rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
     seen, unseen = (shortened(plant, part, rows) for part in (train, test))
     return tuple(replace(each, hold=hold) for each in seen), tuple(replace(each, hold=hold) for each in unseen)
 
