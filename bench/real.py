@@ -61,6 +61,7 @@ def firmloop(*words: str | Path) -> tuple[int, str]:
 def linked(source: Path, folder: Path) -> None:
     """Use the files as they are."""
     for path in source.glob("*.csv*"):
+        (folder / path.name).unlink(missing_ok=True)
         (folder / path.name).symlink_to(path.resolve())
 
 

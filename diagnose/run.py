@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from diagnose.finding import Finding
 from diagnose.hypothesis import make_scene
 from diagnose.judge import improved_plant, judge
+from diagnose.plain import believed
 from diagnose.preflight import preflight
 from diagnose.prepare import prepared
 from diagnose.rank import Progress, Rival, Search, search
@@ -43,7 +44,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     train, test = prepared(plant, train, test)
     checks = preflight(plant, train, test)
     scene = make_scene(plant, train, test, checks.floors)
-    found = search(scene, progress)
+    found = believed(search(scene, progress), progress)
     progress(0.9, "looking for what has no name")
     shape = best_shape(found, found.best)
     finding = judge(found, checks, shape)
