@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from quantize.ops import OPERATIONS, SHIFTS, Interval
+from quantize.ops import LIMITS, OPERATIONS, SHIFTS, Interval
 from quantize.program import Number, Op, QuantizeError, Value
 
 TRUTH = Number("fixed", 32, 0)
@@ -101,5 +101,5 @@ class Builder:
 
 def _as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
     """Literals become degenerate intervals, except shifts and clamp limits, which the rules take as numbers."""
-    plain = (1, 2) if function == "clamp" else (SHIFTS.get(function),)
+    plain = (1, 2) if function in LIMITS else (SHIFTS.get(function),)
     return [a if isinstance(a, tuple) or k in plain else (a, a) for k, a in enumerate(arguments)]

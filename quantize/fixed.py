@@ -66,9 +66,13 @@ class FixedBuilder:
         return -power, power - 1
 
     def read(self, value: Value) -> Term:
-        """Return an input: it may hold every value of its word."""
+        """Return an input, which may hold every value of its word; a short one is brought to the top of a long one."""
         half = 1 << (self.word - 1)
-        return Term(f"in.{value.name}", replace(value.number, bits=32), -half, half - 1, 0.0)
+        raw = Term(f"in.{value.name}", replace(value.number, bits=32), -half, half - 1, 0.0)
+        self.ops.wish = (f"{value.name}_wide", value.unit) if self.word < 32 else ("", "")
+        found = self.widened(raw, raw.number.fraction + 32 - self.word)
+        self.ops.wish = ("", "")
+        return found
 
     def fresh(self, probes: Sequence[Term]) -> Term:
         """Return whether this is the first sample."""
@@ -89,13 +93,9 @@ class FixedBuilder:
         shift = q - a.number.fraction
         if shift == 0:
             return a
-        wish, self.ops.wish = self.ops.wish, ("", "")
         if shift > 0:
-            found = self.ops.emit("shl", (a, shift), _number(q), a.error)
-        else:
-            found = self.ops.emit("asr", (a, -shift), _number(q), a.error + 2.0**-q)
-        self.ops.wish = wish
-        return found
+            return self.ops.emit("shl", (a, shift), _number(q), a.error)
+        return self.ops.emit("asr", (a, -shift), _number(q), a.error + 2.0**-q)
 
     # -- sums -----------------------------------------------------------------------------------------------------
 

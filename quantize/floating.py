@@ -122,6 +122,13 @@ class FloatBuilder:
         assert isinstance(a, Term) and isinstance(b, Term)
         return self.ops.emit(function, (a, b), a.number, a.error + b.error)
 
+    def limit(self, function: str, a: Operand, low: Operand, high: Operand) -> Operand:
+        """Clamp to two constants, or ask whether that would change `a`."""
+        assert isinstance(a, Term) and isinstance(low, Constant) and isinstance(high, Constant)
+        ends = (self._up(low.value, a.number), -self._up(-high.value, a.number))
+        inner = max(abs(ends[0] - low.value), abs(ends[1] - high.value))
+        return self.ops.emit(function, (a, *ends), a.number, max(self._before(a, ends), inner))
+
     def choose(self, condition: Operand, a: Operand, b: Operand, q: int) -> Operand:
         """Take `a` where the condition holds, else `b`; near its edge the condition may choose unlike the law's."""
         del q
@@ -143,6 +150,17 @@ class FloatBuilder:
             return self.ops.emit("copy", (value,), number, abs(value - a.value))
         return a
 
+    def _before(self, a: Term, ends: tuple[float, float]) -> float:
+        """Return how far `a` can be off where it lies between `ends`.
+
+        Rounding keeps the order of numbers: what is beyond a limit before it is rounded is not inside after it. So the
+        last rounding counts for values up to the larger limit only.
+        """
+        last = self.ops.body[-1] if self.ops.body else None
+        if last is None or last.result.name != a.name or last.function not in ("add", "sub", "mul"):
+            return a.error
+        return a.error - self._half(max(abs(a.low), abs(a.high))) + self._half(max(abs(ends[0]), abs(ends[1])))
+
     # -- bounds ---------------------------------------------------------------------------------------------------
 
     def _operand(self, function: str, a: Operand, number: Number) -> tuple[Term | float, float]:
@@ -160,9 +178,15 @@ class FloatBuilder:
         """Widen the bound and the error of the operation just emitted by one rounding, and by the law's own."""
         size = max(abs(term.low), abs(term.high))
         error = term.error + self._own(size, term.error)
-        margin = self._unit * size + self._tiny
+        margin = self._half(size)
         self.inherited[term.name] = term.error
         return self.ops.widen(term, margin, error)
+
+    def _half(self, size: float) -> float:
+        """Return half a unit in the last place of the largest result that can be rounded."""
+        if not math.isfinite(size) or size == 0.0:
+            return size
+        return max(self._unit * 2.0 ** (math.frexp(size)[1] - 1), self._tiny)
 
     def _own(self, size: float, error: float) -> float:
         """Return what rounding a result of magnitude `size` adds in program and law, which are `error` apart."""

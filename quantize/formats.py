@@ -81,7 +81,7 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
         _check(q, signal.name)
     words = [(-(2.0 ** (bits - 1 - q)), 2.0 ** (bits - 1 - q)) for q in inputs]
     spans = _spans(graph, sums, [[held_range(law, s) for s in law.state], words, [(0.0, 1.0)]])
-    fractions = _Choice(law, graph, sums, spans, inputs).fractions()
+    fractions = _Choice(law, graph, sums, spans, [q + 32 - bits for q in inputs]).fractions()
     places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
     state = tuple(
         fractions[places[0, j]] if (0, j) in places else fit(*held_range(law, s), 32) for j, s in enumerate(law.state)

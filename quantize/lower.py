@@ -12,6 +12,7 @@ from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
 from quantize.graph import needed
+from quantize.limits import with_limits
 from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Value
 from quantize.sums import Sum, gather, is_linear
@@ -34,6 +35,7 @@ def lower(law: Law, arithmetic: str) -> Program:
     floating = arithmetic.startswith("float")
     found = opened(law, floating)
     if floating:
+        found = replace(found, graph=with_limits(found.graph))
         order, states = len(found.graph.nodes), len(found.law.state)
         none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
         return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
@@ -169,6 +171,9 @@ class _Lowering:
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
                 return self.builder.choose(condition, a, Constant(0.0), q)
+            case (("clamp" | "outside"), [a, low, high]):
+                assert isinstance(self.builder, FloatBuilder), "seen in floating point only"
+                return self.builder.limit(function, a, low, high)
             case "choose", [condition, a, b]:
                 return self.builder.choose(condition, a, b, q)
             case _, [a]:

@@ -53,17 +53,20 @@ def opened(law: Law, floating: bool) -> Opened:
         begun[flag] = ca.SX(1)
     (stage,) = law.stages
     after, u, flags, named = stage.function(ca.vertcat(*begun), z)
-    function = ca.Function(
-        "law", [x[kept] if kept else ca.SX(0, 1), z, fresh], [after[kept] if kept else ca.SX(0, 1), u, flags, named]
-    )
+    rows = [x[kept], z, fresh] if kept else [ca.SX(0, 1), z, fresh]
+    results = [after[kept] if kept else ca.SX(0, 1), u, flags, named]
+    # What the first sample chooses from stands in front, then what it chooses: so both are one branch, and a short one.
+    front = ca.vertcat(*(first[j] for j in own), *begun, 0)
+    function = ca.Function("law", rows, [front, *results])
     shorter = replace(
         law,
         state=tuple(law.state[j] for j in kept),
         start=tuple(law.start[j] for j in kept),
         why=tuple(law.why[j] for j in kept),
-        stages=(Scalar(function, stage.named),),
+        stages=(Scalar(ca.Function("law", rows, results), stage.named),),
     )
     graph = read_graph(function)
+    graph = replace(graph, results=graph.results[1:])
     if not floating:
         unset = kept.index(own[0]) if own else None
         return Opened(shorter, graph, (unset,) if unset is not None else (), unset)
@@ -94,8 +97,14 @@ def _reached(graph: Graph, j: int, mortal: Sequence[int]) -> set[int]:
         elif node.function in PASSING:
             zero = any(graph.nodes[a].function == "constant" and graph.nodes[a].value == 0 for a in node.arguments)
             lost[k] = any(lost[a] for a in node.arguments) and not (node.function == "mul" and zero)
-        elif node.function == "choose" and graph.nodes[node.arguments[0]].place == (2, 0):
-            lost[k] = lost[node.arguments[2]]  # as it is where no probe has seen it yet
+        elif node.function in ("if", "choose") and _asks_fresh(graph, node.arguments[0]):
+            lost[k] = lost[node.arguments[-1]]  # as it is where no probe has seen it yet
         elif node.function == "choose":
             lost[k] = lost[node.arguments[1]] and lost[node.arguments[2]]
     return {k for k in mortal if lost[graph.results[0][k]]}
+
+
+def _asks_fresh(graph: Graph, k: int) -> bool:
+    """Tell whether node `k` is `fresh`, or, as the condition of what a state is otherwise, its opposite."""
+    node = graph.nodes[k]
+    return (graph.nodes[node.arguments[0]] if node.function == "not" else node).place == (2, 0)

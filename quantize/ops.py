@@ -79,7 +79,8 @@ def _absolute(a: Interval) -> Interval:
     return (0 if low <= 0 <= high else min(abs(low), abs(high))), max(abs(low), abs(high))
 
 
-# Which argument of an operation is a number of places to shift by.
+# Operations between two limits, given as numbers; and which argument of an operation is a number of places to shift by.
+LIMITS = ("clamp", "outside")
 SHIFTS: Mapping[str, int] = {"shr": 1, "asr": 1, "shl": 1, "mul_shift": 2, "acc": 1, "high": 1}
 
 OPERATIONS: dict[str, Operation] = {
@@ -138,7 +139,7 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "clamp": Operation(
         "limited to a range",
-        lambda x, low, high: _minimum(_maximum(x, low), high),
+        lambda x, low, high: np.where(x >= low, np.where(x > high, high, x), low),  # a NaN yields `low`
         lambda x, low, high: (min(max(x[0], low), high), min(max(x[1], low), high)),
         _helper("fl_clamp", "{0}, {1}, {2}"),
     ),
@@ -147,9 +148,16 @@ OPERATIONS: dict[str, Operation] = {
     "le": Operation("not more", lambda a, b: _truth(a <= b), _compared, _both("({0} <= {1}) ? 1 : 0"), truth=True),
     "eq": Operation("equal", lambda a, b: _truth(a == b), _compared, _both("({0} == {1}) ? 1 : 0"), truth=True),
     "ne": Operation("different", lambda a, b: _truth(a != b), _compared, _both("({0} != {1}) ? 1 : 0"), truth=True),
+    "outside": Operation(
+        "limited, or no number",
+        lambda x, low, high: _truth(np.where(x >= low, x > high, True)),
+        _compared,
+        {"float32": "fl_outside_f32({0}, {1}, {2})", "float64": "fl_outside_f64({0}, {1}, {2})"},
+        truth=True,
+    ),
     "lost": Operation(
         "no number, or an infinite one",
-        lambda a: _truth(a - a != 0),
+        lambda a: _truth((a - a) != (a - a)),
         _compared,
         {"float32": "fl_lost_f32({0})", "float64": "fl_lost_f64({0})"},
         truth=True,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantize.program import Program, Value
+from verify.edges import edges
 from verify.reference import Raw, element_type, run
 from verify.settings import requests
 
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 LANE_STEPS = 1000
 FRESH_STEPS = 8
 LONGEST_WORST = 40_000  # steps of a worst case
+EDGE_STEPS = 2
 RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
@@ -275,15 +277,20 @@ def _recorded(program: Program, signals: Mapping[str, Array], random: np.random.
     return _stack(program, columns)
 
 
+def _edges(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    return edges(program, random, lanes, length, to_raw)
+
+
 # name, maker, share of the steps, steps of a lane
 MAKERS = (
-    ("tracking", _tracking, 0.38, LANE_STEPS),
-    ("corners", _corners, 0.21, LANE_STEPS),
+    ("tracking", _tracking, 0.37, LANE_STEPS),
+    ("corners", _corners, 0.20, LANE_STEPS),
     ("noise", _noise, 0.12, LANE_STEPS),
     ("long saturation", _saturation, 0.12, LANE_STEPS),
     ("worst case", _worst, 0.04, LANE_STEPS),
     ("squares", _squares, 0.04, LANE_STEPS),
     ("chirps", _chirps, 0.04, LANE_STEPS),
     ("fresh starts", _tracking, 0.05, FRESH_STEPS),
+    ("edges of limits", _edges, 0.02, EDGE_STEPS),
 )
 ADVERSARIAL = tuple(row for row in MAKERS if row[0] in ("worst case", "squares", "chirps", "long saturation"))

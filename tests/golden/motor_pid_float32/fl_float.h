@@ -19,13 +19,20 @@ static inline float fl_max_f32(float a, float b)
 
 static inline float fl_clamp_f32(float x, float low, float high)
 {
-    return fl_min_f32(fl_max_f32(x, low), high);
+    return (x >= low) ? ((x > high) ? high : x) : low;
+}
+
+/* Whether fl_clamp changes `x`, or `x` is not a number. */
+static inline int32_t fl_outside_f32(float x, float low, float high)
+{
+    return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
 /* Whether `a` is not a number, or infinite. */
 static inline int32_t fl_lost_f32(float a)
 {
-    return ((a - a) == 0.0F) ? 0 : 1;
+    const float none = a - a;
+    return (none == none) ? 0 : 1;
 }
 
 /* Not a number: what a controller holds until its first sample. */
@@ -52,13 +59,20 @@ static inline double fl_max_f64(double a, double b)
 
 static inline double fl_clamp_f64(double x, double low, double high)
 {
-    return fl_min_f64(fl_max_f64(x, low), high);
+    return (x >= low) ? ((x > high) ? high : x) : low;
+}
+
+/* Whether fl_clamp changes `x`, or `x` is not a number. */
+static inline int32_t fl_outside_f64(double x, double low, double high)
+{
+    return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
 /* Whether `a` is not a number, or infinite. */
 static inline int32_t fl_lost_f64(double a)
 {
-    return ((a - a) == 0.0) ? 0 : 1;
+    const double none = a - a;
+    return (none == none) ? 0 : 1;
 }
 
 /* Not a number: what a controller holds until its first sample. */

@@ -20,29 +20,28 @@ void motor_pid_init(motor_pid_t *self)
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
     const int32_t fresh = fl_lost_f32(self->integral); /* truth */
-    const int32_t t1 = 1 - fresh; /* truth */
-    const float t2 = (t1 != 0) ? self->integral : 0.0F; /* -69.5982 to 69.5982 */
+    const float t1 = 0.2F * in->reference; /* -80 to 80 */
+    const float t2 = t1 - in->measurement; /* -480 to 480 */
+    const float t3 = (fresh != 0) ? 0.0F : self->integral; /* -69.5982 to 69.5982 */
+    const float t4 = (fresh != 0) ? t2 : self->filtered; /* -484.8 to 484.8 */
     const float error = in->reference - in->measurement; /* rad/s, -800 to 800 */
-    const float t3 = 0.0014F * error; /* -1.12 to 1.12 */
-    const float t4 = t2 + t3; /* -70.7182 to 70.7182 */
-    const float t5 = 0.7F * in->reference; /* -280 to 280 */
-    const float t6 = t5 - in->measurement; /* -680 to 680 */
-    const float proportional = 0.05F * t6; /* V, -34 to 34 */
-    const float t7 = proportional + t2; /* -103.598 to 103.598 */
-    const float t8 = 0.2F * in->reference; /* -80 to 80 */
-    const float t9 = t8 - in->measurement; /* -480 to 480 */
-    const float t10 = (fresh != 0) ? t9 : self->filtered; /* -484.8 to 484.8 */
-    const float t11 = t9 - t10; /* -964.8 to 964.8 */
-    const float derivative_term = 0.036363635F * t11; /* V, -35.0836 to 35.0836 */
-    const float unlimited = t7 + derivative_term; /* V, -138.682 to 138.682 */
-    const float t12 = fl_max_f32(unlimited, -12.0F); /* -12 to 138.682 */
-    const float output_limited = fl_min_f32(t12, 12.0F); /* V, -12 to 12 */
-    const float t13 = output_limited - unlimited; /* -150.682 to 150.682 */
-    const float t14 = 0.02F * t13; /* -3.01364 to 3.01364 */
-    const float integral_new = t4 + t14; /* V, -73.7318 to 73.7318 */
-    const float t15 = 0.09090909F * t11; /* -87.7091 to 87.7091 */
-    const float filtered_new = t10 + t15; /* rad/s, -572.509 to 572.509 */
-    const int32_t saturated = (output_limited != unlimited) ? 1 : 0; /* truth */
+    const float t5 = 0.0014F * error; /* -1.12 to 1.12 */
+    const float t6 = t3 + t5; /* -70.7182 to 70.7182 */
+    const float t7 = 0.7F * in->reference; /* -280 to 280 */
+    const float t8 = t7 - in->measurement; /* -680 to 680 */
+    const float proportional = 0.05F * t8; /* V, -34 to 34 */
+    const float t9 = proportional + t3; /* -103.598 to 103.598 */
+    const float t10 = t2 - t4; /* -964.8 to 964.8 */
+    const float derivative_term = 0.036363635F * t10; /* V, -35.0836 to 35.0836 */
+    const float unlimited = t9 + derivative_term; /* V, -138.682 to 138.682 */
+    const float output_limited = fl_clamp_f32(unlimited, -12.0F, 12.0F); /* V, -12 to 12 */
+    const float t11 = output_limited - unlimited; /* -150.682 to 150.682 */
+    const float t12 = 0.02F * t11; /* -3.01364 to 3.01364 */
+    const float t13 = t6 + t12; /* -73.7318 to 73.7318 */
+    const int32_t saturated = fl_outside_f32(unlimited, -12.0F, 12.0F); /* truth */
+    const float integral_new = (saturated != 0) ? t13 : t6; /* V, -73.7318 to 73.7318 */
+    const float t14 = 0.09090909F * t10; /* -87.7091 to 87.7091 */
+    const float filtered_new = t4 + t14; /* rad/s, -572.509 to 572.509 */
 
     out->output = output_limited;
     self->integral = integral_new;
