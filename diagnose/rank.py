@@ -189,9 +189,9 @@ def _bar(rival: Rival) -> float:
 
 
 def _larger(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction."""
+    """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction."""
     sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
-    return bool(np.sqrt(np.mean((sizes[0] / sizes[1]) ** 2)) > _WIDER)
+    return bool(np.min(sizes[0] / sizes[1]) > _WIDER)
 
 
 def _nominal(scene: Scene) -> Rival:
