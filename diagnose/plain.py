@@ -101,7 +101,7 @@ def _nominal(scene: Scene, found: Search) -> Rival:
 
 def _screened(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Screened, ...]:
     causes = [cause for cause in scene.causes if cause not in base.causes]
-    (table,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], ())
+    (table,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], {})
     return table
 
 
