@@ -79,6 +79,11 @@ def _period(recordings: Sequence[Recording]) -> float:
     steps = [np.diff(recording.time) for recording in recordings]
     period = float(np.median(steps[0]))
     for recording, step in zip(recordings, steps, strict=True):
+        if recording.hold != "zero_order":
+            raise IdentifyError(
+                f"recordings.hold is {recording.hold!r}; a black-box model takes its input as held between rows: leave "
+                "it out, or fit a plant with physics"
+            )
         if np.abs(step - period).max() > EVEN * period + 1e-12:
             raise IdentifyError(
                 f"{recording.source}: rows are {step.min():g} to {step.max():g} s apart, and a black-box model needs "

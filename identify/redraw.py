@@ -146,7 +146,7 @@ def _posed(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> 
         tuple(replace(made, lags=score.lags) for made in windows)
         for windows, score in zip(parts, fit.train, strict=True)
     ]
-    problem = make_problem(fit.plant, simulator(fit.plant), lagged)
+    problem = make_problem(fit.plant, simulator(fit.plant, train[0].hold), lagged)
     noise = np.array([fit.noise[signal.name] for signal in fit.plant.outputs])
     weights = 1.0 / np.where(noise > 0.0, noise, 1.0)
     starts = np.concatenate([score.starts for score in fit.train])
