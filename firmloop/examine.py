@@ -124,6 +124,10 @@ def about_examination(found: Examination) -> list[str]:
         for output, test in outputs.items()
     ]
     lines += table(tests)
+    if any(not test.white for outputs in found.residuals.values() for test in outputs.values()):
+        lines.append(
+            "  note: the residuals have a memory, which Monte Carlo's white noise has not: take the wider interval"
+        )
     if found.sensitivity is None:
         lines.append(f"no sensitivities: {found.insensitive}")
     else:

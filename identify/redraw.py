@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 Noise = Callable[[Array, np.random.Generator], Array]  # residuals (n, r) -> as many drawn ones
 
 CLOSE = 0.02  # of a standard deviation: Gauss-Newton squares the distance, so that what is left moves no interval
-MOST_STEPS = 12
+MOST_STEPS = 16
+WHOLE_STEPS = 4  # then halves: at a kink, such as a delay that passes a row, whole ones jump across it for ever
 SLOW = 200  # draws between two reports of progress
 
 
@@ -170,15 +171,16 @@ def _refit(problem: Problem, at: _Solution) -> Array | None:
         ((made.target - ours) * problem.weights, slopes)
         for made, ours, slopes in zip(problem.experiments, at.targets, at.slopes, strict=True)
     ]
-    for _ in range(MOST_STEPS):
-        found = _step(pairs, count, starts.shape)
+    own = constants[free]
+    place = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, own, 1.0)), own)
+    for turn in range(MOST_STEPS):
+        found = _inside(pairs, place, problem, starts.shape)
         if found is None:
             return None
-        moved, length = found
-        own = constants[free]
-        mapped = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, own, 1.0)), own) + moved[:count]
-        mapped = np.clip(mapped, problem.low, problem.high)
-        constants[free] = np.where(problem.logarithmic, np.exp(np.where(problem.logarithmic, mapped, 0.0)), mapped)
+        share = 1.0 if turn < WHOLE_STEPS else 0.5 ** (turn // WHOLE_STEPS)
+        moved, length = found[0] * share, found[1] * share
+        place = np.clip(place + moved[:count], problem.low, problem.high)
+        constants[free] = np.where(problem.logarithmic, np.exp(np.where(problem.logarithmic, place, 0.0)), place)
         starts = starts + moved[count:].reshape(starts.shape)
         if length < CLOSE:
             return constants
@@ -186,9 +188,32 @@ def _refit(problem: Problem, at: _Solution) -> Array | None:
     return None
 
 
-def _step(pairs: Sequence[tuple[Array, Array]], count: int, starts: tuple[int, ...]) -> tuple[Array, float] | None:
-    """Return the step of all unknowns, and how far it moves the weighted residuals: 1 is a standard deviation."""
-    states = starts[1]
+def _inside(
+    pairs: Sequence[tuple[Array, Array]], place: Array, problem: Problem, starts: tuple[int, ...]
+) -> tuple[Array, float] | None:
+    """Return the step of all unknowns, those left where they are that stand at a bound and would go beyond it."""
+    count = len(place)
+    held = np.zeros(count, dtype=bool)
+    for _ in range(count + 1):
+        found = _step(pairs, held, starts)
+        if found is None:
+            return None
+        goal = place + found[0][:count]
+        beyond = ((place <= problem.low) & (goal < problem.low)) | ((place >= problem.high) & (goal > problem.high))
+        if not np.any(beyond & ~held):
+            break
+        held = held | beyond
+    return found
+
+
+def _step(
+    pairs: Sequence[tuple[Array, Array]], held: NDArray[np.bool_], starts: tuple[int, ...]
+) -> tuple[Array, float] | None:
+    """Return the step of the unknowns that are not `held`, and how far it moves the weighted residuals.
+
+    A length of 1 is a standard deviation.
+    """
+    states, count = starts[1], len(held)
     size = count + starts[0] * states
     square, slope = np.zeros((size, size)), np.zeros(size)
     for k, (residual, slopes) in enumerate(pairs):
@@ -196,6 +221,7 @@ def _step(pairs: Sequence[tuple[Array, Array]], count: int, starts: tuple[int, .
         where = [*range(count), *range(count + k * states, count + (k + 1) * states)]
         square[np.ix_(where, where)] += tall.T @ tall
         slope[where] -= tall.T @ residual.reshape(-1)
+    square[:count][held] = square[:, :count][:, held] = slope[:count][held] = 0.0
     norms = np.sqrt(np.diag(square))
     norms[norms == 0.0] = 1.0
     scaled = square / np.outer(norms, norms)
