@@ -149,7 +149,14 @@ def by_control(plant: Linear, period: float, gains: dict[str, float]) -> control
     return control.minreal(pid * sampled / z ** round(plant.delay / period), verbose=False)
 
 
-@pytest.mark.parametrize("plant", ["lag with delay", "motor speed", "motor position"])
+@pytest.mark.parametrize(
+    "plant",
+    [
+        "lag with delay",
+        pytest.param("motor speed", marks=pytest.mark.slow),
+        pytest.param("motor position", marks=pytest.mark.slow),
+    ],
+)
 def test_margins_of_every_rule_are_controls(plant):
     """Gain margin, phase margin and Ms to 1 %; what an optimizing rule gives keeps its Ms."""
     made, period, keys = {
