@@ -5,7 +5,8 @@ have: those of the proven ranges. These arguments are tried:
 
 1. the line's value is the same;
 2. it is not, but every line that reads it, and every line of the next step that reads the state it is stored in, is;
-3. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
+3. nor is every such line, but the outputs, the status and the state that the rest of the step makes of it are;
+4. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
 
 The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
 within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
@@ -53,6 +54,8 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
         outward = {a.source for a in program.results} | {b.source for b in program.status}
         if name in outward or (not read and not stored):
             return None
+        if not stored and _same_step(program, meaning, name, old, new):
+            return "outputs, status and state after the step are the same on the proven ranges, by z3"
         for op in read:
             text = statement(op, program).partition(" = ")[2]
             places = {name: (old, new), **{f"self.{s}": (old, new) for s in stored}}
@@ -63,6 +66,19 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
         return "every line that reads it has the same value on the proven ranges, by z3"
     except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
         return None  # a text that is no expression of ours
+
+
+def _same_step(program: Program, meaning: _Meaning, name: str, old: Any, new: Any) -> bool:
+    """Compare what the rest of the step makes of both values of `name`."""
+    pair: list[dict[str, Any]] = [{name: old}, {name: new}]
+    for op in program.body:
+        if any(argument in pair[0] for argument in op.arguments):
+            text = statement(op, program).partition(" = ")[2]
+            for given in pair:
+                given[op.result.name] = meaning.value(text, given)
+    ends = [*program.results, *program.next_state, *program.status]
+    reached = {end.source for end in ends if end.source in pair[0]}
+    return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))
 
 
 def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutant) -> str | None:
