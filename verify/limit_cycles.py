@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 States = NDArray[np.int64]
 
 MOST_STARTS = 4096  # states of an exhaustive search
-DRAWN_STARTS = 256  # of one that is not
-SETTLING = 2000  # steps until a lane should have come to rest
+DRAWN_STARTS = 128  # of one that is not
+SETTLING = 1000  # steps until a lane should have come to rest
 LONGEST = 128  # steps in which a cycle must return
 SEED = 1
 
@@ -77,13 +77,16 @@ def zero_input(program: Program) -> ZeroInput | None:
     rest = _rest(program, machine)
     model = _linear(program, machine, rest)
     spread, bounds = _bounds(program, model) if model is not None else (np.zeros(len(rest)), None)
+    if bounds is None:
+        unknown = tuple(AtRest(value.name, value.unit, None, 0.0, 0.0) for value in program.outputs)
+        return ZeroInput(unknown, 0, False, 0)
     starts, exhaustive = _starts(program, rest, spread)
     cycle, offset, unsettled = _search(program, machine, starts)
     outputs = tuple(
-        AtRest(value.name, value.unit, None if bounds is None else float(bounds[j]), float(cycle[j]), float(offset[j]))
+        AtRest(value.name, value.unit, float(bounds[j]), float(cycle[j]), float(offset[j]))
         for j, value in enumerate(program.outputs)
     )
-    return ZeroInput(outputs, len(starts), exhaustive and bounds is not None, unsettled)
+    return ZeroInput(outputs, len(starts), exhaustive, unsettled)
 
 
 # -- the linear program -----------------------------------------------------------------------------------------------

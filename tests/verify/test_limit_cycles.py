@@ -119,4 +119,4 @@ def test_a_law_without_linear_rest_says_so() -> None:
     kind = kinds()["gain_schedule"]
     assert isinstance(kind.example, Request)
     found = zero_input(lower(kind.design(kind.example).law, "fixed32"))
-    assert found is not None and found.outputs[0].bound is None and found.starts == 1
+    assert found is not None and found.outputs[0].bound is None and found.starts == 0
