@@ -159,7 +159,8 @@ class FloatBuilder:
         last = self.ops.body[-1] if self.ops.body else None
         if last is None or last.result.name != a.name or last.function not in ("add", "sub", "mul"):
             return a.error
-        return a.error - self._half(max(abs(a.low), abs(a.high))) + self._half(max(abs(ends[0]), abs(ends[1])))
+        size = max(abs(a.low), abs(a.high)) / (1 + 4 * self._unit)  # as it was before it was widened, or less
+        return a.error - self._half(size) + self._half(max(abs(ends[0]), abs(ends[1])))
 
     # -- bounds ---------------------------------------------------------------------------------------------------
 

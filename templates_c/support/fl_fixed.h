@@ -37,7 +37,9 @@ static inline int32_t fl_asr_i32(int32_t a, uint32_t s)
 /* A sum of products, rounded once: it starts as a * 2^s and the half that rounds it, s from 1 to 62; ... */
 static inline int64_t fl_acc_i64(int32_t a, uint32_t s)
 {
-    return (int64_t)a * (int64_t)((uint64_t)1 << s) + (int64_t)((uint64_t)1 << (s - 1U));
+    const uint64_t power = (uint64_t)1 << s;
+    const int64_t one = (int64_t)power;
+    return (a * one) + (one / 2);
 }
 
 /* ... then come the products, each as it is; ... */
