@@ -120,7 +120,7 @@ def read_graph(function: ca.Function) -> Graph:
         missing = [r for r in range(sparsity.size1()) if r not in row]
         zero = add(Node("constant", (), 0.0, (0, 0))) if missing else -1
         results.append(tuple(outputs[i, row[r]] if r in row else zero for r in range(sparsity.size1())))
-    return _pruned(Graph(tuple(_with_choices(nodes)), tuple(results)))
+    return pruned(Graph(tuple(_with_choices(nodes)), tuple(results)))
 
 
 def _with_choices(nodes: Sequence[Node]) -> list[Node]:
@@ -147,7 +147,7 @@ def needed(graph: Graph, rows: int) -> set[int]:
     return found
 
 
-def _pruned(graph: Graph) -> Graph:
+def pruned(graph: Graph) -> Graph:
     """Leave out what no result needs."""
     kept = sorted(needed(graph, len(graph.results)))
     place = {k: new for new, k in enumerate(kept)}

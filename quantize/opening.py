@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from design.law import Law, Scalar
-from quantize.graph import Graph, read_graph
+from quantize.graph import Graph, pruned, read_graph
 
 PASSING = ("add", "sub", "neg", "twice", "mul", "square")  # not finite where any operand is not, and not the constant 0
 
@@ -52,27 +52,40 @@ def opened(law: Law, floating: bool) -> Opened:
     if flag is not None:
         begun[flag] = ca.SX(1)
     (stage,) = law.stages
-    after, u, flags, named = stage.function(ca.vertcat(*begun), z)
-    rows = [x[kept], z, fresh] if kept else [ca.SX(0, 1), z, fresh]
-    results = [after[kept] if kept else ca.SX(0, 1), u, flags, named]
+    state, nothing = ca.SX.sym("begun", len(law.state)), ca.SX(0, 1)
+    after, u, flags, named = stage.function(ca.vertcat(*(1 if j == flag else state[j] for j in range(len(begun)))), z)
+    rows = [x[kept] if kept else nothing, z, fresh, state]
+    results = [after[kept] if kept else nothing, u, flags, named]
     # What the first sample chooses from stands in front, then what it chooses: so both are one branch, and a short one.
     front = ca.vertcat(*(first[j] for j in own), *begun, 0)
-    function = ca.Function("law", rows, [front, *results])
+    graph = _joined(read_graph(ca.Function("law", rows, [front, *results])), len(own))
     shorter = replace(
         law,
         state=tuple(law.state[j] for j in kept),
         start=tuple(law.start[j] for j in kept),
         why=tuple(law.why[j] for j in kept),
-        stages=(Scalar(ca.Function("law", rows, results), stage.named),),
+        stages=(Scalar(stage.function, stage.named),),
     )
-    graph = read_graph(function)
-    graph = replace(graph, results=graph.results[1:])
     if not floating:
         unset = kept.index(own[0]) if own else None
         return Opened(shorter, graph, (unset,) if unset is not None else (), unset)
     mortal = [k for k, j in enumerate(kept) if law.state[j].name not in law.tunable]
     probes = _probes(graph, mortal)
     return Opened(shorter, graph, probes, probes[0] if own else None)
+
+
+def _joined(graph: Graph, before: int) -> Graph:
+    """Put the state that is chosen, `before` nodes into the first result, in place of the fourth argument.
+
+    CasADi would otherwise draw the choice through every product that follows.
+    """
+    chosen = graph.results[0][before:]
+    place = {
+        k: chosen[n.place[1]] if n.function == "argument" and n.place[0] == 3 else k for k, n in enumerate(graph.nodes)
+    }
+    nodes = tuple(replace(node, arguments=tuple(place[a] for a in node.arguments)) for node in graph.nodes)
+    assert all(a < k for k, node in enumerate(nodes) for a in node.arguments), "chosen before it is used"
+    return pruned(Graph(nodes, tuple(tuple(place[k] for k in row) for row in graph.results[1:])))
 
 
 def _probes(graph: Graph, mortal: Sequence[int]) -> tuple[int, ...]:

@@ -57,7 +57,7 @@ def _apart(
     law: Law, program: Program, graph: Graph, raw: Sequence[Raw], held: Sequence[Raw], got: Sequence[Array]
 ) -> list[Array]:
     """Return |program - law| of each output and sample; 0 where an input or a state is not in its range."""
-    fresh = _fresh(program, held)
+    fresh = _fresh(program, raw, held)
     valid = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=0)
     own = [fresh | _inside(v, x) for v, x in zip(program.state, held, strict=True)]
     valid &= np.all(own, axis=0) if own else True
@@ -75,15 +75,14 @@ def _apart(
     return [np.where(valid, np.abs(g - e), 0.0) for g, e in zip(got, expected, strict=True)]
 
 
-def _fresh(program: Program, held: Sequence[Raw]) -> NDArray[np.bool_]:
-    """Tell where the controller stands before its first sample, or starts afresh."""
-    fresh = np.zeros(np.shape(held[0]) if held else (), dtype=bool)
-    for value, x in zip(program.state, held, strict=True):
-        if value.number.kind == "float":
-            fresh |= ~np.isfinite(x)
-        elif value.name == program.unset:
-            fresh |= x < value.low
-    return fresh
+def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:
+    """Tell where the controller itself finds that it stands before its first sample, or has to start afresh."""
+    asks = [op for op in program.body if op.function == "lost" or f"self.{program.unset}" == op.arguments[0]]
+    if not asks:
+        return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)
+    machine, kind = Machine(program), working_type(program)
+    slots = machine.step([x.astype(kind) for x in raw], [x.astype(kind) for x in held])
+    return np.asarray(machine.named(slots)[asks[0].result.name], dtype=bool)
 
 
 def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
