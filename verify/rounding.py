@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 SEARCHED = 20_000  # points of one round
 ROUNDS = 8
 KEPT = 200  # of a round, to climb from
+LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
 def measure_rounding(
@@ -77,7 +78,8 @@ def _apart(
 
 def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:
     """Tell where the controller itself finds that it stands before its first sample, or has to start afresh."""
-    asks = [op for op in program.body if op.function == "lost" or f"self.{program.unset}" == op.arguments[0]]
+    unset = (f"self.{program.unset}", LEAST)
+    asks = [op for op in program.body if op.function == "lost" or (op.function == "eq" and op.arguments == unset)]
     if not asks:
         return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)
     machine, kind = Machine(program), working_type(program)
