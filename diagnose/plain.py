@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
-_TRIED, _FINAL = 8, 3  # causes fitted in a round, and of them to the end
-_STARTS = 3  # points a fit begins from
+_TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
+_STARTS = 2  # points a fit begins from
 _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 8.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
@@ -44,7 +44,7 @@ def believed(found: Search, progress: Progress) -> Search:
         return found
     ratio = _size(plain.best.fitted.residuals, found.best.fitted.residuals)
     unseen = _size(_unseen(scene, plain.best.fitted), _unseen(scene, found.best.fitted))
-    return plain if max(ratio, unseen) < _CLEAR else found
+    return plain if unseen < _CLEAR and ratio < 1.0 else found
 
 
 def plain_search(scene: Scene, found: Search, progress: Progress) -> Search:

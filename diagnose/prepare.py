@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.noise import fit_noise
+from identify.clock import evened
 from identify.condition import NONE
 from identify.experiment import Experiment, best_start, experiments
+from identify.forms import form_writer
 from identify.hold import FINER, HOLDS
 from identify.least_squares import triangle
 from identify.plant import IdentifyError, Plant
@@ -21,6 +23,7 @@ from identify.simulate import constants_of, rest_start, simulator
 Array = NDArray[np.float64]
 
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
+_BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
 _STEPS = 12  # of a fit of the nominal plant
 _LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
@@ -34,6 +37,8 @@ def prepared(
     """Return the recordings to search, those that are too long cut to their liveliest stretch."""
     hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
     rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
+    if not form_writer(plant).linear_rate:
+        rows = rows // _BENT
     seen, unseen = (shortened(plant, part, rows) for part in (train, test))
     return tuple(replace(each, hold=hold) for each in seen), tuple(replace(each, hold=hold) for each in unseen)
 
@@ -67,7 +72,8 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
     nominal plant is fitted under every hold, and the evidence decides.
     """
     given = train[0].hold
-    if given != HOLDS[0] or any(np.isnan(p.value) for p in plant.parameters):
+    even = all(np.ptp(np.diff(evened(each.time))) < 1e-6 * np.ptp(each.time) / len(each.time) for each in train)
+    if given != HOLDS[0] or not even or any(np.isnan(p.value) for p in plant.parameters):
         return given
     try:
         if not _LIKE[0] < _share(plant, train) < _LIKE[1]:

@@ -194,7 +194,8 @@ def efforts(
         return np.asarray(states @ assembly.effort_x + drive @ assembly.effort_u)
     bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
     nominal = constants[: plant.rate.numel_in(2)]
-    return np.array([float(bent(x, u, nominal)) for x, u in zip(states, drive, strict=True)])
+    every = bent.map(len(states))(states.T, drive.T, np.tile(nominal[:, None], len(states)))
+    return np.asarray(every).reshape(-1)
 
 
 def inertia_parameter(plant: Plant, balance: int) -> str | None:
