@@ -28,7 +28,7 @@ _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
 _STARTS = 2  # points a fit begins from
 _SHORT, _LONG = 5, 15  # steps of a fit
-_THRESHOLD = 8.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
+_THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
 _PATIENCE = 25.0  # s of computing after which no further effect is looked for
 
