@@ -19,6 +19,7 @@ from diagnose.polish import polished
 from diagnose.rank import CONTAINS, MOST_EFFECTS, Progress, Rival, Search, unseen_residuals
 from diagnose.refit import Fitted, fit
 from diagnose.screen import Screened, ground, screen
+from identify.linear import linearize
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ _STARTS = 2  # points a fit begins from
 _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
+_SUMS = 0.5  # times the length of a recording: a pole nearer to zero keeps all that ever came in
 _PATIENCE = 25.0  # s of computing after which no further effect is looked for
 
 
@@ -37,7 +39,7 @@ def believed(found: Search, progress: Progress) -> Search:
     """Return the search by innovations, or one by simulation error where that predicts unseen recordings far better."""
     scene = found.scene
     slow = max(noise.rms / noise.scale for noise in found.best.noises)
-    if not scene.test or slow < _SLOW:
+    if not scene.test or slow < _SLOW or _integrates(scene):
         return found
     plain = plain_search(scene, found, progress)
     if not plain.best.fitted.causes:
@@ -45,6 +47,15 @@ def believed(found: Search, progress: Progress) -> Search:
     ratio = _size(plain.best.fitted.residuals, found.best.fitted.residuals)
     unseen = _size(_unseen(scene, plain.best.fitted), _unseen(scene, found.best.fitted))
     return plain if unseen < _CLEAR and ratio < 1.0 else found
+
+
+def _integrates(scene: Scene) -> bool:
+    """Tell whether the plant sums up what disturbs it: then simulations drift away, whatever the physics."""
+    rates = linearize(scene.plant).a
+    if not np.all(np.isfinite(rates)):
+        return False
+    span = max(float(recording.time[-1] - recording.time[0]) for recording in scene.train)
+    return bool(np.any(np.abs(np.linalg.eigvals(rates)) * span < _SUMS))
 
 
 def plain_search(scene: Scene, found: Search, progress: Progress) -> Search:
