@@ -15,8 +15,9 @@ from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.locate import worst_spans
 from diagnose.noise import whiteness
 from diagnose.preflight import Preflight
-from diagnose.rank import CONTAINS, TIE, Rival, Search, innovations, unseen_residuals
+from diagnose.rank import Search
 from diagnose.refit import Fitted, fit_starts, residual_of
+from diagnose.rival import CONTAINS, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
 from identify.attach import parameters_of, with_effects

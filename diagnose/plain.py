@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.noise import Noise
 from diagnose.polish import polished
-from diagnose.rank import CONTAINS, MOST_EFFECTS, Progress, Rival, Search, unseen_residuals
+from diagnose.rank import MOST_EFFECTS, Progress, Search
 from diagnose.refit import Fitted, fit
+from diagnose.rival import CONTAINS, Rival, unseen_residuals
 from diagnose.screen import Screened, ground, screen
 from identify.linear import linearize
 

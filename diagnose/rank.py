@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, Scene, entered, first_point, full_start
-from diagnose.noise import Noise, white
+from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
+from diagnose.noise import white
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of, residual_of
+from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
+from diagnose.swap import enriched, reduced, swapped
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -31,8 +33,6 @@ SLOW = (
 )
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
-TIE = 10.0  # explanations closer than this in BIC are not told apart
-RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
 MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
@@ -41,31 +41,10 @@ _SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one 
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
-_WIDER = 1.1  # ratio of residual rms from which an explanation is none
-_MINOR = 0.008  # of what the others explain: less may be the trace of how a model simplifies them
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
 _GIVEN = 3  # causes tried beside the parameters as given
-_TRANSLATED = 3  # starts from which one effect is tried in the place of another
 _SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
-
-# What contains what: the first has the second as a special case.
-CONTAINS: Mapping[str, tuple[str, ...]] = {
-    "stribeck_friction": ("coulomb_friction",),
-    "asymmetric_friction": ("coulomb_friction",),
-    "presliding_friction": ("coulomb_friction",),
-    "backlash": ("flexible_coupling",),
-    "load_step": ("load_torque",),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Rival:
-    """One explanation that was fitted to the end: `gain` is its drop of BIC against the best without it."""
-
-    fitted: Fitted
-    noises: tuple[Noise, ...]
-    score: float  # BIC on train, and -2 log likelihood on test
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,18 +75,18 @@ def search(scene: Scene, progress: Progress) -> Search:
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
         screened = _screened(scene, best)
         first = first or screened
-        worth = max(_WORTH, 0.5 * _MINOR * sum(gains))
+        worth = max(_WORTH, 0.5 * MINOR * sum(gains))
         rivals = _round(scene, best, screened, _from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
             break
         base = best
         if best.score - rivals[0].score < _CLEAR:
             again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, _LAST)
-            base = min((_rated(scene, again), best), key=lambda each: each.score)
-        chosen = _simplest(rivals, base.score)
+            base = min((rated(scene, again), best), key=lambda each: each.score)
+        chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        if gain < max(_bar(chosen), _MINOR * sum(gains)) or _larger(chosen, base):
+        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base):
             best = base
             break
         gains.append(gain)
@@ -118,32 +97,9 @@ def search(scene: Scene, progress: Progress) -> Search:
         nominal = best
     else:
         best = _pruned(scene, best)
-        best, swapped = _swapped(scene, best, sum(gains))
-        rounds.append(swapped)
+        best, tried = swapped(scene, best, sum(gains))
+        rounds.append(tried)
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
-
-
-def _swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival, ...]]:
-    """Put what an effect is mistaken for in its place, one by one; return the best and all that was tried."""
-    tried: list[Rival] = []
-    seen = {frozenset(cause.label for cause in best.fitted.causes)}
-    begun = time.process_time()
-    for gone in best.fitted.causes:
-        names = {*gone.effect.confusable_with, *_containing(gone.effect.name)}
-        for come in scene.causes:
-            if come in best.fitted.causes:
-                continue
-            mistaken = come.effect.name in names or gone.effect.name in come.effect.confusable_with
-            labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
-            if mistaken and labels not in seen and time.process_time() - begun < _ROUND:
-                seen.add(labels)
-                tried.append(_translated(scene, best, gone, come))
-    for winner in sorted(tried, key=lambda each: each.score):
-        newest = winner.fitted.names[-1]
-        held = any(name in CONTAINS.get(newest, ()) for name in best.fitted.names)
-        if best.score - winner.score > (richer(gain) if held else TIE) and not _larger(winner, best):
-            return winner, (best, *tried)
-    return best, tuple(sorted(tried, key=lambda each: each.score))
 
 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:
@@ -173,7 +129,7 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
     now = scene.engine.recorded
     scene.engine.follow(not now)
     fitted = rival.fitted
-    other = _rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
+    other = rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
     if rival.score - other.score > TIE:
         return other
     scene.engine.follow(now)
@@ -186,12 +142,6 @@ def _bar(rival: Rival) -> float:
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)
     return (SLOW_THRESHOLD if slow and colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
-
-
-def _larger(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction."""
-    sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
-    return bool(np.min(sizes[0] / sizes[1]) > _WIDER)
 
 
 def _nominal(scene: Scene) -> Rival:
@@ -210,39 +160,14 @@ def _nominal(scene: Scene) -> Rival:
     for _ in range(2):
         sizes = [white(noise.rms) for noise in noises_of(scene, fitted.residuals)]
         fitted = fit(scene, scene.train, (), fitted.point, sizes, _LONG)
-    rated = [_rated(scene, fitted)]
+    fits = [rated(scene, fitted)]
     for _ in range(3):
-        rated.append(_rated(scene, fit(scene, scene.train, (), rated[-1].fitted.point, rated[-1].noises, _LONG)))
-    return min(rated, key=lambda each: each.score)
+        fits.append(rated(scene, fit(scene, scene.train, (), fits[-1].fitted.point, fits[-1].noises, _LONG)))
+    return min(fits, key=lambda each: each.score)
 
 
 def _columns(scene: Scene) -> list[list[Array]]:
     return [[recording.columns[signal.name] for recording in scene.train] for signal in scene.plant.outputs]
-
-
-def _rated(scene: Scene, fitted: Fitted) -> Rival:
-    """Score by each output's own innovations on train and, with that noise, on test."""
-    noises = noises_of(scene, fitted.residuals)
-    return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
-
-
-def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:
-    """Return -2 log likelihood of the test recordings but for a constant; only their initial states are fitted."""
-    total = 0.0
-    for residual in unseen_residuals(scene, fitted, noises):
-        if np.any(np.isnan(residual)):
-            return 1e9
-        for index, noise in enumerate(noises):
-            power = float(np.mean(noise.whiten(residual[:, index]) ** 2))
-            total += len(residual) * float(np.log(max(power, 1.0)) + 2.0 * np.log(noise.scale))
-    return total
-
-
-def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
-    """Return measured - simulated (n, r) of every test recording."""
-    starts = tuple(full_start(scene, recording) for recording in scene.test)
-    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
-    return tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
 
 
 def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
@@ -305,7 +230,7 @@ def _round(
     top = screened[0].gain if screened else 0.0
     picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
     names = {each.cause.effect.name for each in picked}
-    related = {other for name in names for other in (*CONTAINS.get(name, ()), *_containing(name))}
+    related = {other for name in names for other in (*CONTAINS.get(name, ()), *containing(name))}
     more = [each for each in screened if each.cause.effect.name in related and each not in picked]
     trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
     begun = time.process_time()
@@ -327,64 +252,13 @@ def _round(
     noises = noises_of(scene, final[0].residuals)
     longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
     noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
-    rated = [_rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
-    best_one = min(rated, key=lambda each: each.score)
-    known = {each.fitted.causes for each in rated}
-    rated += [
-        each for each in (*_reduced(scene, best_one), *_enriched(scene, best_one)) if each.fitted.causes not in known
+    fits = [rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
+    best_one = min(fits, key=lambda each: each.score)
+    known = {each.fitted.causes for each in fits}
+    fits += [
+        each for each in (*reduced(scene, best_one), *enriched(scene, best_one)) if each.fitted.causes not in known
     ]
-    return tuple(sorted(rated, key=lambda each: each.score))
-
-
-def _reduced(scene: Scene, rich: Rival) -> list[Rival]:
-    """Fit what the newest effect contains, from the values that both have by the same name."""
-    newest = rich.fitted.causes[-1]
-    names = CONTAINS.get(newest.effect.name, ())
-    return [_translated(scene, rich, newest, cause) for cause in scene.causes if cause.effect.name in names]
-
-
-def _enriched(scene: Scene, simple: Rival) -> list[Rival]:
-    """Fit what contains the newest effect, from the values that both have by the same name."""
-    newest = simple.fitted.causes[-1]
-    names = _containing(newest.effect.name)
-    return [
-        _translated(scene, simple, newest, cause)
-        for cause in scene.causes
-        if cause.effect.name in names and _alike(newest, cause)
-    ]
-
-
-def _alike(one: Cause, other: Cause) -> dict[str, str]:
-    """Map parameters of the other to those of the first that have the same name."""
-    mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
-    return {key: mine[each.name] for key, each in zip(other.keys, other.parameters, strict=True) if each.name in mine}
-
-
-def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
-    """Put one cause in the place of another, and fit from the best of the starts of what they do not share."""
-    values = rival.fitted.point.values
-    shared = {key: values[own] for key, own in _alike(gone, come).items()}
-    kept = tuple(cause for cause in rival.fitted.causes if cause != gone)
-    rest = {key: value for key, value in values.items() if key not in gone.keys}
-    starts = (
-        scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])
-    )
-    distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_TRANSLATED]
-    trials = []
-    for start in distinct:
-        whole = {**rest, **start} if shared else entered({**rest, **_returned(gone, values)}, come, start)
-        begin = Point(whole, rival.fitted.point.starts)
-        trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
-    best = min(trials, key=lambda each: each.cost)
-    return _rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
-
-
-def _returned(gone: Cause, values: Mapping[str, float]) -> dict[str, float]:
-    """Give the inertia that a cause had taken back to the nominal parameter."""
-    if gone.taken is None:
-        return {}
-    load, held = gone.taken
-    return {held: values[held] + values[load]}
+    return tuple(sorted(fits, key=lambda each: each.score))
 
 
 def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
@@ -403,28 +277,6 @@ def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
     return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
 
 
-def _containing(name: str) -> tuple[str, ...]:
-    return tuple(richer for richer, simpler in CONTAINS.items() if name in simpler)
-
-
-def _simplest(rivals: Sequence[Rival], without: float) -> Rival:
-    """Return the best; a simpler one that it contains wins where the richer one gains too little.
-
-    `without` is the score without either.
-    """
-    chosen = rivals[0]
-    for other in rivals[1:]:
-        last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
-        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < richer(without - other.score):
-            chosen = other
-    return chosen
-
-
-def richer(gain: float) -> float:
-    """Return what a richer effect must win over the simpler one that it contains, which had won `gain`."""
-    return max(RICHER, _MINOR * gain)
-
-
 def _pruned(scene: Scene, best: Rival) -> Rival:
     """Drop effects one by one as long as the rest explains as much."""
     while len(best.fitted.causes) > 1:
@@ -433,16 +285,9 @@ def _pruned(scene: Scene, best: Rival) -> Rival:
             rest = tuple(other for other in best.fitted.causes if other != cause)
             values = {key: value for key, value in best.fitted.point.values.items() if key not in cause.keys}
             begin = Point(values, best.fitted.point.starts)
-            slimmer.append(_rated(scene, fit(scene, scene.train, rest, begin, best.noises, _LONG)))
+            slimmer.append(rated(scene, fit(scene, scene.train, rest, begin, best.noises, _LONG)))
         least = min(slimmer, key=lambda each: each.score)
         if least.score - best.score >= THRESHOLD:
             return best
         best = least
     return best
-
-
-def innovations(rival: Rival) -> tuple[Array, ...]:
-    """Return the whitened residuals (n,) of every train recording and output."""
-    return tuple(
-        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(rival.noises)
-    )

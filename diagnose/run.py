@@ -11,7 +11,8 @@ from diagnose.judge import improved_plant, judge
 from diagnose.plain import believed
 from diagnose.preflight import preflight
 from diagnose.prepare import prepared
-from diagnose.rank import Progress, Rival, Search, search
+from diagnose.rank import Progress, Search, search
+from diagnose.rival import Rival
 from diagnose.shape import Shape, best_shape
 from identify.plant import Plant
 from identify.recording import Recording

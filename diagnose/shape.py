@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from diagnose.locate import Latent, latent, nominal_plant
-from diagnose.rank import Rival, Search
+from diagnose.rank import Search
 from diagnose.refit import slopes_of, whitened
 from diagnose.response import disturbed
+from diagnose.rival import Rival
 from diagnose.screen import orthogonal
 from identify.linear import linearize
 from identify.plant import Plant
