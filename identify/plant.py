@@ -42,7 +42,7 @@ class Balance:
     where there is one.
     """
 
-    kind: str  # torque | force | voltage | flow
+    kind: str  # torque | force | voltage | flow | capacitor
     state: int
     per: ca.Function  # (p (k,)) -> scalar
     position: int = -1

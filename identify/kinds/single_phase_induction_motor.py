@@ -105,7 +105,10 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
         reading=equations("reading", x, u, p, ca.vertcat(*(readings[output.name] for output in outputs))),
         delay=None,
-        balances=(Balance(kind="torque", state=5, per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]])),),
+        balances=(
+            Balance(kind="torque", state=5, per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]])),
+            Balance(kind="capacitor", state=4, per=ca.Function("per", [p], [1.0 / value["capacitance_F"]])),
+        ),
     )
 
 

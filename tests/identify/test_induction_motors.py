@@ -184,3 +184,17 @@ def test_load_points_hold_to_their_power() -> None:
     assert point.torque < breakdown(MOTOR, 115.0).torque
     with pytest.raises(ValueError, match="is more than this motor gives"):
         at_load(MOTOR, 115.0, 9e3, 30.0)
+
+
+def test_an_aged_capacitor_is_an_effect_of_its_own() -> None:
+    table = {
+        "kind": "single_phase_induction_motor",
+        "input": "voltage_rms_V",
+        "outputs": ["speed_rad_s", "aux_current_A"],
+        "parameters": MOTOR,
+        "effects": [{"name": "capacitor_ageing", "loss": 0.1}],
+    }
+    aged = simulate(plant_from_table(table), mains(0.2), None)
+    smaller = simulate(motor(capacitance_F=0.9 * 340e-6), mains(0.2), None)
+    np.testing.assert_allclose(aged[:, 0], smaller[:, 0], atol=0.01)
+    np.testing.assert_allclose(aged[:, 1], smaller[:, 2], atol=0.05)
