@@ -7,8 +7,10 @@ so that a step lost, run twice or run with other inputs shows in all values afte
 from __future__ import annotations
 
 import argparse
+import random
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,13 +44,14 @@ class Tally:
 def run(line: WildLine, library: object, exchanges: int, seed: int) -> Tally:
     """Exchange and check; a host that gives up opens the line anew."""
     tally, numbers = Tally(), np.random.default_rng(seed)
-    link, total = open_link(line), 0.0
+    sessions = random.Random(seed).randbytes
+    link, total = open_link(line, sessions), 0.0
     while tally.exchanges < exchanges:
         tally.exchanges += 1
         if tally.exchanges % RESTART == 0:
             whole = seal(STEP, 7, b"\1" * 8)
             line.write(whole[: int(numbers.integers(1, len(whole)))])
-            link, total, tally.restarts = open_link(line), 0.0, tally.restarts + 1
+            link, total, tally.restarts = open_link(line, sessions), 0.0, tally.restarts + 1
         if tally.exchanges % RESET == 0:
             library.image_reset()  # type: ignore[attr-defined]
         size = int(numbers.integers(1, 5))
@@ -63,7 +66,7 @@ def run(line: WildLine, library: object, exchanges: int, seed: int) -> Tally:
             tally.given_up += "no reply" in str(error)
         tally.longest = max(tally.longest, line.now - begin)
         if not answered:
-            link, total = open_link(line), 0.0
+            link, total = open_link(line, sessions), 0.0
             continue
         outputs, total = expected(a, b, total)
         tally.wrong += int((results["sum"] != outputs).sum() + (results["status"] != (b > 1.0)).sum())
@@ -74,11 +77,11 @@ def run(line: WildLine, library: object, exchanges: int, seed: int) -> Tally:
     return tally
 
 
-def open_link(line: WildLine) -> FramedLink:
+def open_link(line: WildLine, sessions: Callable[[int], bytes]) -> FramedLink:
     """Greet the image, as often as a person would run the command again."""
     for _ in range(20):
         try:
-            link = FramedLink(line, "wild line", PROGRAM.id, TIMEOUT, ATTEMPTS, line.clock)
+            link = FramedLink(line, "wild line", PROGRAM.id, TIMEOUT, ATTEMPTS, line.clock, sessions)
             link.reset()
             return link
         except LinkError:

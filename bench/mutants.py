@@ -1,10 +1,10 @@
 """Plant one fault at a time in generated C and count which ones the verifier calls `differs`.
 
-    python -m bench.mutants            a table over all number formats, survivors listed
+    python -m bench.mutants            a sample over all kinds and formats; `--all` takes every mutant (hours)
 
 A fault is a changed constant (one unit in the last place, one percent, sign), shift, operator, comparison, operand
-order, limit, store or status bit. A mutant that survives is run again on four times the steps from other seeds: what
-still agrees is listed with its line, for a reader to judge whether it can change any output at all.
+order, limit, type, store or status bit. A mutant that survives is shown equivalent by z3, see `bench/equivalence.py`,
+or run again on four times the steps from two other seeds; what then still agrees is listed and the exit status is 1.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
+from bench.equivalence import equivalent
 from codegen.bundle import Bundle
 from codegen.emit import emit
 from codegen.target import load_target
-from design.kinds import design
+from design.kinds import design, kinds
 from design.law import Law
 from identify.compiler import ToolError
 from identify.signal import Signal
@@ -31,6 +31,9 @@ from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.reference import Trace, run
 from verify.stimuli import Block, stimuli
+
+STEPS = 60_000  # of the first campaign
+SAMPLE = 16  # mutants of one kind and format
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,21 +77,23 @@ def _changed_numbers(line: str) -> Iterator[tuple[str, str]]:
                 )
 
 
+_OTHER_TYPE = {"int64_t": "int32_t", "int32_t": "int16_t", "float": "int32_t", "double": "float"}
 _SWAPS = (
     (" + ", " - "), (" - ", " + "), (" * ", " + "), (" < ", " <= "), (" < ", " > "), (" != ", " == "), ("0)", "1)"),
     ("fl_min", "fl_max"), ("fl_max", "fl_min"), (" | ", " & "), ("? 1 : 0", "? 0 : 1"), (" = -", " = "),
     ("in->reference", "in->measurement"), ("in->measurement", "in->reference"), ("(int16_t)", "(int8_t)"),
+    ("&", "|"), (" >= ", " > "), (" <= ", " < "),
 )  # fmt: skip
 
 
 def mutants(bundle: Bundle) -> list[Mutant]:
-    """Return every fault this module knows how to plant in the step function of a bundle, line by line."""
+    """Return every fault this module knows how to plant in the functions of a bundle, line by line."""
     lines = bundle.files[f"{bundle.name}.c"].splitlines()
-    start = next(k for k, line in enumerate(lines) if f"{bundle.name}_step" in line)
+    start = next(k for k, line in enumerate(lines) if line.startswith(f"void {bundle.name}_init"))
     found: list[Mutant] = []
     for k in range(start, len(lines)):
         line = lines[k]
-        if ";" not in line:
+        if ";" not in line and "if (" not in line:
             continue
         code, mark, note = line.partition("/*")
         found += [Mutant(what, k, line, new) for what, new in _changed_numbers(line)]
@@ -100,6 +105,9 @@ def mutants(bundle: Bundle) -> list[Mutant]:
         swapped = re.sub(r"= ([\w>-]+) - ([\w>-]+);", r"= \2 - \1;", code)
         if swapped != code:
             found.append(Mutant("operands swapped", k, line, swapped + mark + note))
+        typed = re.sub(r"\bconst (int64_t|int32_t|double|float) ", lambda t: f"const {_OTHER_TYPE[t[1]]} ", code)
+        if typed != code:
+            found.append(Mutant("type", k, line, typed + mark + note))
         if "->" in code.partition("=")[0]:
             found.append(Mutant("store dropped", k, line, f"    (void){code.partition('=')[2].strip()}"))
         limited = re.sub(r"= fl_(?:clamp|min|max)_\w+\(([\w>-]+), .*\);", r"= \1;", code)
@@ -142,35 +150,79 @@ def bench(law: Law, arithmetic: str, steps: int, seed: int) -> Bench:
     program = lower(law, arithmetic)
     blocks = stimuli(program, [], steps, seed)
     return Bench(
-        program, emit(program, "firmloop generate motor_pid.toml"), blocks, [run(program, b.inputs) for b in blocks]
+        program,
+        emit(program, "firmloop generate motor_pid.toml"),
+        blocks,
+        [run(program, b.inputs, b.settings) for b in blocks],
     )
 
 
+def chosen(found: list[Mutant], count: int) -> list[Mutant]:
+    """Return `count` of them, evenly spread over the text, of every sort of fault."""
+    sorts: dict[str, list[Mutant]] = {}
+    for mutant in found:
+        sorts.setdefault(sort_of(mutant), []).append(mutant)
+    picked: list[Mutant] = []
+    rank = 0
+    while len(picked) < min(count, len(found)):
+        for mutants_of_sort in sorts.values():
+            if rank < len(mutants_of_sort) and len(picked) < count:
+                # from the middle outward, so that neither the first nor the last lines weigh more
+                picked.append(mutants_of_sort[(len(mutants_of_sort) // 2 + rank * 7) % len(mutants_of_sort)])
+        rank += 1
+    return list({(m.line, m.after): m for m in picked}.values())
+
+
+def sort_of(mutant: Mutant) -> str:
+    """Return the sort of a fault: a number, an operator, an order, a type, a limit, a store."""
+    what = mutant.what
+    if what.startswith("number"):
+        new = what.rpartition(" ")[2]
+        return "sign" if new.startswith("-") else "number"
+    return what
+
+
+def laws() -> dict[str, Law]:
+    """Return the PID with every part in use, one with parameters that are tuned, and every kind's example."""
+    table = {"kp": 0.05, "ki": 1.4, "tt_s": 0.05, "tunable": ["kp", "ki"], "ranges": {"kp": [0, 0.2], "ki": [0, 5]}}
+    full = example_law()
+    tuned = design("pid", "tuned_pid", table, 0.001, full.inputs, full.outputs, None).law
+    return {"full pid": full, "tuned pid": tuned} | {
+        name: kind.design(kind.example).law for name, kind in kinds().items()
+    }
+
+
 def main() -> int:
-    """Print the table; the exit status is 0 when every format caught more than nothing and nothing went wrong."""
-    law = example_law()
-    print(f"{'format':10} {'mutants':>8} {'refused':>8} {'differs':>8} {'agrees':>8}")
-    survivors: list[tuple[str, Mutant]] = []
-    for arithmetic in ARITHMETICS:
-        first = bench(law, arithmetic, 100_000, 1)
-        more = [bench(law, arithmetic, 200_000, seed) for seed in (2, 3)]
-        counts = {"refused": 0, "differs": 0, "agrees": 0}
-        for mutant in mutants(first.bundle):
-            text = planted(first.bundle, mutant)
-            result = first.outcome(text)
-            for other in more:
-                if result == "agrees":
-                    result = other.outcome(text)
-            counts[result] += 1
-            if result == "agrees":
-                survivors.append((arithmetic, mutant))
-        total = sum(counts.values())
-        print(f"{arithmetic:10} {total:8} {counts['refused']:8} {counts['differs']:8} {counts['agrees']:8}", flush=True)
-    for arithmetic, mutant in survivors:
-        print(f"{arithmetic}: {mutant.what}\n    {mutant.before.strip()}\n    {mutant.after.strip()}")
-    return 0
+    """Print the table; the exit status is 1 when a mutant survives that is not shown to be equivalent."""
+    every = "--all" in sys.argv
+    print(f"{'kind':18} {'format':9} {'mutants':>8} {'refused':>8} {'differs':>8} {'equivalent':>10} {'survive':>8}")
+    survivors: list[str] = []
+    total = dict.fromkeys(("mutants", "refused", "differs", "equivalent", "survive"), 0)
+    for name, law in laws().items():
+        for arithmetic in ARITHMETICS:
+            first = bench(law, arithmetic, STEPS, 1)
+            more: list[Bench] = []
+            found = mutants(first.bundle)
+            counts = dict.fromkeys(total, 0)
+            for mutant in found if every else chosen(found, SAMPLE):
+                text = planted(first.bundle, mutant)
+                result = first.outcome(text)
+                why = equivalent(first.program, mutant) if result == "agrees" else None
+                if result == "agrees" and why is None:
+                    more = more or [bench(law, arithmetic, 4 * STEPS, seed) for seed in (2, 3)]
+                    result = next((r for r in (other.outcome(text) for other in more) if r != "agrees"), "agrees")
+                word = {"agrees": "survive"}.get(result, result) if why is None else "equivalent"
+                counts[word] += 1
+                counts["mutants"] += 1
+                if word in ("survive", "equivalent"):
+                    shown = f"{name} {arithmetic}: {word}: {mutant.what}" + (f": {why}" if why else "")
+                    survivors.append(f"{shown}\n    {mutant.before.strip()}\n    {mutant.after.strip()}")
+            print(f"{name:18} {arithmetic:9} " + " ".join(f"{counts[k]:8}" for k in counts), flush=True)
+            total = {key: total[key] + counts[key] for key in total}
+    print(f"{'all':28} " + " ".join(f"{total[k]:8}" for k in total))
+    print("\n".join(survivors))
+    return 1 if total["survive"] else 0
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parent.parent))
     sys.exit(main())

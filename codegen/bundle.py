@@ -15,13 +15,17 @@ class CodegenError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """`files`: relative path -> text. `sources` and `headers` name those a user's build needs."""
+    """`files`: relative path -> text. `sources` and `headers` name those a user's build needs.
+
+    `setters`: C type and setter function of each parameter that can be tuned, in the program's order.
+    """
 
     name: str
     program_id: str
     files: Mapping[str, str]
     sources: tuple[str, ...]
     headers: tuple[str, ...]
+    setters: tuple[tuple[str, str], ...] = ()
 
 
 def write_files(files: Mapping[str, str], folder: Path) -> None:

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from codegen.bundle import Bundle, CodegenError
 from codegen.environment import render, text_of
 from codegen.names import check_identifier
-from codegen.view import c_type, physical, program_view
+from codegen.view import c_type, physical, program_view, setter_name
 from quantize.program import Program, Value
 
 
@@ -31,7 +31,9 @@ def emit(program: Program, command: str) -> Bundle:
         f"{program.name}.c": render("controller.c.j2", view),
         **{support: text_of(f"support/{support}") for support in supports},
     }
-    return Bundle(program.name, program.id, files, (f"{program.name}.c",), (f"{program.name}.h", *supports))
+    setters = tuple((c_type(v.number), setter_name(program, v)) for v in program.parameters)
+    headers = (f"{program.name}.h", *supports)
+    return Bundle(program.name, program.id, files, (f"{program.name}.c",), headers, setters)
 
 
 def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:
@@ -48,6 +50,10 @@ def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:
         "inputs": [_entry(v) for v in program.inputs],
         "outputs": [_entry(v) for v in program.outputs],
         "state": [_entry(v) for v in program.state],
+        "parameters": [
+            _entry(v) | {"default": physical(x, v.number), "setter": setter_name(program, v)}
+            for v, x in zip(program.parameters, program.start[len(program.start) - len(program.tunable) :], strict=True)
+        ],
         "status": [{"name": b.name, "bit": b.bit, "says": b.says} for b in program.status],
         "rounding": {
             r.output: {"bound": r.bound if math.isfinite(r.bound) else None, "unit": r.unit} for r in program.rounding
@@ -69,7 +75,8 @@ def _entry(value: Value) -> dict[str, object]:
 
 def _check_names(program: Program) -> None:
     check_identifier(program.name, "project name")
-    own = {f"{program.name}{end}" for end in ("_t", "_in_t", "_out_t", "_init", "_step", "_assert_layout")}
+    own = {setter_name(program, v) for v in program.parameters}
+    own |= {f"{program.name}{end}" for end in ("_t", "_in_t", "_out_t", "_init", "_step", "_assert_layout")}
     for value in (*program.inputs, *program.outputs, *program.state):
         check_identifier(value.name, "signal")
         if value.name in own:

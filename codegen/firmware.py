@@ -9,7 +9,7 @@ from codegen.environment import render, text_of
 from codegen.target import Region, Target, board_parts
 from quantize.program import Program, Value
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 STEPS_MOST = 64  # per frame; more gains little and delays the answer to a repeated request
 LIVE_SAMPLES = 64  # that wait for the line; more only delay the moment a slow line is noticed
 LIVE_BATCH = 4  # in one message: its sealing is what a step may have to wait for
@@ -55,7 +55,7 @@ def firmware(program: Program, bundle: Bundle, target: Target, transport: str) -
         raise CodegenError(
             f"target {target.name} has no link {transport!r} for an image; it has: {', '.join(target.links)}"
         )
-    sources = {"main.c": render("main.c.j2", _heading(program, target) | _main_view(program, target))}
+    sources = {"main.c": render("main.c.j2", _heading(program, target) | _main_view(program, bundle, target))}
     return _image(program, bundle, target, transport, sources, {})
 
 
@@ -73,7 +73,7 @@ def live_firmware(program: Program, bundle: Bundle, target: Target, own: Mapping
         raise CodegenError("the file of yours is called live.c, as the image's own is: give it another name")
     if "uart" not in target.links:
         raise CodegenError(f"target {target.name} has no UART to watch it by; it has: {', '.join(target.links)}")
-    view = _heading(program, target) | _main_view(program, target) | _live_view(program, target)
+    view = _heading(program, target) | _main_view(program, bundle, target) | _live_view(program, target)
     sources = {"live.c": render("live.c.j2", view), **own}
     return _image(program, bundle, target, "uart", sources, {"live.h": render("live.h.j2", view)})
 
@@ -131,7 +131,7 @@ def _board_parts(target: Target, transport: str) -> tuple[str, ...]:
     return tuple(parts)
 
 
-def _main_view(program: Program, target: Target) -> dict[str, object]:
+def _main_view(program: Program, bundle: Bundle, target: Target) -> dict[str, object]:
     name = program.name
     return {
         "protocol": PROTOCOL_VERSION,
@@ -144,6 +144,7 @@ def _main_view(program: Program, target: Target) -> dict[str, object]:
         "step": f"{name}_step",
         "program_id_macro": f"{name.upper()}_PROGRAM_ID",
         "setup": bool(target.setup),
+        "setters": bundle.setters,
     }
 
 
@@ -190,7 +191,7 @@ def _bytes(values: tuple[Value, ...]) -> int:
 
 def _steps_max(program: Program, target: Target) -> int:
     ram = next(region.size for region in target.memory if region.name == "ram")
-    step = _bytes(program.inputs) + _bytes(program.outputs) + 8  # and status and ticks
+    step = _bytes(program.inputs + program.parameters) + _bytes(program.outputs) + 8  # and status and ticks
     room = min(ram // RAM_SHARE, 2**16)  # a message's length is 16 bits
     if room < step + 256:
         raise CodegenError(

@@ -11,7 +11,7 @@ from codegen.environment import render
 
 def host_files(bundle: Bundle) -> Mapping[str, str]:
     """Return the controller's files with `host.c` (a library) and `host_main.c` (a program) beside them."""
-    view: dict[str, object] = {"name": bundle.name}
+    view: dict[str, object] = {"name": bundle.name, "setters": bundle.setters}
     return {**bundle.files, "host.c": render("host.c.j2", view), "host_main.c": render("host_main.c.j2", view)}
 
 
@@ -30,6 +30,6 @@ def trace_files(bundle: Bundle) -> tuple[Mapping[str, str], Mapping[str, int]]:
             places[found[1]] = len(places)
             lines.append(f"    fl_trace[{places[found[1]]}] = (double){found[1]};")
     head = f"extern double fl_trace[{max(1, len(places))}];\n"
-    view: dict[str, object] = {"name": bundle.name, "count": max(1, len(places))}
+    view: dict[str, object] = {"name": bundle.name, "count": max(1, len(places)), "setters": bundle.setters}
     files = {**bundle.files, source: head + "\n".join(lines) + "\n", "trace.c": render("trace.c.j2", view)}
     return files, places

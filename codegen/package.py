@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from codegen.bundle import Bundle
 from codegen.environment import render
+from codegen.view import c_type, setter_name
 from quantize.program import Program, Value
 
 Raw = NDArray[Any]
@@ -19,34 +20,36 @@ FLAGS = ("-std=c99", "-Wall", "-Wextra", "-ffp-contract=off")
 
 
 def package(
-    program: Program, bundle: Bundle, command: str, inputs: Raw, outputs: Raw, status: NDArray[np.uint32]
+    program: Program, bundle: Bundle, command: str, inputs: Raw, settings: Raw, outputs: Raw, status: NDArray[np.uint32]
 ) -> Mapping[str, str]:
     """Return `vectors.csv`, `<name>_test.c`, `CMakeLists.txt` and `compile_commands.json`.
 
-    `inputs` (lanes, steps, m), `outputs` (lanes, steps, r), `status` (lanes, steps): raw values as the reference
-    computed them, each lane from init(); `command` is the command line that makes the files again.
+    `inputs` (lanes, steps, m), `settings` (lanes, steps, k) what each parameter is asked to be before the step,
+    `outputs` (lanes, steps, r), `status` (lanes, steps): raw values as the reference computed them, each lane from
+    init(); `command` is the command line that makes the files again.
     """
     shared: dict[str, object] = {"name": program.name, "command": command}
     sources = " ".join(bundle.sources)
     return {
-        "vectors.csv": vectors(program, inputs, outputs, status),
+        "vectors.csv": vectors(program, inputs, settings, outputs, status),
         f"{program.name}_test.c": render(
-            "vectors_test.c.j2", {**shared, **_test_view(program, inputs, outputs, status)}
+            "vectors_test.c.j2", {**shared, **_test_view(program, inputs, settings, outputs, status)}
         ),
         "CMakeLists.txt": render("CMakeLists.txt.j2", {**shared, "sources": sources, "flags": " ".join(FLAGS[1:])}),
         "compile_commands.json": compile_commands(program, bundle),
     }
 
 
-def vectors(program: Program, inputs: Raw, outputs: Raw, status: NDArray[np.uint32]) -> str:
+def vectors(program: Program, inputs: Raw, settings: Raw, outputs: Raw, status: NDArray[np.uint32]) -> str:
     """Return golden vectors as CSV: one row a step, integers in fixed point, hexadecimal floats in floating point.
 
     `start` is 1 where init() comes before the step.
     """
-    names = ["start", *(v.name for v in program.inputs), *(v.name for v in program.outputs), "status"]
+    names = ["start", *(v.name for v in (*program.inputs, *program.parameters, *program.outputs)), "status"]
     lines = [",".join(names)]
-    for start, row_in, row_out, word in _rows(inputs, outputs, status):
+    for start, row_in, row_set, row_out, word in _rows(inputs, settings, outputs, status):
         cells = [_text(v, x) for v, x in zip(program.inputs, row_in, strict=True)]
+        cells += [_text(v, x) for v, x in zip(program.parameters, row_set, strict=True)]
         cells += [_text(v, x) for v, x in zip(program.outputs, row_out, strict=True)]
         lines.append(",".join([str(start), *cells, str(word)]))
     return "\n".join(lines) + "\n"
@@ -62,22 +65,25 @@ def compile_commands(program: Program, bundle: Bundle) -> str:
     return json.dumps(entries, indent=1) + "\n"
 
 
-def _test_view(program: Program, inputs: Raw, outputs: Raw, status: NDArray[np.uint32]) -> dict[str, object]:
+def _test_view(
+    program: Program, inputs: Raw, settings: Raw, outputs: Raw, status: NDArray[np.uint32]
+) -> dict[str, object]:
     """Return what the test prints; floats travel as their bits, so that a NaN or a negative zero is told apart."""
     number = program.inputs[0].number if program.inputs else program.outputs[0].number
     floating = number.kind == "float"
     raw = f"uint{number.bits}_t" if floating else "int32_t"
     rows = [
-        f"{{ {{ {_cells(row_in)} }}, {{ {_cells(row_out)} }}, {word}U, {start}U }},"
-        for start, row_in, row_out, word in _rows(inputs, outputs, status)
+        f"{{ {{ {_joined(row_in, row_set)} }}, {{ {_cells(row_out)} }}, {word}U, {start}U }},"
+        for start, row_in, row_set, row_out, word in _rows(inputs, settings, outputs, status)
     ]
     return {
         "raw": raw,
         "rows": rows,
         "count": len(rows),
-        "inputs": program.inputs,
+        "inputs": (*program.inputs, *program.parameters),
         "outputs": program.outputs,
         "loads": [_load(v, k) for k, v in enumerate(program.inputs)],
+        "parameters": [_parameter(program, v, k) for k, v in enumerate(program.parameters, len(program.inputs))],
         "checks": [_check(v, k, raw) for k, v in enumerate(program.outputs)],
         "floating_says": "Floats stand in it as their bits." if floating else "Values stand in it as raw integers.",
     }
@@ -87,6 +93,20 @@ def _load(value: Value, place: int) -> str:
     if value.number.kind == "float":
         return f"memcpy(&in.{value.name}, &row->in[{place}], sizeof in.{value.name});"
     return f"in.{value.name} = (int{value.number.bits}_t)row->in[{place}];"
+
+
+def _parameter(program: Program, value: Value, place: int) -> Mapping[str, str]:
+    """Return what a row does to one parameter."""
+    if value.number.kind == "float":
+        load = f"memcpy(&{value.name}, &row->in[{place}], sizeof {value.name});"
+    else:
+        load = f"{value.name} = row->in[{place}];"
+    call = f"(void){setter_name(program, value)}(&controller, {value.name});"
+    return {"declare": f"{c_type(value.number)} {value.name};", "load": load, "call": call}
+
+
+def _joined(inputs: Raw, settings: Raw) -> str:
+    return ", ".join(text for text in (_cells(inputs), _cells(settings)) if text)
 
 
 def _check(value: Value, place: int, raw: str) -> Mapping[str, str]:
@@ -101,10 +121,12 @@ def _check(value: Value, place: int, raw: str) -> Mapping[str, str]:
     }
 
 
-def _rows(inputs: Raw, outputs: Raw, status: NDArray[np.uint32]) -> Iterator[tuple[int, Raw, Raw, int]]:
+def _rows(
+    inputs: Raw, settings: Raw, outputs: Raw, status: NDArray[np.uint32]
+) -> Iterator[tuple[int, Raw, Raw, Raw, int]]:
     for lane in range(len(inputs)):
         for step in range(inputs.shape[1]):
-            yield int(step == 0), inputs[lane, step], outputs[lane, step], int(status[lane, step])
+            yield int(step == 0), inputs[lane, step], settings[lane, step], outputs[lane, step], int(status[lane, step])
 
 
 def _text(value: Value, x: Any) -> str:

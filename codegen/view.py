@@ -19,6 +19,10 @@ NUMBER_SAYS = {
     "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven",
     "fixed16": "16-bit fixed-point signals on 32-bit values, saturating, rounding to nearest; no overflow, proven",
 }
+INPUT_SAYS = {
+    "float": "What is no number commands the low limit, and the controller starts afresh",
+    "fixed": "Every value of the type is allowed",
+}
 PLACES = {"in": "in->", "self": "self->", "table": ""}
 LINE = 100  # characters of a table's line
 
@@ -38,6 +42,8 @@ def literal(value: float, number: Number) -> str:
     >>> literal(np.float32(0.1), Number("float", 32, 0)), literal(2.0, Number("float", 64, 0))
     ('0.1F', '2.0')
     """
+    if number.kind == "float" and math.isnan(value):
+        return f"fl_unset_f{number.bits}()"
     if number.kind == "fixed":
         raw = int(value)
         if raw == -(2**31):
@@ -69,7 +75,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         "program_id": program.id,
         "period": repr(program.period),
         "number_says": NUMBER_SAYS[program.arithmetic],
-        "nan_says": ", a NaN to the low end" if floating else "",
+        "input_says": INPUT_SAYS["float" if floating else "fixed"],
         "support": "fl_float.h" if floating else "fl_fixed.h",
         "rounding": [
             {"output": r.output, "bound": f"{r.bound:.3g}", "unit": r.unit}
@@ -78,7 +84,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         ],
         "fractions": [
             {"macro": v.name.upper(), "name": v.name, "fraction": v.number.fraction}
-            for v in (*program.inputs, *program.outputs)
+            for v in (*program.inputs, *program.outputs, *program.parameters)
             if not floating
         ],
         "status": [
@@ -91,11 +97,36 @@ def program_view(program: Program, version: str, command: str) -> View:
         "state_bytes": sum(v.number.bits // 8 for v in program.state) or 4,
         "start": start,
         "tables": [_table(table, program) for table in program.tables],
+        "parameters": _parameters(program),
         "lines": [_line(op, program) for op in program.body],
         "stores": _stores(program),
         "ignored": [] if program.state else ["self"],
         "status_expression": " | ".join(_status_term(b.source, b.bit) for b in program.status) or "0U",
     }
+
+
+def setter_name(program: Program, parameter: Value) -> str:
+    """Return the name of the C function that sets a parameter."""
+    return f"{program.name}_set_{parameter.name}"
+
+
+def _parameters(program: Program) -> list[dict[str, str]]:
+    """Return what the parameters that can be tuned print: macros of default and range, and a setter each."""
+    first = len(program.state) - len(program.tunable)
+    return [
+        {
+            "name": value.name,
+            "macro": f"{program.name}_{value.name}".upper(),
+            "type": c_type(value.number),
+            "setter": setter_name(program, value),
+            "default": literal(program.start[first + k], value.number),
+            "low": literal(value.low, value.number),
+            "high": literal(value.high, value.number),
+            "note": _member(value)["note"],
+            "default_note": f"{physical(program.start[first + k], value.number):.6g} {value.unit or '1'}",
+        }
+        for k, value in enumerate(program.parameters)
+    ]
 
 
 def statement(op: Op, program: Program) -> str:
@@ -176,7 +207,11 @@ def _argument(argument: str | int | float, number: Number) -> str:
 
 def _stores(program: Program) -> list[dict[str, str]]:
     types = {v.name: c_type(v.number) for v in program.outputs}
-    states = [{"target": f"self->{a.target}", "source": _argument(a.source, TYPE_INT)} for a in program.next_state]
+    states = [
+        {"target": f"self->{a.target}", "source": _argument(a.source, TYPE_INT)}
+        for a in program.next_state
+        if a.target not in program.tunable
+    ]
     outputs = []
     for a in program.results:
         source = _argument(a.source, TYPE_INT)

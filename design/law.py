@@ -13,6 +13,7 @@ function. Before it may stand a `Solve`, whose results w the last stage reads to
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -95,6 +96,9 @@ class Law:
     rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
     states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures
     watched: tuple[int, ...] = ()  # inputs that carry the plant's outputs, where it is more than y
+    first: ca.Function | None = None  # (x, z) -> x of the first sample: as if its inputs z had always stood
+    opening: str = ""  # the state variable that is 0 in the first sample and 1 after it
+    tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
 
     @property
     def last(self) -> Scalar:
@@ -111,3 +115,8 @@ class Law:
         stage, _ = self.stages
         assert isinstance(stage, Solve)
         return stage
+
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """`why` by the name of the state variable."""
+        return {signal.name: why for signal, why in zip(self.state, self.why, strict=True)}

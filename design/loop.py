@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
+import scipy.linalg
 import scipy.optimize
 
 from design.active_set import CAPPED, INFEASIBLE, exact, solve
@@ -140,12 +141,17 @@ def step_profile(law: Law, linear: Linear) -> Array:
 
 def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
     """Run the law, limits included, with the plant from rest; `reference` (n,) holds one value a sample."""
+    return disturbed_loop(law, linear, reference, np.zeros(len(reference)))
+
+
+def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> Trajectory:
+    """Run the law as `closed_loop` does, with `load` (n,) added to its output where that enters the plant."""
     at_reference, _ = reference_and_measurement(law.inputs)
     sampled = zero_order_hold(linear, law.period)
     wires, _, _ = _measured(law, sampled)
     a, b, c = (ca.sparsify(ca.DM(part)) for part in state_space(sampled))
     seen = ca.sparsify(ca.DM(_seen(law, state_space(sampled)[2])))
-    plant, x, r = ca.SX.sym("plant", a.shape[0]), ca.SX.sym("x", len(law.state)), ca.SX.sym("r")
+    plant, x, r, d = ca.SX.sym("plant", a.shape[0]), ca.SX.sym("x", len(law.state)), ca.SX.sym("r"), ca.SX.sym("d")
     z = ca.SX(list(law.rest) or [min(max(0.0, wire.low), wire.high) for wire in law.inputs])
     z[at_reference] = r
     z[wires] = seen @ plant
@@ -153,14 +159,14 @@ def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
     x_next, u, flags, _ = law.last.function(x, z, *([] if law.solve is None else [moves]))
     step = ca.Function(
         "step",
-        [ca.vertcat(plant, x), r, moves],
-        [ca.vertcat(a @ plant + b[:, 0] * u[0], x_next), ca.vertcat((c @ plant)[0], u[0], ca.sum1(flags))],
+        [ca.vertcat(plant, x), ca.vertcat(r, d), moves],
+        [ca.vertcat(a @ plant + b[:, 0] * (u[0] + d), x_next), ca.vertcat((c @ plant)[0], u[0], ca.sum1(flags))],
     )
     steps = len(reference)
     start = np.concatenate([np.zeros(a.shape[0]), law.start])
-    told = np.asarray(reference, dtype=np.float64)
+    told = np.array([reference, load], dtype=np.float64)
     if law.solve is None:
-        _, rows = step.mapaccum(steps)(start, told.reshape(1, -1), np.zeros((0, steps)))
+        _, rows = step.mapaccum(steps)(start, told, np.zeros((0, steps)))
     else:
         parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
         rows = _solved_run(law.solve.problem, parameters, step, start, told)
@@ -170,15 +176,28 @@ def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
 
 
 def _solved_run(problem: Quadratic, parameters: ca.Function, step: ca.Function, start: Array, told: Array) -> Array:
-    """Run `step` with the moves of `problem` at `parameters`; return its results, one column a sample."""
+    """Run `step` with the moves of `problem` at `parameters`; `told` holds reference and load, a column a sample."""
     rows, state, results = exact(problem), start, []
-    for reference in told:
-        found = solve(rows, np.array(parameters(state, reference)).T)
+    for outside in told.T:
+        found = solve(rows, np.array(parameters(state, outside[0])).T)
         moves = [*found.moves[0], found.status[0] == CAPPED, found.status[0] == INFEASIBLE]
-        after, row = step(state, reference, np.array(moves, dtype=np.float64))
+        after, row = step(state, outside, np.array(moves, dtype=np.float64))
         state = np.array(after).ravel()
         results.append(np.array(row).ravel())
     return np.array(results).T
+
+
+def noise_gain(law: Law, linear: Linear) -> float:
+    """Rms of the output over the rms of white noise on the measurement, in the stable linearized loop (its H2 norm)."""
+    linearized, sampled = linearize_law(law), zero_order_hold(linear, law.period)
+    wires, _, _ = _measured(law, sampled)
+    ring, a_size = _ring(law, linearized, sampled), len(state_space(sampled)[0])
+    b_law, d_law = linearized.b[:, wires[:1]], linearized.d[:1, wires[:1]]
+    b = np.vstack([state_space(sampled)[1][:, :1] @ d_law, b_law])
+    c = np.hstack([linearized.d[:1, wires] @ _seen(law, state_space(sampled)[2]), linearized.c[:1]])
+    assert b.shape[0] == len(ring) == a_size + len(linearized.a)
+    spread = scipy.linalg.solve_discrete_lyapunov(ring, b @ b.T)
+    return math.sqrt(max(float((c @ spread @ c.T + d_law @ d_law.T)[0, 0]), 0.0))
 
 
 def step_metrics(trajectory: Trajectory) -> StepMetrics:
@@ -267,12 +286,16 @@ def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:
 
 def _poles(law: Law, linearized: LinearLaw, sampled: Sampled) -> Response:
     """Eigenvalues of plant and law in a ring."""
+    return np.asarray(np.linalg.eigvals(_ring(law, linearized, sampled)), dtype=np.complex128)
+
+
+def _ring(law: Law, linearized: LinearLaw, sampled: Sampled) -> Array:
+    """Return the matrix that takes the states of plant and law to the next sample."""
     wires, _, _ = _measured(law, sampled)
     a, b, c = state_space(sampled)
     b, c = b[:, :1], _seen(law, c)
     b_law, c_law = linearized.b[:, wires], linearized.c[:1]
-    ring = np.block([[a + b @ linearized.d[:1, wires] @ c, b @ c_law], [b_law @ c, linearized.a]])
-    return np.asarray(np.linalg.eigvals(ring), dtype=np.complex128)
+    return np.block([[a + b @ linearized.d[:1, wires] @ c, b @ c_law], [b_law @ c, linearized.a]])
 
 
 def _grid(poles: Response, period: float, whole: int) -> Array:

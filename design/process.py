@@ -112,6 +112,16 @@ def half_rule(process: Process, order: int) -> Process:
     return replace(process, lags=tuple(sorted(kept, reverse=True)), delay=delay)
 
 
+def natural_period(plant: ZeroPole, full: Process) -> float:
+    """Return 1/w of the complex pair that makes the two longest lags, in s; 0 where these are not a pair."""
+    pairs = [pole for pole in plant.poles if pole.imag > 0]
+    slowest = max(pairs, key=lambda pole: (-1 / pole).real, default=None)
+    if slowest is None or full.integrators or len(full.lags) < 2:
+        return 0.0
+    lag = (-1 / slowest).real
+    return 1 / abs(slowest) if max(abs(lag - kept) for kept in full.lags[:2]) < 1e-6 * lag else 0.0
+
+
 def _absorb(process: Process, lead: float, delay: float) -> Process:
     """Replace (lead s + 1)/(lag s + 1) by rules T1 to T3 (Skogestad, section 3.3), `delay` the effective one."""
     larger = [lag for lag in process.lags if lag >= lead]

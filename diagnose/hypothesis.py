@@ -9,15 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.attach import all_uses, label_of, parameters_of
+from diagnose.direct import DIRECT, Direct, unwrapped
+from identify.attach import all_uses, label_of, parameters_of, site_of
 from identify.effect import Effect, EffectParameter
 from identify.effects import find_effect
 from identify.plant import Plant
 from identify.recording import Recording
 from identify.simulate import measured, rest_start
-from identify.superset import Superset, starts_of, superset
+from identify.superset import Superset, inertia_parameter, starts_of, superset
 
 Array = NDArray[np.float64]
+
+_LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,7 @@ class Cause:
     output: str | None
     parameters: tuple[EffectParameter, ...]
     keys: tuple[str, ...]  # full names of the parameters in the superset
+    taken: tuple[str, str] | None  # a second inertia, and the nominal parameter that held it before
 
     @property
     def label(self) -> str:
@@ -57,6 +61,7 @@ class Scene:
     starts: Mapping[str, tuple[Mapping[str, float], ...]]  # by Cause.label: points a fit begins from
     floors: Array  # (r,) smallest noise rms the resolution of each output allows
     memory: dict[int, Array]  # by id of a recording: what its initial state does to the outputs
+    direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
 
     def cause(self, name: str) -> Cause | None:
         """Return the first cause of that effect."""
@@ -97,15 +102,32 @@ class Point:
 
 def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], floors: Array) -> Scene:
     """List every cause the plant can have, and where a fit of each begins."""
+    train, test, direct = unwrapped(plant, train, test)
     engine = superset(plant)
     causes = []
     for use in all_uses(plant):
+        if use.name in DIRECT:
+            continue
         parameters = parameters_of(plant, use.name, use.output)
         label = label_of(plant, use)
         keys = tuple(f"{label}.{each.name}" for each in parameters)
-        causes.append(Cause(find_effect(use.name), use.output, parameters, keys))
+        effect = find_effect(use.name)
+        site = site_of(plant, effect, use.output)
+        load = next((key for key, each in zip(keys, parameters, strict=True) if each.name == site.load), None)
+        held = None if load is None else inertia_parameter(plant, site.balance)
+        taken = None if load is None or held is None else (load, held)
+        causes.append(Cause(effect, use.output, parameters, keys, taken))
     starts = {cause.label: _starts(plant, train, cause) for cause in causes}
-    return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {})
+    return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {}, direct)
+
+
+def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the values with a cause at its start; an inertia that it adds is taken from the nominal one."""
+    whole = {**values, **start}
+    if cause.taken is not None:
+        load, held = cause.taken
+        whole[held] = max(values[held] - whole[load], _LEAST * values[held])
+    return whole
 
 
 def coordinates(scene: Scene, causes: Sequence[Cause], at: Mapping[str, float]) -> tuple[Coordinate, ...]:

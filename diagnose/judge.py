@@ -9,16 +9,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.direct import Direct, coarse
 from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.locate import worst_spans
 from diagnose.noise import whiteness
 from diagnose.preflight import Preflight
-from diagnose.rank import CONTAINS, RICHER, TIE, Rival, Search, innovations, unseen_residuals
+from diagnose.rank import Search
 from diagnose.refit import Fitted, fit_starts, residual_of
+from diagnose.rival import CONTAINS, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
-from identify.attach import with_effects
+from identify.attach import parameters_of, with_effects
+from identify.effects import find_effect
 from identify.plant import EffectUse, Parameter, Plant
 
 Array = NDArray[np.float64]
@@ -63,11 +66,14 @@ COORDINATES: Mapping[str, str] = {
 def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
     """Choose the verdict and write it down."""
     verdict, rivals = _verdict(search, shape)
+    read = directs(search)
+    if read and verdict == "no_mismatch":
+        verdict = "explained"
     shown = search.best if verdict in ("explained", "ambiguous") else search.nominal
     noise = _noise_rms(search.best)
     train = _ratios(search, shown, noise, False)
     test = _ratios(search, shown, noise, True) if search.scene.test else None
-    effects = _named(search, shown, verdict, rivals)
+    effects = (*_named(search, shown, verdict, rivals), *(_read_off(search.scene, each) for each in read))
     location = None if verdict == "no_mismatch" else _location(search, shown, shape, verdict)
     shifts = _shifts(search, shown)
     white = (
@@ -118,8 +124,7 @@ def _rivals(search: Search) -> tuple[Rival, ...]:
         if any(other in CONTAINS.get(name, ()) for name in theirs for other in ours):
             continue
         if any(other in CONTAINS.get(name, ()) for name in ours for other in theirs):
-            if rival.score - search.best.score > -RICHER:
-                continue
+            continue
         found.append(rival)
     return tuple(sorted(found, key=lambda each: each.score))
 
@@ -133,6 +138,25 @@ def _against(rival: Rival, judge_by: Rival) -> tuple[Array, ...]:
     return tuple(
         noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(judge_by.noises)
     )
+
+
+def directs(search: Search) -> tuple[Direct, ...]:
+    """Return what is read off the recordings, before and after the search."""
+    scene = search.scene
+    return (*scene.direct, *coarse(scene.plant, scene.train, _noise_rms(search.best)))
+
+
+def _read_off(scene: Scene, each: Direct) -> Named:
+    effect = find_effect(each.effect)
+    estimates = {
+        known.name: Estimate(value, (value - NORMAL_95 * deviation, value + NORMAL_95 * deviation), known.unit)
+        for known, value, deviation in zip(
+            parameters_of(scene.plant, each.effect, each.output), each.values, each.deviations, strict=True
+        )
+    }
+    figures = ", ".join(f"{name} {_with_interval(estimate)}" for name, estimate in estimates.items())
+    says = f"{effect.says.rstrip('.')} ({each.output}): {figures}."
+    return Named(each.effect, each.output, "sensor", 1.0, estimates, says)
 
 
 def _ratios(search: Search, shown: Rival, noise: Sequence[float], unseen: bool) -> Ratio:
@@ -251,6 +275,8 @@ def _location(search: Search, shown: Rival, shape: Shape | None, verdict: Verdic
     output, spans, size = worst_spans(search)
     if verdict == "unknown_physics" and shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
+    elif not shown.fitted.causes:
+        equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term
     else:
         cause = max(shown.fitted.causes, key=lambda each: _strength(shown.fitted, each))
         equation, coordinate = _equation(search.scene, cause), COORDINATES.get(cause.effect.name, cause.effect.term)
@@ -295,6 +321,10 @@ def improved_plant(search: Search, shown: Rival) -> Plant:
         )
         for cause in shown.fitted.causes
     ]
+    for each in directs(search):
+        known = parameters_of(search.scene.plant, each.effect, each.output)
+        values = {parameter.name: value for parameter, value in zip(known, each.values, strict=True)}
+        uses.append(EffectUse(each.effect, each.output, values))
     plant = replace(search.scene.plant, parameters=bare)
     return with_effects(plant, uses) if uses else plant
 

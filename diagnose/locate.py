@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 from scipy.ndimage import uniform_filter1d
 
-from diagnose.rank import Rival, Search
+from diagnose.rank import Search
+from diagnose.rival import Rival
 from identify.linear import linearize
 from identify.plant import Plant
 from identify.recording import Recording

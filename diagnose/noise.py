@@ -50,7 +50,7 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     used = 0
     for part in residuals:
         if len(part) > 2 * most:
-            lagged = np.lib.stride_tricks.sliding_window_view(part, most + 1)[:, ::-1]
+            lagged = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(part, most + 1)[:, ::-1])
             moments += lagged.T @ lagged
             used += len(lagged)
     if used == 0 or not moments[0, 0] > 0.0:

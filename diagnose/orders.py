@@ -1,44 +1,98 @@
-"""Find how often per turn a torque repeats: waves of the measured angle through the linear plant, no simulation."""
+"""Find how often per turn a torque repeats, and when a load came: through the linear plant, without a simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Scene
 from diagnose.refit import Fitted, whitened
-from diagnose.response import disturbed, travelled
+from diagnose.response import effort_of, response
 from diagnose.screen import Ground, orthogonal
 from identify.linear import linearize
+from identify.superset import travelled
 
 Array = NDArray[np.float64]
 
 _HIGHEST = 48
 _KEPT = 2
+_MOMENTS = 60
 
 
-def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> tuple[float, ...]:
-    """Return the waves per turn that promise most under any of the grounds, best first."""
-    plant = scene.plant
-    turning = [index for index, balance in enumerate(plant.balances) if balance.kind == "torque"]
-    if not turning or not np.all(np.isfinite(linearize(plant).a)):
-        return ()
-    angles = [travelled(recording) for recording in scene.train]
-    if any(angle is None for angle in angles):
-        return ()
-    gains = np.zeros((len(grounds), _HIGHEST))
-    for order in range(1, _HIGHEST + 1):
-        waves = [
-            disturbed(plant, base.point.values, recording, np.stack([np.sin(order * angle), np.cos(order * angle)], 1))
-            for recording, angle in zip(scene.train, angles, strict=True)
-            if angle is not None
+def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[float, ...]]:
+    """Return by the name of the effect what promises most under any of the grounds, best first.
+
+    Waves per turn of cogging and ripple, moments (s) of a load step.
+    """
+    plant, values = scene.plant, base.point.values
+    if not np.all(np.isfinite(linearize(plant).a)):
+        return {}
+    found = {}
+    if any(balance.kind in ("torque", "force") for balance in plant.balances):
+        span = max(float(recording.time[-1]) for recording in scene.train)
+        moments = span * np.arange(1, _MOMENTS) / _MOMENTS
+        found["load_step"] = _best(
+            scene, base, grounds, moments, lambda k, at: (scene.train[k].time >= at)[:, None] * 1.0
+        )
+    angles = angles_of(scene, base)
+    if not any(balance.kind == "torque" for balance in plant.balances) or not angles:
+        return found
+    efforts = [effort_of(plant, values, recording) for recording in scene.train]
+    waves = np.arange(1.0, _HIGHEST + 1.0)
+    found["cogging_torque"] = _best(scene, base, grounds, waves, lambda k, order: _wave(order * angles[k]))
+    found["torque_ripple"] = _best(
+        scene, base, grounds, waves, lambda k, order: efforts[k][:, None] * _wave(order * angles[k])
+    )
+    return found
+
+
+def angles_of(scene: Scene, base: Fitted) -> list[Array]:
+    """Return the angle (n,) in rad that waves follow in every recording; empty where there is none."""
+    seen = list(scene.train)
+    if not scene.engine.recorded:
+        seen = [
+            replace(
+                recording,
+                columns={
+                    **recording.columns,
+                    **{
+                        signal.name: recording.columns[signal.name] - residual[:, index]
+                        for index, signal in enumerate(scene.plant.outputs)
+                    },
+                },
+            )
+            for recording, residual in zip(scene.train, base.residuals, strict=True)
+        ]
+    found = [angle for angle in map(travelled, seen) if angle is not None]
+    return found if len(found) == len(seen) else []
+
+
+def _wave(angle: Array) -> Array:
+    return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float64)
+
+
+def _best(
+    scene: Scene,
+    base: Fitted,
+    grounds: Sequence[Ground],
+    choices: Array,
+    torque: Callable[[int, float], NDArray[np.floating]],
+) -> tuple[float, ...]:
+    """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
+    gains = np.zeros((len(grounds), len(choices)))
+    plants = [response(scene.plant, base.point.values, recording) for recording in scene.train]
+    for place, choice in enumerate(choices):
+        moved = [
+            plant.to(np.asarray(torque(k, float(choice)), dtype=np.float64), len(recording.time))
+            for k, (plant, recording) in enumerate(zip(plants, scene.train, strict=True))
         ]
         for index, under in enumerate(grounds):
-            tall = np.concatenate([whitened(wave, under.noises) for wave in waves])
+            tall = np.concatenate([whitened(each, under.noises) for each in moved])
             pure = tall - under.basis @ (under.basis.T @ tall)
             if np.all(np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)):
-                gains[index, order - 1] = float(np.sum((orthogonal(pure).T @ under.left) ** 2))
-    found = [float(np.argsort(-row)[rank] + 1) for rank in range(_KEPT) for row in gains]
-    return tuple(dict.fromkeys(found))
+                gains[index, place] = float(np.sum((orthogonal(pure).T @ under.left) ** 2))
+    best = [float(choices[np.argsort(-row)[rank]]) for rank in range(_KEPT) for row in gains]
+    return tuple(dict.fromkeys(best))

@@ -123,7 +123,9 @@ def _check_units(plant: Plant, recording: Recording) -> None:
     constants = np.array([p.value for p in plant.parameters])
     if np.any(np.isnan(constants)):
         return
-    simulated = simulator(plant).run(course_of(plant, recording), constants, rest_start(plant, recording))
+    simulated = simulator(plant, recording.hold).run(
+        course_of(plant, recording), constants, rest_start(plant, recording)
+    )
     if not np.all(np.isfinite(simulated)):
         return
     values = measured(plant, recording)

@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, Scene, first_point, full_start
-from diagnose.noise import Noise, white
+from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
+from diagnose.noise import white
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of, residual_of
+from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
+from diagnose.swap import enriched, reduced, swapped
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -29,9 +31,8 @@ SLOW = (
     "gravity_torque",
     "end_stop",
 )
+_SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
-TIE = 10.0  # explanations closer than this in BIC are not told apart
-RICHER = 12.0  # what a richer effect must win over the simpler one that it contains
 MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
@@ -40,30 +41,10 @@ _SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one 
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
-_WIDER = 1.1  # ratio of residual rms from which an explanation is none
-_MINOR = 0.02  # of what the others explain: less may be the trace of how a model simplifies them
+_MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
 _GIVEN = 3  # causes tried beside the parameters as given
 _SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
-
-# What contains what: the first has the second as a special case.
-CONTAINS: Mapping[str, tuple[str, ...]] = {
-    "stribeck_friction": ("coulomb_friction",),
-    "asymmetric_friction": ("coulomb_friction",),
-    "presliding_friction": ("coulomb_friction",),
-    "backlash": ("flexible_coupling",),
-    "load_step": ("load_torque",),
-    "flexible_coupling": (),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Rival:
-    """One explanation that was fitted to the end: `gain` is its drop of BIC against the best without it."""
-
-    fitted: Fitted
-    noises: tuple[Noise, ...]
-    score: float  # BIC on train, and -2 log likelihood on test
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +64,7 @@ def search(scene: Scene, progress: Progress) -> Search:
     progress(0.05, "refitting the nominal plant")
     nominal = _nominal(scene)
     best = nominal
+    scene.engine.follow(_follows_record(scene, nominal))
     rounds: list[tuple[Rival, ...]] = []
     gains: list[float] = []
     first: tuple[Screened, ...] = ()
@@ -93,42 +75,73 @@ def search(scene: Scene, progress: Progress) -> Search:
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
         screened = _screened(scene, best)
         first = first or screened
-        worth = max(_WORTH, 0.5 * _MINOR * sum(gains))
+        worth = max(_WORTH, 0.5 * MINOR * sum(gains))
         rivals = _round(scene, best, screened, _from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
             break
         base = best
         if best.score - rivals[0].score < _CLEAR:
             again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, _LAST)
-            base = min((_rated(scene, again), best), key=lambda each: each.score)
-        chosen = _simplest(rivals)
+            base = min((rated(scene, again), best), key=lambda each: each.score)
+        chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        if gain < max(_bar(chosen), _MINOR * sum(gains)) or _larger(chosen, base):
+        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base):
             best = base
             break
         gains.append(gain)
-        best = chosen
+        best = _refollowed(scene, chosen)
         if turn == 0:
             nominal = base
     if not gains:
         nominal = best
     else:
         best = _pruned(scene, best)
+        best, tried = swapped(scene, best, sum(gains))
+        rounds.append(tried)
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+
+
+def _follows_record(scene: Scene, nominal: Rival) -> bool:
+    """Tell whether waves per turn had better follow the recorded angle than the simulated one.
+
+    A recorded position always; the integral of a recorded speed where the simulated angle is further from it than the
+    noise of the speed can bring it.
+    """
+    for recording, residual in zip(scene.train, nominal.fitted.residuals, strict=True):
+        if "position_rad" in recording.columns:
+            return True
+        for index, signal in enumerate(scene.plant.outputs):
+            if signal.name == "speed_rad_s":
+                step = float(np.median(np.diff(recording.time)))
+                drift = np.cumsum(residual[:, index]) * step
+                walk = float(np.median(np.abs(np.diff(residual[:, index])))) * step * np.sqrt(len(residual))
+                if float(np.std(drift)) > walk:
+                    return True
+    return False
+
+
+def _refollowed(scene: Scene, rival: Rival) -> Rival:
+    """Let waves follow the other angle, the recorded or the simulated one, if that explains clearly more."""
+    waves = any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
+    if not waves or any("position_rad" in recording.columns for recording in scene.train):
+        return rival
+    now = scene.engine.recorded
+    scene.engine.follow(not now)
+    fitted = rival.fitted
+    other = rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
+    if rival.score - other.score > TIE:
+        return other
+    scene.engine.follow(now)
+    return rival
 
 
 def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
     slow = rival.fitted.causes[-1].effect.name in SLOW
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
-    return SLOW_THRESHOLD if slow and colored else THRESHOLD
-
-
-def _larger(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction."""
-    sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
-    return bool(np.sqrt(np.mean((sizes[0] / sizes[1]) ** 2)) > _WIDER)
+    searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)
+    return (SLOW_THRESHOLD if slow and colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
 
 
 def _nominal(scene: Scene) -> Rival:
@@ -147,37 +160,14 @@ def _nominal(scene: Scene) -> Rival:
     for _ in range(2):
         sizes = [white(noise.rms) for noise in noises_of(scene, fitted.residuals)]
         fitted = fit(scene, scene.train, (), fitted.point, sizes, _LONG)
-    colored = fit(scene, scene.train, (), fitted.point, noises_of(scene, fitted.residuals), _LONG)
-    return min((_rated(scene, fitted), _rated(scene, colored)), key=lambda each: each.score)
+    fits = [rated(scene, fitted)]
+    for _ in range(3):
+        fits.append(rated(scene, fit(scene, scene.train, (), fits[-1].fitted.point, fits[-1].noises, _LONG)))
+    return min(fits, key=lambda each: each.score)
 
 
 def _columns(scene: Scene) -> list[list[Array]]:
     return [[recording.columns[signal.name] for recording in scene.train] for signal in scene.plant.outputs]
-
-
-def _rated(scene: Scene, fitted: Fitted) -> Rival:
-    """Score by each output's own innovations on train and, with that noise, on test."""
-    noises = noises_of(scene, fitted.residuals)
-    return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
-
-
-def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:
-    """Return -2 log likelihood of the test recordings but for a constant; only their initial states are fitted."""
-    total = 0.0
-    for residual in unseen_residuals(scene, fitted, noises):
-        if np.any(np.isnan(residual)):
-            return 1e9
-        for index, noise in enumerate(noises):
-            power = float(np.mean(noise.whiten(residual[:, index]) ** 2))
-            total += len(residual) * float(np.log(max(power, 1.0)) + 2.0 * np.log(noise.scale))
-    return total
-
-
-def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
-    """Return measured - simulated (n, r) of every test recording."""
-    starts = tuple(full_start(scene, recording) for recording in scene.test)
-    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
-    return tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
 
 
 def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
@@ -193,7 +183,9 @@ def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     )
     labels = sorted({*colored, *plain})  # a cause may show under one noise model alone
     merged = [max((colored.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
-    return tuple(sorted((each for each in merged if each is not None), key=lambda each: -each.gain))
+    drops = {label: max(each.drop for each in (colored.get(label), plain.get(label)) if each) for label in labels}
+    raised = [replace(each, gain=max(each.gain, drops[each.cause.label])) for each in merged if each is not None]
+    return tuple(sorted(raised, key=lambda each: -each.gain))
 
 
 def _scaled(screened: Screened | None, scale: float) -> Screened | None:
@@ -206,7 +198,7 @@ def _gain(screened: Screened | None) -> float:
 
 def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
     """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
-    if all(len(noise.coefficients) == 0 for noise in nominal.noises):
+    if all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal):
         return ()
     flat = [white(noise.rms) for noise in nominal.noises]
     begin = first_point(scene, scene.train)
@@ -220,6 +212,17 @@ def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
     return tuple(found)
 
 
+def _ran_away(scene: Scene, nominal: Rival) -> bool:
+    """Tell whether a refit has moved a parameter that the recordings determine well far from where it was given."""
+    given = {p.name: p.value for p in scene.plant.parameters}
+    sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
+    for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
+        if each.logarithmic and size * _FIRM**2 > 1.0:
+            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > _MOVED:
+                return True
+    return False
+
+
 def _round(
     scene: Scene, best: Rival, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
 ) -> tuple[Rival, ...]:
@@ -227,7 +230,7 @@ def _round(
     top = screened[0].gain if screened else 0.0
     picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
     names = {each.cause.effect.name for each in picked}
-    related = {other for name in names for other in (*CONTAINS.get(name, ()), *_containing(name))}
+    related = {other for name in names for other in (*CONTAINS.get(name, ()), *containing(name))}
     more = [each for each in screened if each.cause.effect.name in related and each not in picked]
     trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
     begun = time.process_time()
@@ -249,8 +252,13 @@ def _round(
     noises = noises_of(scene, final[0].residuals)
     longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
     noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
-    rated = [_rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
-    return tuple(sorted(rated, key=lambda each: each.score))
+    fits = [rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
+    best_one = min(fits, key=lambda each: each.score)
+    known = {each.fitted.causes for each in fits}
+    fits += [
+        each for each in (*reduced(scene, best_one), *enriched(scene, best_one)) if each.fitted.causes not in known
+    ]
+    return tuple(sorted(fits, key=lambda each: each.score))
 
 
 def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
@@ -259,7 +267,7 @@ def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> t
     kept = tuple(cause for cause in base.causes if cause.effect.name not in simpler)
     gone = {key for cause in base.causes if cause not in kept for key in cause.keys}
     values = {key: value for key, value in base.point.values.items() if key not in gone}
-    return (*kept, screened.cause), Point({**values, **start}, base.point.starts)
+    return (*kept, screened.cause), Point(entered(values, screened.cause, start), base.point.starts)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
@@ -267,20 +275,6 @@ def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
     every = [dict(start) for start in scene.starts[screened.cause.label]]
     others = [start for start in every if start != dict(screened.start)]
     return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
-
-
-def _containing(name: str) -> tuple[str, ...]:
-    return tuple(richer for richer, simpler in CONTAINS.items() if name in simpler)
-
-
-def _simplest(rivals: Sequence[Rival]) -> Rival:
-    """Return the best; a simpler one that it contains wins where the richer one gains too little."""
-    chosen = rivals[0]
-    for other in rivals[1:]:
-        last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
-        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < RICHER:
-            chosen = other
-    return chosen
 
 
 def _pruned(scene: Scene, best: Rival) -> Rival:
@@ -291,16 +285,9 @@ def _pruned(scene: Scene, best: Rival) -> Rival:
             rest = tuple(other for other in best.fitted.causes if other != cause)
             values = {key: value for key, value in best.fitted.point.values.items() if key not in cause.keys}
             begin = Point(values, best.fitted.point.starts)
-            slimmer.append(_rated(scene, fit(scene, scene.train, rest, begin, best.noises, _LONG)))
+            slimmer.append(rated(scene, fit(scene, scene.train, rest, begin, best.noises, _LONG)))
         least = min(slimmer, key=lambda each: each.score)
         if least.score - best.score >= THRESHOLD:
             return best
         best = least
     return best
-
-
-def innovations(rival: Rival) -> tuple[Array, ...]:
-    """Return the whitened residuals (n,) of every train recording and output."""
-    return tuple(
-        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(rival.noises)
-    )

@@ -69,15 +69,16 @@ def noises_of(scene: Scene, residuals: Sequence[Array]) -> tuple[Noise, ...]:
     )
 
 
-def slopes_of(scene: Scene, recording: Recording, unknowns: Sequence[Coordinate], point: Point, index: int) -> Array:
-    """Return d output / d (coordinates, initial state) (n, r, k + s).
+def slopes_of(
+    scene: Scene, recording: Recording, unknowns: Sequence[Coordinate], point: Point, index: int, residual: Array
+) -> Array:
+    """Return d output / d (coordinates, initial state) (n, r, k + s) at a point that leaves `residual` (n, r).
 
     What an initial state does is taken from the plant without effects, once: it dies out soon, and a search that
     accepts only what lowers the cost can do with that.
     """
-    base = outputs_of(scene, recording) - residual_of(scene, recording, point, index)
     own = start_slopes(scene, recording)
-    slopes = np.zeros((*base.shape, len(unknowns)))
+    slopes = np.zeros((*residual.shape, len(unknowns)))
     for place, each in enumerate(unknowns):
         value = point.values.get(each.name, scene.engine.neutral[each.name])
         inside = each.inner(value) + (_STEP if each.logarithmic else _STEP * max(abs(value) / each.scale, 0.01))
@@ -87,9 +88,7 @@ def slopes_of(scene: Scene, recording: Recording, unknowns: Sequence[Coordinate]
         change = each.inner(moved) - each.inner(value)
         if change != 0.0:
             near = Point({**point.values, each.name: moved}, point.starts)
-            slopes[..., place] = (
-                outputs_of(scene, recording) - residual_of(scene, recording, near, index) - base
-            ) / change
+            slopes[..., place] = (residual - residual_of(scene, recording, near, index)) / change
     whole: Array = np.concatenate([slopes, own], axis=2)
     return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
 
@@ -204,7 +203,7 @@ def _packed(
     for k, recording in enumerate(recordings):
         if np.any(np.isnan(residuals[k])):
             continue
-        slopes = slopes_of(scene, recording, unknowns, point, k)
+        slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k])
         tall = np.concatenate([slopes, -residuals[k][..., None]], axis=2)
         small = triangle(whitened(tall, noises))
         places = np.concatenate([np.arange(count), count + states * k + np.arange(states), [count + states * lot]])

@@ -3,23 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
+from identify.attach import with_effects
+from identify.engine import effect_simulator
 from identify.linear import linearize
 from identify.plant import Plant
 from identify.recording import Recording
-from identify.simulate import course_of
+from identify.simulate import course_of, rest_start
+from identify.superset import efforts
 
 Array = NDArray[np.float64]
 
 
-def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:
-    """Return what torques `push` (n, b) in the balance `number` (of those with a state) do to the outputs (n, r, b)."""
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The linear plant from a torque to its outputs, as a filter of rows: numerators (r, d), one denominator (d,)."""
+
+    top: Array
+    bottom: Array
+
+    def to(self, push: Array, rows: int) -> Array:
+        """Return what torques `push` (n, b) do to the outputs (rows, r, b)."""
+        full = np.zeros((rows, push.shape[1]))
+        full[: len(push)] = push
+        return np.stack([lfilter(row, self.bottom, full, axis=0) for row in self.top], axis=1)
+
+
+def response(plant: Plant, values: Mapping[str, float], recording: Recording, number: int = 0) -> Response:
+    """Return the response to a torque in the balance `number` (of those with a state)."""
     parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in plant.parameters)
     bare = linearize(replace(plant, parameters=parameters))
     balance = [each for each in plant.balances if each.state >= 0][number]
@@ -30,17 +47,22 @@ def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, p
     whole[balance.state, states] = float(balance.per(constants))
     moved = expm(whole * course_of(plant, recording).step)
     outputs, none = bare.c, np.zeros((len(bare.c), 1))
-    top, bottom = ss2tf(moved[:states, :states], moved[:states, states:], outputs, none)
-    full = np.zeros((len(recording.time), push.shape[1]))
-    full[: len(push)] = push
-    return np.stack([lfilter(row, bottom, full, axis=0) for row in top], axis=1)
+    return Response(*ss2tf(moved[:states, :states], moved[:states, states:], outputs, none))
 
 
-def travelled(recording: Recording) -> Array | None:
-    """Return the angle (n,) in rad: recorded, or the integral of the recorded speed."""
-    if "position_rad" in recording.columns:
-        return recording.columns["position_rad"]
-    if "speed_rad_s" not in recording.columns:
-        return None
-    speed = recording.columns["speed_rad_s"]
-    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])
+def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:
+    """Return what torques `push` (n, b) in the balance `number` (of those with a state) do to the outputs (n, r, b)."""
+    return response(plant, values, recording, number).to(push, len(recording.time))
+
+
+def effort_of(plant: Plant, values: Mapping[str, float], recording: Recording) -> Array:
+    """Return what the drive gives (n,), N m or N, by the recorded current or else the simulated one."""
+    bare = with_effects(plant, ())
+    constants = np.array([values.get(p.name, p.value) for p in bare.parameters])
+    engine = effect_simulator(bare)
+    assembly, course = engine.assemble(constants), course_of(bare, recording)
+    states = engine.run_states(course, constants, rest_start(bare, recording))
+    for index, signal in enumerate(bare.states):
+        if signal.name in recording.columns:
+            states[:, index] = recording.columns[signal.name]
+    return np.nan_to_num(efforts(bare, engine, assembly, states, course.drive, constants))

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from diagnose.finding import Finding
 from diagnose.hypothesis import make_scene
 from diagnose.judge import improved_plant, judge
+from diagnose.plain import believed
 from diagnose.preflight import preflight
-from diagnose.rank import Progress, Rival, Search, search
+from diagnose.prepare import prepared
+from diagnose.rank import Progress, Search, search
+from diagnose.rival import Rival
 from diagnose.shape import Shape, best_shape
 from identify.plant import Plant
 from identify.recording import Recording
@@ -25,6 +28,11 @@ class Diagnosis:
     plant: Plant
 
     @property
+    def hold(self) -> str:
+        """What the input did between rows."""
+        return self.search.scene.train[0].hold
+
+    @property
     def shown(self) -> Rival:
         """The explanation that the finding stands for."""
         explained = self.finding.verdict in ("explained", "ambiguous")
@@ -34,9 +42,10 @@ class Diagnosis:
 def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress) -> Diagnosis:
     """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell."""
     progress(0.02, "checking the recordings")
+    train, test = prepared(plant, train, test)
     checks = preflight(plant, train, test)
     scene = make_scene(plant, train, test, checks.floors)
-    found = search(scene, progress)
+    found = believed(search(scene, progress), progress)
     progress(0.9, "looking for what has no name")
     shape = best_shape(found, found.best)
     finding = judge(found, checks, shape)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Scene, outputs_of
-from diagnose.noise import Noise
+from diagnose.hypothesis import Cause, Scene, entered, outputs_of
+from diagnose.noise import Noise, fit_noise
 from diagnose.refit import Fitted, slopes_of, whitened
 from identify.least_squares import triangle
 from identify.recording import Recording
@@ -32,6 +32,7 @@ class Screened:
     gain: float
     start: Mapping[str, float]
     left: float
+    drop: float = 0.0  # of -2 log likelihood once the noise is estimated anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +42,40 @@ class Ground:
     noises: tuple[Noise, ...]
     basis: Array  # (rows, k)
     left: Array  # (rows,)
+    slopes: tuple[Array, ...]  # (n, r, k) of every recording, not whitened, in the order of the basis
+    residuals: tuple[Array, ...]  # (n, r) of every recording
+    floors: Array  # (r,)
+    evidence: float  # -2 log likelihood of the residuals, at best after a last step of the base's unknowns
 
 
 def ground(scene: Scene, recordings: Sequence[Recording], base: Fitted, noises: Sequence[Noise]) -> Ground:
     """Whiten slopes and residuals of the base, and take out of the residuals what its own unknowns can still do."""
-    tangents, lefts = [], []
+    tangents, lefts, raw = [], [], []
     count, states = len(base.coordinates), len(scene.engine.states)
     for k, recording in enumerate(recordings):
-        slopes = slopes_of(scene, recording, base.coordinates, base.point, k)
+        slopes = slopes_of(scene, recording, base.coordinates, base.point, k, base.residuals[k])
         parts = np.zeros((*slopes.shape[:2], count + states * len(recordings)))
         parts[..., :count] = slopes[..., :count]
         parts[..., count + states * k : count + states * (k + 1)] = slopes[..., count:]
+        raw.append(parts)
         tangents.append(whitened(parts, noises))
         lefts.append(whitened(base.residuals[k], noises))
-    basis = orthogonal(np.concatenate(tangents))
+    turned = _turn(np.concatenate(tangents))
+    basis = np.concatenate(tangents) @ turned
     left = np.concatenate(lefts)
-    return Ground(tuple(noises), basis, left - basis @ (basis.T @ left))
+    own = tuple(part @ turned for part in raw)
+    refined = [part - slopes @ (basis.T @ left) for part, slopes in zip(base.residuals, own, strict=True)]
+    said = min(_likelihood(residuals, scene.floors) for residuals in (base.residuals, refined))
+    return Ground(tuple(noises), basis, left - basis @ (basis.T @ left), own, base.residuals, scene.floors, said)
+
+
+def _likelihood(residuals: Sequence[Array], floors: Array) -> float:
+    """Return -2 log likelihood of residuals (n, r) under the noise that fits them best, but for a constant."""
+    total = 0.0
+    for index, floor in enumerate(floors):
+        columns = [part[:, index] for part in residuals]
+        total += 2.0 * sum(len(each) for each in columns) * float(np.log(fit_noise(columns, float(floor)).scale))
+    return total
 
 
 def screen(
@@ -65,17 +84,18 @@ def screen(
     base: Fitted,
     causes: Sequence[Cause],
     grounds: Sequence[Ground],
-    orders: Sequence[float],
+    orders: Mapping[str, Sequence[float]],
 ) -> tuple[tuple[Screened, ...], ...]:
     """Project secants (simulated with the cause - without) on what each ground leaves; best first, ground by ground.
 
-    `orders` are the waves per turn worth a simulation; empty for all.
+    `orders` are the waves per turn or the moments worth a simulation, by the effect's name; where there is none, all.
     """
     found: list[list[Screened]] = [[] for _ in grounds]
     for cause in causes:
         best: list[Screened | None] = [None for _ in grounds]
+        trace: list[Sequence[Sequence[Array]]] = [() for _ in grounds]
         begun = time.process_time()
-        for start in _promising(scene.starts[cause.label], orders):
+        for start in _promising(scene.starts[cause.label], orders.get(cause.effect.name, ())):
             if time.process_time() - begun > _PATIENCE:
                 break
             secants = _secants(scene, recordings, base, cause, start)
@@ -83,30 +103,39 @@ def screen(
                 judged = _judge(cause, start, secants, under)
                 held = best[index]
                 if judged is not None and (held is None or judged.gain > held.gain):
-                    best[index] = judged
+                    best[index], trace[index] = judged, secants
         for index, each in enumerate(best):
             if each is not None:
-                found[index].append(each)
+                found[index].append(
+                    replace(each, drop=_drop(trace[index], grounds[index])) if each.gain > 0.0 else each
+                )
     return tuple(tuple(sorted(each, key=lambda one: -one.gain)) for each in found)
 
 
 def _promising(starts: Sequence[Mapping[str, float]], orders: Sequence[float]) -> list[Mapping[str, float]]:
-    """Keep of a grid over waves per turn the orders asked for, phase zero."""
-    key = next((key for start in starts for key in start if key.endswith(".periods_per_rev")), None)
+    """Keep of a grid over waves per turn, or over moments, those asked for, phase zero."""
+    grids = (".periods_per_rev", ".time_s")
+    key = next((key for start in starts for key in start if key.endswith(grids)), None)
     if key is None:
         phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
         return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
-    return [{**starts[0], key: order} for order in orders]
+    return [{**starts[0], key: order} for order in orders] if orders else list(starts)
 
 
 def orthogonal(tall: Array) -> Array:
     """Return an orthonormal basis (rows, k) of the columns; nearly parallel ones are dropped."""
+    return np.asarray(tall @ _turn(tall))
+
+
+def _turn(tall: Array) -> Array:
+    """Return the matrix (c, k) that makes an orthonormal basis of the columns of (rows, c)."""
     norms = np.linalg.norm(tall, axis=0)
     live = norms > 0.0
-    scaled = tall[:, live] / norms[live]
-    _, widths, turned = np.linalg.svd(triangle(scaled))
+    _, widths, turned = np.linalg.svd(triangle(tall[:, live] / norms[live]))
     kept = widths > 1e-7
-    return np.asarray(scaled @ (turned[kept].T / widths[kept]))
+    whole = np.zeros((len(norms), int(kept.sum())))
+    whole[live] = turned[kept].T / widths[kept] / norms[live][:, None]
+    return whole
 
 
 def _secants(
@@ -118,10 +147,27 @@ def _secants(
     for change in [dict(start), {**start, **turned}] if turned else [dict(start)]:
         parts = []
         for k, recording in enumerate(recordings):
-            simulated = scene.engine.simulate(recording, {**base.point.values, **change}, base.point.starts[k])
+            values = entered(base.point.values, cause, change)
+            simulated = scene.engine.simulate(recording, values, base.point.starts[k])
             parts.append(simulated - (outputs_of(scene, recording) - base.residuals[k]))
         found.append(tuple(parts))
     return tuple(found)
+
+
+def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
+    """Take out of the residuals what a cause and the base's unknowns can do, and see how likely the rest is.
+
+    The noise that the base has left over holds the trace of the cause, which whitens it away.
+    """
+    tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
+    pure = tall - under.basis @ (under.basis.T @ tall)
+    shares = np.linalg.lstsq(pure, under.left, rcond=1e-9)[0]
+    own = under.basis.T @ (np.concatenate([whitened(part, under.noises) for part in under.residuals]) - tall @ shares)
+    rest = []
+    for k, residual in enumerate(under.residuals):
+        moved = np.stack([parts[k] for parts in secants], axis=2) @ shares
+        rest.append(residual - moved - under.slopes[k] @ own)
+    return under.evidence - _likelihood(rest, under.floors)
 
 
 def _judge(

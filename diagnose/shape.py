@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from diagnose.locate import Latent, latent, nominal_plant
-from diagnose.rank import Rival, Search
+from diagnose.rank import Search
 from diagnose.refit import slopes_of, whitened
-from diagnose.response import disturbed, travelled
+from diagnose.response import disturbed
+from diagnose.rival import Rival
 from diagnose.screen import orthogonal
 from identify.linear import linearize
 from identify.plant import Plant
 from identify.recording import Recording
 from identify.simulate import course_of
+from identify.superset import travelled
 
 Array = NDArray[np.float64]
 
@@ -82,7 +84,8 @@ def _complement(search: Search, rival: Rival) -> tuple[Array, Array]:
     count, states = len(rival.fitted.coordinates), len(search.scene.engine.states)
     lot = len(search.scene.train)
     for k, recording in enumerate(search.scene.train):
-        slopes = slopes_of(search.scene, recording, rival.fitted.coordinates, rival.fitted.point, k)
+        at = rival.fitted
+        slopes = slopes_of(search.scene, recording, at.coordinates, at.point, k, at.residuals[k])
         wide = np.zeros((*slopes.shape[:2], count + states * lot))
         wide[..., :count] = slopes[..., :count]
         wide[..., count + states * k : count + states * (k + 1)] = slopes[..., count:]

@@ -96,6 +96,31 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds)
         return monitor(project, watch, arguments.out, console)
 
+    if arguments.verb == "datasheet":
+        from firmloop.datasheet import datasheet
+
+        return datasheet(project, arguments.out, console)
+    if arguments.verb == "excite":
+        from firmloop.excite import excite
+
+        return excite(project, arguments.out, console)
+    if arguments.verb == "model":
+        from firmloop.model import model
+
+        return model(project, arguments.out, console)
+    if arguments.verb == "step":
+        from firmloop.step import step
+
+        return step(project, arguments.out, console)
+    if arguments.verb == "examine":
+        from firmloop.examine import examine
+
+        return examine(project, arguments.out, arguments.draws, arguments.seed, console)
+    if arguments.verb == "tune":
+        from firmloop.tuning import tune
+
+        return tune(project, arguments.out, console)
+
     from firmloop import verbs
 
     if arguments.verb == "identify":
@@ -174,6 +199,15 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND")
 
     _verb(verbs, "identify", "fit the plant to the train recordings; DIR/project.toml holds it")
+    _verb(verbs, "datasheet", "parameters from a datasheet and the standard tests, checked; DIR/project.toml")
+    _verb(verbs, "excite", "an excitation signal for the bench; DIR/excitation.csv and its C table")
+    _verb(verbs, "model", "fit ARX, OE or a subspace model where no physics is known; DIR/project.toml")
+    _verb(verbs, "step", "measure step responses over repeated trials, and read models off them; DIR/step.json")
+    examine = _verb(verbs, "examine", "intervals by three ways, residual tests, sensitivities; DIR/examination.json")
+    examine.add_argument(
+        "--draws", type=_draws, default=10_000, metavar="N", help="draws of the Monte Carlo intervals (default 10000)"
+    )
+    examine.add_argument("--seed", type=_seed, default=SEED, metavar="N", help=f"seed of the draws (default {SEED})")
     simulate = _verb(verbs, "simulate", "predict every output of a recording from its input column alone", "FILE.csv")
     simulate.add_argument("recording", type=Path, metavar="RECORDING", help="the recording whose input is taken")
     simulate.add_argument(
@@ -181,6 +215,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _verb(verbs, "diagnose", "say where simulation and recordings differ and why; DIR/diagnosis.json, DIR/report.html")
     _verb(verbs, "design", "tune the controller; margins and step metrics")
+    _verb(verbs, "tune", "tune the controller by every rule and compare the loops; DIR/tuning.csv")
     _verb(verbs, "generate", "write the controller's C and DIR/manifest.json")
     for name, says in (
         ("verify", "generate, build and run the C against the bit-exact reference; DIR/verdict.json"),
@@ -250,6 +285,10 @@ def _place(text: str) -> Path:
 
 def _steps(text: str) -> int:
     return _whole(text, 1, MOST_STEPS)
+
+
+def _draws(text: str) -> int:
+    return _whole(text, 100, 1_000_000)
 
 
 def _seed(text: str) -> int:

@@ -39,7 +39,7 @@ def diagnose_project(project: Project, out: Path, console: Console) -> int:
             document = made.finding.as_dict()
             files = {
                 "diagnosis.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
-                "project.toml": diagnosed_text(project, made.plant, out),
+                "project.toml": diagnosed_text(project, made.plant, made.hold, out),
                 "report.html": diagnosis_report(project.name, command_of("diagnose", project.path), made),
             }
         write_files(files, folder)

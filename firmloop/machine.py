@@ -76,7 +76,9 @@ def doctor(console: Console) -> int:
         console.lines([f"  not allowed: {', '.join(refused)}: sudo usermod -aG dialout $USER, then log in again"])
     console.result("ports_refused", refused)
     missing = [tool.name for tool in needed if tool.version is None]
-    console.lines([f"missing: {', '.join(missing)}" if missing else "everything is here"])
+    lacking = [tool.name for tool in extra if tool.version is None]
+    comfort = f"; of what adds to it, not here: {', '.join(lacking)}" if lacking else ""
+    console.lines([f"missing: {', '.join(missing)}" if missing else f"everything needed is here{comfort}"])
     return NO_TOOL if missing else 0
 
 

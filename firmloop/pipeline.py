@@ -30,11 +30,12 @@ from identify.plant import IdentifyError, Plant
 from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
-from quantize.lower import lower
 from quantize.program import Program, QuantizeError
 from quantize.proof import proof
+from quantize.word_length import lower_within
 from verify.checker import Checked, ProofError, check_proof
 from verify.closed_loop import PlantLoop, SteppedPlant
+from verify.limit_cycles import ZeroInput, zero_input
 from verify.links import LinkError
 from verify.run import verify
 from verify.vectors import golden
@@ -74,6 +75,7 @@ class Generated:
     package: Mapping[str, str]  # golden vectors, their test and build files
     proof: Mapping[str, object]
     checked: Checked | None  # what the second, independent proof covered; None in floating point
+    still: ZeroInput | None = None  # what it does by itself while its inputs stand still; None in floating point
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +92,8 @@ def read_data(project: Project) -> Data:
     named = project.recordings
     assert named is not None, "require() has seen to it"
     return Data(
-        tuple(read_recording(path, named.rename) for path in named.train),
-        tuple(read_recording(path, named.rename) for path in named.test),
+        tuple(read_recording(path, named.rename, named.hold) for path in named.train),
+        tuple(read_recording(path, named.rename, named.hold) for path in named.test),
     )
 
 
@@ -159,8 +161,10 @@ def design(project: Project, plant: Plant | None) -> Design:
         )
 
 
-def analyze(project: Project, designed: Design, plant: Plant) -> Loop:
-    """Close the loop on paper: margins, and a step of the reference."""
+def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
+    """Close the loop on paper: margins, and a step of the reference; None where the controller has no reference."""
+    if len(designed.law.inputs) < 2:
+        return None
     with located(project):
         linear = linearize(plant)
         step = closed_loop(designed.law, linear, step_profile(designed.law, linear))
@@ -171,12 +175,14 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
     """Turn the law into exact arithmetic and that into C."""
     assert project.arithmetic is not None, "require() has seen to it"
     with located(project):
-        program = lower(designed.law, project.arithmetic)
+        formats = ("fixed16", "fixed32") if project.arithmetic == "fixed" else (project.arithmetic,)
+        program = lower_within(designed.law, formats, project.allowed)
         bundle = emit(program, command)
-        ranges = proof(program, designed.law.why)
-        inputs, trace = golden(program)
-        extra = package(program, bundle, command, inputs, trace.outputs, trace.status)
-        return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges))
+        still = zero_input(program)
+        ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
+        inputs, settings, trace = golden(program)
+        extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
+        return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)
 
 
 def verify_target(
@@ -214,11 +220,13 @@ def verify_target(
 def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
 
-    None where there is no plant, or none that can be moved step by step.
+    None where there is no plant, or none that can be moved step by step, or no reference to follow.
     """
     if project.plant is None:
         return None
     plant, law = plant_of(project), designed.law
+    if len(law.inputs) < 2:
+        return None
     reference, measurement = reference_and_measurement(law.inputs)
     told = law.inputs[reference]
     middle, span = (told.low + told.high) / 2.0, told.high - told.low

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from codegen.bundle import CodegenError
 from codegen.names import check_identifier
 from codegen.target import target_names
 from firmloop.table import ProjectError, Table, read_table
+from identify.hold import HOLDS
 from identify.signal import Signal
+from quantize.word_length import Allowed
 
 SCHEMA = 1
+MAX_ERROR = "max_error_"  # and the unit of an output
 LONGEST_PERIOD = 3600.0  # s; a controller that acts less than hourly is a mistake in the unit
 UNIT = re.compile(r"[A-Za-z0-9%/*^._() -]{1,24}", re.ASCII)
 EXAMPLES = {
@@ -24,6 +27,7 @@ EXAMPLES = {
     "arithmetic": '[arithmetic] with number = "float32"',
     "target": '[target] with names = ["host"]',
 }
+FURTHER = ("tuning", "datasheet", "standard_tests", "experiment", "model")  # tables that only one verb reads
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,7 @@ class Recordings:
     test: tuple[Path, ...]
     rename: Mapping[str, str]  # a file's column name -> ours
     conditioning: Table
+    hold: str = "zero_order"  # what an input does between rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +74,9 @@ class Project:
     plant: PlantPart | None
     controller: ControllerPart | None
     signals: tuple[Signal, ...]
-    arithmetic: str | None  # "float32", "float64", "fixed32", "fixed16"
+    arithmetic: str | None  # "float32", "float64", "fixed32", "fixed16", or "fixed": the shorter one that will do
     targets: tuple[str, ...]
+    allowed: tuple[Allowed, ...] = ()  # what [arithmetic] lets outputs be off the law
 
     @property
     def controller_inputs(self) -> tuple[Signal, ...]:
@@ -121,7 +127,7 @@ def read_project(path: Path) -> Project:
         on the first thing that is wrong, with file and line.
     """
     document = read_table(path)
-    document.only(("schema", "name", *EXAMPLES))
+    document.only(("schema", "name", *EXAMPLES, *FURTHER))
     if "schema" not in document.values:
         raise document.missing("schema", "schema = 1")
     if document.values["schema"] != SCHEMA or isinstance(document.values["schema"], bool):
@@ -141,6 +147,8 @@ def read_project(path: Path) -> Project:
     )
     if project.controller:
         _outputs_are_signals(project.controller, project.signals)
+    if project.arithmetic:
+        return replace(project, allowed=_allowed(document.table("arithmetic"), project.controller_outputs))
     return project
 
 
@@ -205,7 +213,7 @@ def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> 
 
 
 def _recordings(table: Table) -> Recordings:
-    table.only(("train", "test", "rename", "conditioning"))
+    table.only(("train", "test", "rename", "conditioning", "hold"))
     folder = table.file.parent
     train = tuple(folder / name for name in table.texts("train", 'train = ["steps.csv"]'))
     test = tuple(folder / name for name in table.texts("test", 'test = ["ramp.csv"]'))
@@ -216,8 +224,11 @@ def _recordings(table: Table) -> Recordings:
     for key in rename.values:
         rename.text(key, f'{key} = "speed_rad_s"')
     rename.texts_differ()
+    hold = str(table.values.get("hold", HOLDS[0]))
+    if hold not in HOLDS:
+        raise table.wrong("hold", f"is {hold!r}; it must be one of {', '.join(HOLDS)}")
     return Recordings(
-        train, test, {key: str(value) for key, value in rename.values.items()}, table.table("conditioning")
+        train, test, {key: str(value) for key, value in rename.values.items()}, table.table("conditioning"), hold
     )
 
 
@@ -295,14 +306,34 @@ def _outputs_are_signals(controller: ControllerPart, signals: tuple[Signal, ...]
 
 def _arithmetic(table: Table) -> str:
     """`bits` only says something about fixed point (contract, section 2); with floats it may stand there idle."""
-    table.only(("number", "bits"))
+    errors = [key for key in table.values if key.startswith(MAX_ERROR)]
+    table.only(("number", "bits", *errors))
     number = table.text("number", 'number = "float32"')
+    if number == "fixed" and errors and "bits" not in table.values:
+        return "fixed"
     bits = table.values.get("bits", 32)
     if bits not in (16, 32) or isinstance(bits, bool | float):
         raise table.wrong("bits", "must be 16 or 32")
     if number not in ("float32", "float64", "fixed"):
         raise table.wrong("number", 'must be "float32", "float64" or "fixed"')
     return f"fixed{bits}" if number == "fixed" else number
+
+
+def _allowed(table: Table, outputs: tuple[Signal, ...]) -> tuple[Allowed, ...]:
+    """Read max_error_V and its like: the unit of one or more outputs ends the name."""
+    found = []
+    for key in table.values:
+        if not key.startswith(MAX_ERROR):
+            continue
+        most = table.number(key, f"{key} = 0.01")
+        if most <= 0:
+            raise table.wrong(key, "must be more than 0")
+        meant = tuple(signal.name for signal in outputs if same_unit(signal.unit, key.removeprefix(MAX_ERROR)))
+        if not meant:
+            units = ", ".join(f"{signal.name} is in {signal.unit!r}" for signal in outputs) or "there is none"
+            raise table.wrong(key, f"ends in the unit of no output ({units}); write for instance max_error_V")
+        found.append(Allowed(f"arithmetic.{key}", meant, most))
+    return tuple(found)
 
 
 def _targets(table: Table) -> tuple[str, ...]:

@@ -37,9 +37,20 @@ def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
     return _text({**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
 
 
-def diagnosed_text(project: Project, plant: Plant, folder: Path) -> str:
-    """Return the project with the parameters and the effects of `plant`, to be kept in `folder`."""
+def made_text(project: Project, plant: Mapping[str, object], verb: str, folder: Path) -> str:
+    """Return the project with `plant` as its [plant] table, to be kept in `folder`; `verb` has made it."""
+    document = {**_moved(project, folder), "plant": plant}
+    return _text(document, f"plant made by: firmloop {verb} {project.path.name}")
+
+
+def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> str:
+    """Return the project with the parameters and the effects of `plant`, to be kept in `folder`.
+
+    `hold` is what the input does between rows, as far as the recordings tell.
+    """
     document = _moved(project, folder)
+    if project.recordings and hold != project.recordings.hold:
+        document["recordings"] = {**_table(document["recordings"]), "hold": hold}
     table = dict(_table(document["plant"]))
     given = project.document.table("plant").table("parameters").values
     own = [parameter for parameter in plant.parameters if "." not in parameter.name]

@@ -62,9 +62,10 @@ def simulate(project: Project, recording: Path, out: Path, start: Start, console
     require(project, "plant")
     if out.resolve() == recording.resolve():
         raise ProjectError(f"--out {out}: is the recording itself; choose another file")
-    rename = project.recordings.rename if project.recordings else {}
+    named = project.recordings
+    read = read_recording(recording, named.rename, named.hold) if named else read_recording(recording, {})
     with results_file(out) as partial, progress("simulating"):
-        write_recording(predicted(project, read_recording(recording, rename), start), partial)
+        write_recording(predicted(project, read, start), partial)
     _written(console, out.parent, [out.name])
     return AGREES
 

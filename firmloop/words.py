@@ -10,6 +10,7 @@ from firmloop.console import table
 from firmloop.pipeline import Generated, Loop, Outcome
 from identify.fit import Fit
 from identify.plant import Parameter
+from verify.limit_cycles import ZeroInput
 from verify.verdict import Verdict
 
 NORMAL_95 = 1.96  # half width of a 95 % interval in standard deviations
@@ -101,6 +102,27 @@ def about_code(generated: Generated) -> list[str]:
     if generated.checked is not None:
         again = f"{generated.checked.operations} operations and {generated.checked.stores} stores"
         lines.append(f"  no overflow: {again} proven twice, by interval rules and by z3")
+    bounds = [f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding]
+    lines.append(f"  rounding, proven: at most {', '.join(bounds)} off the law in one step")
+    return lines + (about_still(generated.still) if generated.still else [])
+
+
+def about_still(still: ZeroInput) -> list[str]:
+    """Limit cycles and dead bands, output by output."""
+    tried = f"{'all ' if still.exhaustive else ''}{still.starts} start{'' if still.starts == 1 else 's'}"
+    lines = []
+    if still.unsettled:
+        tried += f", {still.unsettled} still moving after the search"
+    for row in still.outputs:
+        if row.bound is None:
+            lines.append(f"  inputs still: {row.output}: a limit acts at rest, so nothing is bounded there")
+            continue
+        found = [
+            f"a limit cycle of {in_unit(f'{row.cycle:.3g}', row.unit)}" if row.cycle else "no limit cycle",
+            f"rests up to {in_unit(f'{row.offset:.3g}', row.unit)} away" if row.offset else "no dead band",
+        ]
+        bound = f"roundings alone move it by at most {in_unit(f'{row.bound:.3g}', row.unit)}"
+        lines.append(f"  inputs still: {row.output}: {', '.join(found)} ({tried}); {bound}")
     return lines
 
 

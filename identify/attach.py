@@ -79,8 +79,8 @@ def _first_sensor(plant: Plant, effect: Effect) -> int:
 
 
 def _balance(plant: Plant, effect: Effect, output: str | None) -> int:
-    wanted = {"torque": ("torque", "force"), "current": ("torque", "force"), "voltage": ("voltage",), "flow": ("flow",)}
-    kinds = wanted.get(effect.place, ())
+    wanted = {"torque": ("torque", "force"), "current": ("torque", "force")}
+    kinds = wanted.get(effect.place, (effect.place,))
     fitting = [k for k, b in enumerate(plant.balances) if b.kind in kinds]
     if effect.place == "flow" and output is not None:
         named = [k for k in fitting if plant.states[plant.balances[k].state].name == output]

@@ -1,4 +1,4 @@
-"""Condition signals before they are compared: offset, trend, smoothing, resampling, time alignment.
+"""Condition signals before they are compared: offset, trend, lines, smoothing, resampling, time alignment.
 
 Whatever is done to a measured output is done to the model's output too before the two are subtracted. All of it is
 linear, so a model that is right leaves the conditioned noise and nothing else: conditioning can hide detail, but it
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -37,14 +38,16 @@ class Conditioning:
     resample_s: float = 0.0  # period of the grid that outputs are compared on; 0 for the rows as they are
     align: tuple[str, ...] = ()
     align_max_lag_s: float = 0.0
+    line_Hz: float = 0.0  # mains frequency whose lines are taken out; 0 for none
+    line_harmonics: int = 5  # how many multiples of it
     window_s: float = 0.0  # length of windows that each get an initial state of their own; 0 for one start
 
 
 NONE = Conditioning()
 
 _LISTS = ("remove_offset", "detrend", "align")
-_WHOLE = ("savgol_window", "savgol_order")
-_SECONDS = ("resample_s", "align_max_lag_s", "window_s")
+_WHOLE = ("savgol_window", "savgol_order", "line_harmonics")
+_SECONDS = ("resample_s", "align_max_lag_s", "window_s", "line_Hz")
 
 
 def conditioning_from_table(table: Mapping[str, object]) -> Conditioning:
@@ -64,7 +67,7 @@ def conditioning_from_table(table: Mapping[str, object]) -> Conditioning:
             whole[key] = value
         elif key in _SECONDS:
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < float("inf"):
-                raise IdentifyError(f"{where}.{key} is {value!r}; it must be a positive number of seconds")
+                raise IdentifyError(f"{where}.{key} is {value!r}; it must be a positive number of {_unit(key)}")
             seconds[key] = float(value)
         else:
             known = ", ".join((*_LISTS, *_WHOLE, *_SECONDS))
@@ -77,6 +80,8 @@ def conditioning_from_table(table: Mapping[str, object]) -> Conditioning:
         resample_s=seconds.get("resample_s", 0.0),
         align=lists.get("align", ()),
         align_max_lag_s=seconds.get("align_max_lag_s", 0.0),
+        line_Hz=seconds.get("line_Hz", 0.0),
+        line_harmonics=whole.get("line_harmonics", 5),
         window_s=seconds.get("window_s", 0.0),
     )
     if made.savgol_window and (made.savgol_window % 2 == 0 or made.savgol_window <= made.savgol_order):
@@ -87,6 +92,10 @@ def conditioning_from_table(table: Mapping[str, object]) -> Conditioning:
     if made.align and not made.align_max_lag_s:
         raise IdentifyError(f"{where}.align needs align_max_lag_s, the largest clock difference to look for, in s")
     return made
+
+
+def _unit(key: str) -> str:
+    return "hertz" if key.endswith("_Hz") else "seconds"
 
 
 def windows(conditioning: Conditioning, time: Array, fewest: int) -> tuple[tuple[int, int], ...]:
@@ -112,6 +121,8 @@ def condition_output(conditioning: Conditioning, name: str, time: Array, values:
     """Condition one output: values (n, ...) at `time` become (q, ...) at `compared_time`. Linear in `values`."""
     grid = compared_time(conditioning, time)
     done: Array = interpolate(time, values, grid) if conditioning.resample_s else values
+    if conditioning.line_Hz:
+        done = line_free(conditioning, grid, done)
     if conditioning.savgol_window:
         done = scipy.signal.savgol_filter(done, conditioning.savgol_window, conditioning.savgol_order, axis=0)
     if name in conditioning.detrend:
@@ -121,6 +132,27 @@ def condition_output(conditioning: Conditioning, name: str, time: Array, values:
     if name in conditioning.remove_offset:
         done = done - done.mean(axis=0)
     return np.asarray(done, dtype=np.float64)
+
+
+def line_free(conditioning: Conditioning, grid: Array, values: Array) -> Array:
+    """Take the mains' harmonics out of values (q, ...) at the instants `grid` (q,) in s."""
+    basis = _line_basis(conditioning.line_Hz, conditioning.line_harmonics, np.ascontiguousarray(grid).tobytes())
+    return np.asarray(values - np.tensordot(basis, np.tensordot(basis.T, values, 1), 1))
+
+
+@lru_cache(maxsize=64)
+def _line_basis(frequency: float, harmonics: int, instants: bytes) -> Array:
+    """Orthonormal sines and cosines (q, 2 h) of the harmonics that the instants can show.
+
+    Kept, because a fit conditions the same rows hundreds of times.
+    """
+    grid = np.frombuffer(instants, dtype=np.float64)
+    fastest = 0.5 / float(np.median(np.diff(grid)))
+    turns = 2.0 * np.pi * frequency * (grid - grid[0])
+    orders = [k for k in range(1, harmonics + 1) if k * frequency < fastest]
+    waves = [wave(k * turns) for k in orders for wave in (np.sin, np.cos)]
+    basis, _ = np.linalg.qr(np.column_stack(waves)) if waves else (np.zeros((len(grid), 0)), None)
+    return np.asarray(basis)
 
 
 def condition_input(conditioning: Conditioning, name: str, values: Array) -> Array:
@@ -135,7 +167,15 @@ def check_conditioning(conditioning: Conditioning, names: tuple[str, ...], sourc
         for name in getattr(conditioning, key):
             if name not in names:
                 raise IdentifyError(f"{where}.{key}: {name} is no signal of the plant, which has {', '.join(names)}")
-    rows = len(compared_time(conditioning, time))
+    grid = compared_time(conditioning, time)
+    rows = len(grid)
+    if conditioning.line_Hz:
+        cycles, fastest = conditioning.line_Hz * float(grid[-1] - grid[0]), 0.5 / float(np.median(np.diff(grid)))
+        if cycles < 5.0 or conditioning.line_Hz >= fastest:
+            raise IdentifyError(
+                f"{where}.line_Hz is {conditioning.line_Hz:g}: {source} holds {cycles:.2g} cycles and shows up to "
+                f"{fastest:g} Hz; at least 5 cycles below that are needed to tell a line from the response"
+            )
     if rows < max(3, conditioning.savgol_window):
         raise IdentifyError(f"{where}: {source} leaves {rows} rows to compare; shorten resample_s or savgol_window")
     distances = np.diff(time)

@@ -26,6 +26,9 @@ class Course:
     longest: float  # s
     first: int
     end: int
+    knots: tuple[Array, Array] | None = None  # moments (k,) and values (k, m) of straight lines; None: rows are held
+    longest_change: float = 0.3  # rate of change of what is not linear, times the longest step taken
+    turn: Array | None = None  # (n,) rad: the angle that waves per turn follow, where it is not the simulated one
 
 
 class Engine(Protocol):
@@ -49,4 +52,8 @@ class Engine(Protocol):
         self, course: Course, constants: Array, start: Array, which: Sequence[int]
     ) -> tuple[Array, Array]:
         """Also return dy/d(constants[which], start): (q, r, len(which) + number of states)."""
+        ...
+
+    def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
+        """Return where the plant is on average (n,) on its way from `start`: another guess for where it began."""
         ...

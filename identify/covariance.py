@@ -41,7 +41,9 @@ def uncertainty(
 
     The estimator is the sandwich H^-1 S H^-1 with H = sum J'J and S the long-run covariance of the scores J'e, by
     Bartlett weights and Andrews' automatic bandwidth (Newey & West 1987, Andrews 1991): right for white and for
-    autocorrelated residuals, as long as their memory is short against the recording.
+    autocorrelated residuals, as long as their memory is short against the recording. Where a few rows decide alone, a
+    delay's at the edge of a step, S has little to go by and comes out small: then the variances are those of white
+    residuals, sigma^2 H^-1, the larger of the two each time.
     """
     parameters = len(natural)
     pure = [_without_start(block.reshape(-1, block.shape[2]), parameters) for block in slopes]
@@ -66,7 +68,16 @@ def uncertainty(
         meat += _long_run(np.concatenate(scores[first:end]))
     rows = sum(residual.size for residual in residuals)
     unknowns = parameters + sum(block.shape[2] - parameters for block in slopes)
-    covariance = rows / max(rows - unknowns, 1) * inverse @ meat @ inverse / np.outer(norms, norms)
+    white = np.zeros_like(inverse)
+    sizes_left = np.mean(np.concatenate(residuals) ** 2, axis=0)
+    for residual, block in zip(residuals, pure, strict=True):
+        each = (block / norms).reshape(*residual.shape, parameters) * np.sqrt(sizes_left)[:, None]
+        tall = each.reshape(residual.size, parameters)
+        white += tall.T @ tall
+    robust, plain = inverse @ meat @ inverse, inverse @ white @ inverse
+    ratio = np.diag(plain) / np.maximum(np.diag(robust), 1e-300)
+    wider = np.sqrt(np.maximum(ratio, 1.0))
+    covariance = rows / max(rows - unknowns, 1) * robust * np.outer(wider, wider) / np.outer(norms, norms)
     return Uncertainty(0.5 * (covariance + covariance.T), tuple(int(k) for k in blind), int(np.sum(~seen)))
 
 

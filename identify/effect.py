@@ -103,8 +103,8 @@ class Effect:
     `voltage`, `actuator`, `sensor`, `flow`, `timing`. `parameters(site)` names its constants, `starts(site, scales)`
     gives the points a fit begins from, in the order of the parameters. `attach(assembly, site, values)` adds it to a
     simulation; it is not called where the values are neutral. `code` is C for the simulator: the body of a function
-    of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `i`, `effort`, `s`) and `q[]` (constants) that
-    returns a double.
+    of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
+    (constants) that returns a double.
     """
 
     name: str
@@ -122,10 +122,10 @@ class Effect:
     codes: tuple[tuple[str, str], ...]  # (name of the C function, its body)
     switches: tuple[int, ...] = (0,)  # parameters that are all neutral where the effect changes nothing
 
-    def neutral(self, site: Site, values: tuple[float, ...]) -> bool:
-        """Tell whether the effect changes nothing at these values."""
+    def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
+        """Return the parameters, by position, and their values at which the effect changes nothing."""
         known = self.parameters(site)
-        return all(values[k] == known[k].neutral for k in self.switches)
+        return tuple((k, known[k].neutral) for k in self.switches)
 
 
 def size(name: str, unit: str) -> EffectParameter:

@@ -35,6 +35,7 @@ class EffectSimulator:
     writer: FormWriter
     equations: Equations | None  # of an `ode` plant that is not linear
     effects: tuple[tuple[Effect, Site, tuple[int, ...]], ...]
+    neutral: tuple[tuple[tuple[int, float], ...], ...]  # for each effect: which of its parameters, at which values
     sizes: Array  # (k,) typical size of each constant, where its value is 0
     jobs: dict[bytes, Job] = field(default_factory=dict)
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
@@ -52,9 +53,7 @@ class EffectSimulator:
     def run(self, course: Course, constants: Array, start: Array) -> Array:
         """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
         made = self._job(constants)
-        return run_job(
-            made, self._segments(course, made), np.asarray(start, dtype=np.float64), course.end - course.first
-        )
+        return run_job(made, self._segments(course, made), np.asarray(start, dtype=np.float64), course)
 
     def run_with_slopes(
         self, course: Course, constants: Array, start: Array, which: Sequence[int]
@@ -99,19 +98,25 @@ class EffectSimulator:
         assembly.terms = [term for term in assembly.terms if term.what != OUTPUT]
         equations = replace(self.equations, reading=0) if self.equations is not None else None
         made = job(assembly, equations, constants)
-        return run_job(
-            made, self._segments(course, made), np.asarray(start, dtype=np.float64), course.end - course.first
-        )
+        return run_job(made, self._segments(course, made), np.asarray(start, dtype=np.float64), course)
+
+    def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
+        """Return where the plant is on average (n,) on its way from `start`: another guess for where it began."""
+        if self.equations is None:
+            return start
+        states = self.run_states(course, constants, start)[:, : self.states]
+        seen = states[np.all(np.isfinite(states), axis=1)]
+        return np.asarray(seen.mean(axis=0)) if len(seen) else start
 
     def assemble(self, constants: Array) -> Assembly:
         """Put the linear part and every effect that is not neutral together."""
         forms = self.writer.forms(constants[: self.plant.rate.numel_in(2)])
         assembly = Assembly(self.plant, forms)
         present = []
-        for effect, site, own in self.effects:
-            values = tuple(float(constants[k]) for k in own)
-            if effect.neutral(site, values):
+        for (effect, site, own), neutral in zip(self.effects, self.neutral, strict=True):
+            if all(constants[own[k]] == value for k, value in neutral):
                 continue
+            values = tuple(float(constants[k]) for k in own)
             present.append((effect, site, values))
         if any(effect.place in ("voltage", "current") for effect, _, _ in self.effects):
             assembly.dynamic_current()
@@ -131,10 +136,10 @@ class EffectSimulator:
     def _segments(self, course: Course, made: Job) -> Segments:
         delay = made.delay
         timing = made.timing
-        key = (id(course.time), id(course.drive), course.first, course.end, delay, *timing.key())
+        key = (id(course.time), id(course.drive), id(course.knots), course.first, course.end, delay, *timing.key())
         found = self.cuts.get(key)
         # The course is kept with its segments, so that its identity cannot be another's.
-        if found is not None and found[0].drive is course.drive and found[0].time is course.time:
+        if found is not None and found[0].drive is course.drive and found[0].knots is course.knots:
             return found[1]
         while len(self.cuts) >= 4 * _KEPT:
             self.cuts.pop(next(iter(self.cuts)))
@@ -164,7 +169,8 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         equations = None if writer.linear_rate and writer.linear_reading else equations_of(plant, writer)
         effects = placed(plant)
         sizes = np.ones(len(plant.parameters))
-        found = EffectSimulator(plant, writer, equations, effects, sizes)
+        neutral = tuple(effect.neutral(site) for effect, site, _ in effects)
+        found = EffectSimulator(plant, writer, equations, effects, neutral, sizes)
         while len(_SIMULATORS) >= _KEPT:
             _SIMULATORS.pop(next(iter(_SIMULATORS)))
         _SIMULATORS[key] = found

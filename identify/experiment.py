@@ -25,6 +25,10 @@ from identify.simulate import course_of, measured
 
 Array = NDArray[np.float64]
 
+_START_STEPS = 20  # of a search for an initial state
+_START_DAMPING = (0.0, 1e-3, 1e-1, 1e1)
+_START_ENOUGH = 1e-9  # relative decrease of the cost that is no longer worth a step
+
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
@@ -110,24 +114,53 @@ def misfit(
 
 
 def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:
-    """Fit the initial state (n,) alone, by Gauss-Newton from `guess`; weights (r,) are 1/noise of each output.
+    """Fit the initial state (n,) alone, from `guess` and from where the plant usually is; weights (r,) are 1/noise.
 
-    Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed.
+    Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed,
+    which is why a vessel that may not have been empty needs the second guess.
     """
+    usual = simulator.usual_state(made.course, constants, guess)
+    guesses = [guess] if np.array_equal(usual, guess) else [guess, usual]
+    found = [_descended(made, simulator, constants, each, weights) for each in guesses]
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _descended(
+    made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array
+) -> tuple[float, Array]:
+    """Search from `guess` by Gauss-Newton, damped (Levenberg) where a full step does not help: (cost, state)."""
     start = guess
-    for _ in range(3):
-        residual, slopes = misfit(made, simulator, constants, start, ())
-        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
-            return start
-        tall = (slopes * weights[:, None]).reshape(-1, slopes.shape[2])
-        small = triangle(np.column_stack([tall, (residual * weights).reshape(-1)]))
+    small = _start_triangle(made, simulator, constants, start, weights)
+    if small is None:
+        return np.inf, guess
+    for _ in range(_START_STEPS):
         reach = np.linalg.norm(small[:, :-1], axis=0)
         reach[reach == 0.0] = 1.0
-        step, *_ = np.linalg.lstsq(small[:, :-1] / reach, -small[:, -1], rcond=1e-9)
-        start = start + step / reach
-        if np.linalg.norm(step) <= 1e-9 * np.linalg.norm(start * reach):
+        cost = float(small[:, -1] @ small[:, -1])
+        for damping in _START_DAMPING:
+            tall = np.concatenate([small[:, :-1] / reach, np.sqrt(damping) * np.eye(len(start))])
+            aim = np.concatenate([-small[:, -1], np.zeros(len(start))])
+            step, *_ = np.linalg.lstsq(tall, aim, rcond=1e-9)
+            trial = _start_triangle(made, simulator, constants, start + step / reach, weights)
+            if trial is not None and float(trial[:, -1] @ trial[:, -1]) < cost:
+                break
+        else:
+            return cost, start
+        start, small = start + step / reach, trial
+        if cost - float(trial[:, -1] @ trial[:, -1]) <= _START_ENOUGH * cost:
             break
-    return start
+    return float(small[:, -1] @ small[:, -1]), start
+
+
+def _start_triangle(
+    made: Experiment, simulator: Engine, constants: Array, start: Array, weights: Array
+) -> Array | None:
+    """Return the triangle of [slopes, residual] for the initial state; None where the simulation diverges."""
+    residual, slopes = misfit(made, simulator, constants, start, ())
+    if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+        return None
+    tall = (slopes * weights[:, None]).reshape(-1, slopes.shape[2])
+    return triangle(np.column_stack([tall, (residual * weights).reshape(-1)]))
 
 
 def check_moving(parts: Sequence[Experiment]) -> None:

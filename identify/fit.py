@@ -90,7 +90,7 @@ def fit(
     report = progress if progress is not None else _silent
     if not train:
         raise IdentifyError("recordings.train is empty; name at least one recording to fit to")
-    engine = simulator(plant)
+    engine = simulator(plant, train[0].hold)
     seen = [experiments(plant, recording, conditioning) for recording in train]
     unseen = [experiments(plant, recording, conditioning) for recording in test]
     for parts in seen:
@@ -110,7 +110,9 @@ def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) ->
     (made,) = experiments(plant, recording, replace(conditioning, window_s=0.0))
     spread = np.std(made.target, axis=0)
     weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
-    return best_start(made, simulator(plant), constants_of(plant), rest_start(plant, recording), weights)
+    return best_start(
+        made, simulator(plant, recording.hold), constants_of(plant), rest_start(plant, recording), weights
+    )
 
 
 def _silent(fraction: float, label: str) -> None:

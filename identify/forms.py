@@ -46,6 +46,7 @@ class FormWriter:
     balances: int
     linear_rate: bool
     linear_reading: bool
+    linear_effort: bool  # of the first torque or force balance
 
     def forms(self, constants: Array) -> Forms:
         """Return the matrices for `constants` (k,)."""
@@ -79,10 +80,13 @@ def form_writer(plant: Plant) -> FormWriter:
         written = (slopes[:, : x.shape[0]], slopes[:, x.shape[0] :], still)
         for name, part in zip(names, written, strict=True):
             parts[name] = ca.densify(part) if straight else ca.SX.zeros(part.shape)
+    efforts = [b.effort(x, u, p) for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None]
+    straight_effort = not efforts or not ca.depends_on(ca.jacobian(efforts[0], z), z)
     for k, balance in enumerate(plant.balances):
         parts[f"per{k}"] = balance.per(p) if balance.state >= 0 else ca.SX(0.0)
         for name, function in (("effort", balance.effort), ("current", balance.current)):
             row = ca.SX.zeros(z.shape[0]) if function is None else ca.jacobian(function(x, u, p), z).T
+            row = ca.SX.zeros(z.shape[0]) if ca.depends_on(row, z) else row
             parts[f"{name}{k}"] = ca.densify(row)
         parts[f"resistance{k}"] = ca.SX(0.0) if balance.resistance is None else balance.resistance(p)
     shapes = {
@@ -91,4 +95,4 @@ def form_writer(plant: Plant) -> FormWriter:
     }
     flat = ca.vertcat(*(ca.vec(ca.densify(part).T) for part in parts.values()))
     numbers = ca.Function("numbers", [p], [ca.densify(flat)])
-    return FormWriter(numbers, shapes, len(plant.balances), linear[0], linear[1])
+    return FormWriter(numbers, shapes, len(plant.balances), linear[0], linear[1], straight_effort)

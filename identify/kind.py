@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from identify.plant import Parameter, Plant
+from identify.plant import Balance, Parameter, Plant
 from identify.signal import Signal
+
+# Columns that a recording may have; a lag whose output is none of them may well be a machine that moves.
+_QUANTITIES = ("voltage", "current", "speed", "position", "torque", "force", "temperature", "reference")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,3 +52,15 @@ class Kind:
 def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:
     """Wrap expressions as the `rate` or `reading` of a Plant."""
     return ca.Function(name, [state, drive, constants], [ca.densify(result)], ["x", "u", "p"], ["result"])
+
+
+def moving_balance(output: Signal, state: int, position: int, per: ca.Function, effort: ca.Function) -> Balance:
+    """Return the torque or force balance of a lag, in which what drives it and what opposes it are in output units."""
+    linear = output.unit in ("m", "m/s")
+    return Balance("force" if linear else "torque", state, per, position=position, effort=effort)
+
+
+def may_be(output: Signal, quantity: str) -> bool:
+    """Tell whether an output may be of a quantity: it is called so, or by no quantity that a recording knows."""
+    own = output.name.partition("_")[0]
+    return own == quantity or own not in _QUANTITIES

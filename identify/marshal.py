@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identify.assembly import ADD, LEVEL, LIMIT, OUTPUT, Assembly, Timing
 from identify.compiler import shared_library
+from identify.course import Course
 from identify.effects import effects
 from identify.forms import FormWriter
 from identify.plant import Plant
@@ -63,17 +64,24 @@ class _Problem(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("coordinate", "lag", "lag_rate", "begin", "length", "input", "ramp")),
         *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
         ("step", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("rate", "reading", "slope", "p")),
+        *((name, ctypes.c_void_p) for name in ("rate", "reading", "bent", "slope", "p")),
+        ("longest", ctypes.c_double),
+        ("turns", ctypes.c_int),
+        *((name, ctypes.c_void_p) for name in ("turn_time", "turn")),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """Compiled equations of a plant that is not linear; `rate` and `slope` are null where only the reading is not."""
+    """Compiled equations of a plant that is not linear; what is linear is null.
+
+    `bent` is the effort of the first balance that has one.
+    """
 
     library: ctypes.CDLL
     rate: int
     reading: int
+    bent: int
     slope: int
 
 
@@ -102,7 +110,7 @@ def library() -> ctypes.CDLL:
     lines = [
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
-        "    double u, t, begin, w, th, i, effort, s, y;",
+        "    double u, t, begin, w, th, turn, i, effort, s, y;",
         "} view_t;",
     ]
     cases, memory = [], "-1"
@@ -137,7 +145,9 @@ def equations_of(plant: Plant, writer: FormWriter) -> Equations:
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     rate, reading = ca.densify(plant.rate(x, u, p)), ca.densify(plant.reading(x, u, p))
     slope = ca.densify(ca.jacobian(rate, x)).T
-    functions = {"rate": [rate], "reading": [reading], "slope": [rate, slope]}
+    effort = next((b.effort for b in plant.balances if b.kind in ("torque", "force")), None)
+    bent = ca.SX(0.0) if effort is None else ca.densify(effort(x, u, p))
+    functions = {"rate": [rate], "reading": [reading], "bent": [bent], "slope": [rate, slope]}
     generator = ca.CodeGenerator("equations.c")
     wrappers = ['#include "equations.c"']
     for name, results in functions.items():
@@ -159,6 +169,7 @@ def equations_of(plant: Plant, writer: FormWriter) -> Equations:
         loaded,
         0 if straight else place["rate"],
         0 if writer.linear_reading else place["reading"],
+        0 if writer.linear_effort else place["bent"],
         0 if straight else place["slope"],
     )
 
@@ -203,14 +214,15 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     for name, value in fixed.items():
         setattr(problem, name, value.ctypes.data)
     if equations is not None:
-        problem.rate, problem.reading, problem.slope = equations.rate, equations.reading, equations.slope
+        problem.rate, problem.reading = equations.rate, equations.reading
+        problem.bent, problem.slope = equations.bent, equations.slope
     names = [parameter.name for parameter in made.plant.parameters]
     delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
     return Job(made, problem, made.timing, delay, (terms, coordinates, fixed, lag, equations))
 
 
-def run_job(made: Job, cut: Segments, start: Array, rows: int) -> Array:
-    """Run over the segments and return the outputs (rows, r); NaN where the simulation did not get to."""
+def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
+    """Run over the segments of a course and return the outputs (q, r); NaN where the simulation did not get to."""
     problem = made.problem
     problem.segments = len(cut.begin)
     problem.step = cut.step
@@ -219,7 +231,11 @@ def run_job(made: Job, cut: Segments, start: Array, rows: int) -> Array:
         ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
     ):  # fmt: skip
         setattr(problem, name, value.ctypes.data)
-    outputs = np.full((rows, problem.r), np.nan)
+    problem.longest = course.longest_change
+    problem.turns = 0 if course.turn is None else len(course.turn)
+    if course.turn is not None:
+        problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data
+    outputs = np.full((course.end - course.first, problem.r), np.nan)
     begin = np.ascontiguousarray(made.assembly.start(start))
     done = library().run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)
     if done < 0:

@@ -55,7 +55,7 @@ def make_ode(table: Mapping[str, object]) -> Plant:
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
         reading=equations("reading", x, u, p, ca.vertcat(*readings)),
         delay=None,
-        balances=_balances(table, states, inputs, known, (x, u, p)),
+        balances=_balances(table, states, inputs, known, (x, u, p), _straight(rates, ca.vertcat(x, u))),
     )
 
 
@@ -65,6 +65,7 @@ def _balances(
     inputs: Sequence[str],
     known: Mapping[str, ca.SX],
     symbols: tuple[ca.SX, ca.SX, ca.SX],
+    straight: bool,
 ) -> tuple[Balance, ...]:
     x, u, p = symbols
     made = []
@@ -92,8 +93,11 @@ def _balances(
             text = entry.get(key, _usual(key, str(kind), name, inputs))
             if text is not None:
                 form = read_expression(text, known, f"{where}.{key}")
-                if ca.depends_on(ca.jacobian(form, ca.vertcat(x, u)), ca.vertcat(x, u)):
-                    raise IdentifyError(f"{where}.{key} is {text!r}; it must be linear in states and inputs")
+                if not _straight([form], ca.vertcat(x, u)) and (straight or key == "current"):
+                    raise IdentifyError(
+                        f"{where}.{key} is {text!r}; it must be linear in states and inputs"
+                        + (", as the derivatives are" if key == "effort" else "")
+                    )
                 forms[key] = equations(key, x, u, p, form)
         resistance = entry.get("resistance")
         made.append(
@@ -111,6 +115,11 @@ def _balances(
             )
         )
     return tuple(made)
+
+
+def _straight(forms: Sequence[ca.SX], by: ca.SX) -> bool:
+    """Tell whether expressions are linear in states and inputs."""
+    return not ca.depends_on(ca.jacobian(ca.vertcat(*forms), by), by)
 
 
 def _usual(key: str, kind: str, state: str, inputs: Sequence[str]) -> str | None:

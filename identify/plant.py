@@ -42,12 +42,12 @@ class Balance:
     where there is one.
     """
 
-    kind: str  # torque | force | voltage | flow
+    kind: str  # torque | force | voltage | flow | capacitor
     state: int
     per: ca.Function  # (p (k,)) -> scalar
     position: int = -1
     to: int = -1
-    effort: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
+    effort: ca.Function | None = None  # (x, u, p) -> scalar; not linear only in an `ode`
     current: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
     resistance: ca.Function | None = None  # (p) -> scalar
 

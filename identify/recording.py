@@ -7,7 +7,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -38,9 +38,10 @@ class Recording:
     signals: tuple[Signal, ...]
     source: str
     sha256: str
+    hold: str = "zero_order"  # what an input does between rows, see identify.hold
 
 
-def read_recording(path: Path, rename: Mapping[str, str]) -> Recording:
+def read_recording(path: Path, rename: Mapping[str, str], hold: str = "zero_order") -> Recording:
     """Read CSV (plain or gzip), npz, MATLAB or Parquet; `rename` maps a foreign column name to ours.
 
     Raises IdentifyError naming file, row, column and what to do.
@@ -64,7 +65,8 @@ def read_recording(path: Path, rename: Mapping[str, str]) -> Recording:
     _check_names(path, table.names, names)
     _check_rows(path, names, table)
     columns = dict(zip(names, table.columns, strict=True))
-    return make_recording(columns.pop("time_s"), columns, path.name, hashlib.sha256(content).hexdigest())
+    made = make_recording(columns.pop("time_s"), columns, path.name, hashlib.sha256(content).hexdigest())
+    return replace(made, hold=hold)
 
 
 def make_recording(time: Array, columns: Mapping[str, Array], source: str, sha256: str) -> Recording:

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Slew = Callable[..., int]
 
 _SAME = 1e-9  # of the step: moments closer than this are one
+_FINEST = 2.0**-6  # of the step: shorter lengths are left as they are
 _EVEN = 1e-6  # of the step: rows this close to even are even, and their time stamps rounded
 
 
@@ -42,8 +43,11 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
     time = course.time[course.first : course.end]
     late = delay + timing.input_delay
     value = _mapped(course.drive, timing)
+    lines = course.knots
     at_rest = _mapped(np.zeros((1, course.drive.shape[1])), timing)[0]
-    plain = not (late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew))
+    plain = lines is None and not (
+        late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew)
+    )
     if plain:
         rows = np.arange(len(time), dtype=np.int32)
         return Segments(
@@ -57,7 +61,12 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
             np.full(len(time), -1, dtype=np.int32),
             course.step,
         )
-    moments, values, ramps = _pieces(course.time[: course.end] + late, value[: course.end], at_rest, timing.slew, slew)
+    if lines is not None and not np.isfinite(timing.slew):
+        moments, values, ramps = _straight_lines(lines, _mapped(lines[1], timing), late)
+    else:
+        moments, values, ramps = _pieces(
+            course.time[: course.end] + late, value[: course.end], at_rest, timing.slew, slew
+        )
     stamps = _stamps(course, timing, outputs)
     last = max(float(stamp[-1]) for stamp in stamps)
     inner = np.concatenate([moments, timing.breaks])
@@ -88,7 +97,10 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
 
 
 def _snapped(length: Array, step: float) -> Array:
-    return np.where(np.abs(length - step) < _EVEN * step, step, length)
+    """Make lengths exact that are a row or a half, quarter ... of one, because the simulator has tables for those."""
+    shares = np.exp2(np.round(np.log2(np.maximum(length / step, _FINEST))))
+    exact = (shares >= _FINEST) & (shares <= 1.0) & (np.abs(length - shares * step) < _EVEN * shares * step)
+    return np.where(exact, shares * step, length)
 
 
 def _mapped(drive: Array, timing: Timing) -> Array:
@@ -127,6 +139,13 @@ def _pieces(time: Array, value: Array, rest: Array, rate: float, slew: Slew) -> 
     ramps = np.zeros_like(values)
     ramps[:, 0] = kept[:, 2]
     return kept[:, 0].copy(), values, ramps
+
+
+def _straight_lines(lines: tuple[Array, Array], value: Array, late: float) -> tuple[Array, Array, Array]:
+    """Moments, values and slopes of inputs that go from knot to knot; the last one is held."""
+    time = lines[0]
+    slopes = np.diff(value, axis=0) / np.diff(time)[:, None]
+    return time + late, value, np.concatenate([slopes, np.zeros((1, value.shape[1]))])
 
 
 def slew_function(library: ctypes.CDLL) -> Slew:

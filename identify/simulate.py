@@ -19,9 +19,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.clock import evened
 from identify.compiler import shared_library
 from identify.course import Course, Engine
 from identify.engine import effect_simulator
+from identify.hold import knots
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording, column
 
@@ -52,6 +54,10 @@ class Simulator:
     ) -> tuple[Array, Array]:
         """Also return dy/d(constants[which], start): (q, r, len(which) + number of states)."""
         return self._call(course, constants, start, which, True)
+
+    def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
+        """Return `start`: in a plant that is linear any guess leads to the best start."""
+        return start
 
     def _call(
         self, course: Course, constants: Array, start: Array, which: Sequence[int], from_start: bool
@@ -101,7 +107,7 @@ def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
     """
     constants = constants_of(plant)
     begin = rest_start(plant, recording) if start is None else np.asarray(start, dtype=np.float64)
-    outputs = simulator(plant).run(course_of(plant, recording), constants, begin)
+    outputs = simulator(plant, recording.hold).run(course_of(plant, recording), constants, begin)
     if not np.all(np.isfinite(outputs)):
         row = int(np.argmin(np.all(np.isfinite(outputs), axis=1)))
         raise IdentifyError(
@@ -114,18 +120,20 @@ def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
 def course_of(plant: Plant, recording: Recording) -> Course:
     """Take the plant's inputs and the time stamps out of a recording."""
     drive = np.column_stack([column(recording, signal.name) for signal in plant.inputs])
-    distances = np.diff(recording.time)
+    time = evened(recording.time)
+    distances = np.diff(time)
     step = float(np.median(distances))
     if np.all(np.abs(distances - step) < 1e-6 * step):
         # Even sampling: the mean distance carries less of the rounding of the time stamps than any single one.
-        step = float((recording.time[-1] - recording.time[0]) / len(distances))
+        step = float((time[-1] - time[0]) / len(distances))
     return Course(
-        np.ascontiguousarray(recording.time),
+        np.ascontiguousarray(time),
         np.ascontiguousarray(drive),
         step,
         float(distances.max()),
         0,
-        len(recording.time),
+        len(time),
+        None if recording.hold == "zero_order" else knots(recording.hold, time, drive, recording.source),
     )
 
 
@@ -171,9 +179,9 @@ def constants_of(plant: Plant) -> Array:
     return np.array([parameter.value for parameter in plant.parameters])
 
 
-def simulator(plant: Plant) -> Engine:
+def simulator(plant: Plant, hold: str = "zero_order") -> Engine:
     """Return the compiled equations of a plant; built once per set of equations, whatever the parameter values."""
-    if plant.effects:
+    if plant.effects or hold != "zero_order":
         return effect_simulator(plant)
     if plant.kind == "ode":
         engine = effect_simulator(plant)

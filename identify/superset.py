@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.assembly import Assembly
 from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
 from identify.course import Course
 from identify.effect import Scales
@@ -21,10 +22,18 @@ from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
+_COARSE = (
+    1.0  # changes the trace of an effect by less than a thousandth, and is several times as fast as the usual step
+)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(slots=True)
 class Superset:
-    """A plant with all its candidates; `neutral` holds the values at which it is the plant itself."""
+    """A plant with all its candidates; `neutral` holds the values at which it is the plant itself.
+
+    Waves per turn follow the recorded angle where there is one and `recorded` is set (after many turns under a
+    disturbance a simulated angle has lost count), else the simulated one.
+    """
 
     plant: Plant
     names: tuple[str, ...]
@@ -32,6 +41,7 @@ class Superset:
     states: tuple[str, ...]
     engine: EffectSimulator
     courses: dict[int, tuple[Recording, Course]]
+    recorded: bool = True
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
@@ -63,13 +73,24 @@ class Superset:
             return rest
         return np.concatenate([start, rest[len(start) :]])
 
+    def follow(self, recorded: bool) -> None:
+        """Let waves per turn follow the recorded or the simulated angle from now on."""
+        if recorded != self.recorded:
+            self.recorded = recorded
+            self.courses.clear()
+
     def course(self, recording: Recording) -> Course:
         """Return what drives the simulation of a recording; made once."""
         found = self.courses.get(id(recording))
         if found is None or found[0] is not recording:
             while len(self.courses) >= 64:
                 self.courses.pop(next(iter(self.courses)))
-            found = self.courses[id(recording)] = (recording, course_of(self.plant, recording))
+            course = replace(
+                course_of(self.plant, recording),
+                turn=travelled(recording) if self.recorded else None,
+                longest_change=_COARSE,
+            )
+            found = self.courses[id(recording)] = (recording, course)
         return found[1]
 
 
@@ -131,7 +152,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("input", course.drive[:, 0])
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
-        see("effort", states @ assembly.effort_x + course.drive @ assembly.effort_u)
+        see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if assembly.speed >= 0:
             see("speed", states[:, assembly.speed])
         if assembly.position >= 0:
@@ -163,6 +184,43 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         slew=sizes.get("slew", 1.0),
         level=sizes.get("level", 1.0),
     )
+
+
+def efforts(
+    plant: Plant, engine: EffectSimulator, assembly: Assembly, states: Array, drive: Array, constants: Array
+) -> Array:
+    """Return what the drive gives, (n,)."""
+    if engine.writer.linear_effort:
+        return np.asarray(states @ assembly.effort_x + drive @ assembly.effort_u)
+    bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
+    nominal = constants[: plant.rate.numel_in(2)]
+    every = bent.map(len(states))(states.T, drive.T, np.tile(nominal[:, None], len(states)))
+    return np.asarray(every).reshape(-1)
+
+
+def inertia_parameter(plant: Plant, balance: int) -> str | None:
+    """Return the free nominal parameter that is the inertia of a balance, None where there is no such one."""
+    bare = with_effects(plant, ())
+    engine = effect_simulator(bare)
+    given = np.array([p.value for p in bare.parameters])
+    inertia = 1.0 / engine.writer.forms(given).balances[balance].per
+    for index, parameter in enumerate(bare.parameters):
+        moved = given.copy()
+        moved[index] *= 1.01
+        ratio = 1.0 / engine.writer.forms(moved).balances[balance].per / inertia
+        if parameter.free and math.isclose(ratio, 1.01, rel_tol=1e-6):
+            return parameter.name
+    return None
+
+
+def travelled(recording: Recording) -> Array | None:
+    """Return the angle (n,) in rad: recorded, or the integral of the recorded speed."""
+    if "position_rad" in recording.columns:
+        return np.ascontiguousarray(recording.columns["position_rad"], dtype=np.float64)
+    if "speed_rad_s" not in recording.columns:
+        return None
+    speed = recording.columns["speed_rad_s"]
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])
 
 
 def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from quantize.ops import EVERY, Interval
+from quantize.ops import EVERY, LIMITS, Interval
 from quantize.program import Number, Op, QuantizeError, Value
 
 TRUTH = Number("fixed", 32, 0)
@@ -78,10 +78,12 @@ class Builder:
         return wider
 
     def check(self, value: Value, function: str) -> None:
-        """Assert that a fixed-point value fits the 32-bit word it is computed in."""
-        if value.number.kind == "fixed" and not (-(2**31) <= value.low and value.high <= 2**31 - 1):
+        """Assert that a fixed-point value fits the word it is computed in."""
+        limit = 2 ** (value.number.bits - 1)
+        if value.number.kind == "fixed" and not (-limit <= value.low and value.high <= limit - 1):
             raise QuantizeError(
-                f"{value.name} = {function}(...) would reach {max(-value.low, value.high):g} raw in a 32-bit word; "
+                f"{value.name} = {function}(...) would reach {max(-value.low, value.high):g} raw in a "
+                f"{value.number.bits}-bit word; "
                 "narrow the ranges in [signals] or scale the controller"
             )
 
@@ -99,5 +101,5 @@ class Builder:
 
 def _as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
     """Literals become degenerate intervals, except shifts and clamp limits, which the rules take as numbers."""
-    plain = (1, 2) if function == "clamp" else EVERY[function].whole
+    plain = (1, 2) if function in LIMITS else EVERY[function].whole
     return [a if isinstance(a, tuple) or k in plain else (a, a) for k, a in enumerate(arguments)]

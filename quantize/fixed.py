@@ -1,28 +1,32 @@
 """Emit a law's integer operations in the formats chosen for them, with bounds proven as they go.
 
-All values are computed in 32-bit words; a product is taken in 64 bits and rounded back. With 16-bit arithmetic the
-inputs and outputs are 16-bit words and are shifted to and from the 32-bit values. No operation can overflow: each
-one's bound follows from its operands' bounds, and where the law lets a value grow (state, outputs) the value
-saturates at its declared or proven range.
+All values are held in 32-bit words. A sum of products is taken in 64 bits and rounded once, a lone product is taken in
+64 bits and rounded. With 16-bit arithmetic the inputs and outputs are 16-bit words. An input may hold every value of
+its word. No operation can overflow: each one's bound follows from its operands' bounds, and where the law lets a value
+grow (state, outputs) the value saturates at its declared or proven range.
 
-A product by a constant is brought into its format by the constant: where it fits, the shift is 32, which many cores
-have as one instruction. `error` follows the worst case of every rounding: half a unit in the last place for each
+A weight brings what it multiplies into the format of the sum: where it fits, the sum stands in the upper of two words
+and needs no shift. `error` follows the worst case of every rounding: half a unit in the last place for each sum,
 product and right shift, |x| times the coefficient's own rounding for each constant.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.formats import FINEST, fit
-from quantize.program import Number, QuantizeError
+from quantize.program import Number, QuantizeError, Value
+from quantize.sums import near_one
 
 WORD = 2**31 - 1
 FEWEST_BITS = 20  # of a coefficient: a gain is then right to 5e-7
+FEWEST_IN_SUM = 18  # of a weight in a sum: a gain is then right to 4e-6, else it gets a product of its own
+HIGH = 32  # shift of a sum that stands in the upper of two words
+Part = tuple[Fraction, Term]
 
 
 def _down(value: float, fraction: int) -> int:
@@ -33,7 +37,7 @@ def _up(value: float, fraction: int) -> int:
     return math.ceil(Fraction(value) * Fraction(2) ** fraction)
 
 
-def _near(value: float, fraction: int) -> int:
+def _near(value: float | Fraction, fraction: int) -> int:
     return math.floor(Fraction(value) * Fraction(2) ** fraction + Fraction(1, 2))
 
 
@@ -48,8 +52,33 @@ class FixedBuilder:
     ops: Builder = field(default_factory=Builder)
 
     def signal(self, low: float, high: float, q: int) -> Number:
-        """Return the format of an input or output: `q` in a 32-bit word, the finest that fits in a 16-bit one."""
-        return Number("fixed", self.word, q if self.word == 32 else min(fit(low, high, 16), q))
+        """Return the format of an input or output: `q`, or the finest that fits its word."""
+        return Number("fixed", self.word, min(fit(low, high, self.word), q))
+
+    @property
+    def unset(self) -> int:
+        """What a state variable holds that only the first sample can set."""
+        return -WORD - 1
+
+    def held(self, low: float, high: float, number: Number) -> tuple[int, int]:
+        """Return the raw limits of a state variable: the next power of two above its range."""
+        power = 1 << max(0, math.frexp(max(abs(low), abs(high)))[1] + number.fraction)
+        return -power, power - 1
+
+    def read(self, value: Value) -> Term:
+        """Return an input, which may hold every value of its word; a short one is brought to the top of a long one."""
+        half = 1 << (self.word - 1)
+        raw = Term(f"in.{value.name}", replace(value.number, bits=32), -half, half - 1, 0.0)
+        self.ops.wish = (f"{value.name}_wide", value.unit) if self.word < 32 else ("", "")
+        found = self.widened(raw, raw.number.fraction + 32 - self.word)
+        self.ops.wish = ("", "")
+        return found
+
+    def fresh(self, probes: Sequence[Term]) -> Term:
+        """Return whether this is the first sample."""
+        (probe,) = probes
+        self.ops.wish = ("fresh", "")
+        return self.ops.emit("eq", (probe, self.unset), probe.number, 0.0)
 
     def literal(self, value: float, number: Number) -> int:
         """Return the raw value nearest to a physical one."""
@@ -60,14 +89,121 @@ class FixedBuilder:
         return _up(low, number.fraction), _down(high, number.fraction)
 
     def widened(self, a: Term, q: int) -> Term:
-        """Return an input, read from its word, at fraction `q`."""
+        """Return a value at fraction `q`; where that is coarser, it is rounded down."""
         shift = q - a.number.fraction
-        return a if shift == 0 else self.ops.emit("shl", (a, shift), _number(q), 0.0)
+        if shift == 0:
+            return a
+        if shift > 0:
+            return self.ops.emit("shl", (a, shift), _number(q), a.error)
+        return self.ops.emit("asr", (a, -shift), _number(q), a.error + 2.0**-q)
+
+    # -- sums -----------------------------------------------------------------------------------------------------
+
+    def total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
+        """Return the sum of weight times value, and of `constant`, at fraction `q`."""
+        parts = _split([p for pair in self._differences(parts) for p in pair], q)
+        plain = all(abs(weight) == 1 for weight, _ in parts)
+        whole = [p for p in parts if abs(p[0]) == 1 and (plain or p[1].number.fraction == q)]
+        products = [p for p in parts if p not in whole]
+        if not parts:
+            return Constant(float(constant))
+        if not whole and not constant and len(products) == 1:
+            return self._product(products[0][1], Constant(float(products[0][0])), q)
+        wish, self.ops.wish = self.ops.wish, ("", "")
+        if not products:
+            return self._plain(whole, constant, q, wish)
+        shift, left = self._shift(products, whole, q)
+        weak = [p for p, k in zip(products, left, strict=True) if _bits(p, shift, q, k) < FEWEST_IN_SUM]
+        if weak and _bits_alone(weak, q):
+            whole = [*whole, *((Fraction(1), self._product(term, Constant(float(w)), q)) for w, term in weak)]
+            kept = [p for p in products if p not in weak]
+            products, left = kept, [k for p, k in zip(products, left, strict=True) if p not in weak]
+            if not products:
+                return self._plain(whole, constant, q, wish)
+        first = self._plain(whole, constant, q, ("", "")) if whole or constant else None
+        wide = Number("fixed", 64, q + shift)
+        total = self.ops.emit("acc", (first if first is not None else 0, shift), wide, 0.0)
+        error = (first.error if first is not None else 0.0) + 0.5 * 2.0**-q
+        for (weight, term), k in zip(products, left, strict=True):
+            a = self.widened(term, term.number.fraction + k)
+            factor = _near(weight, q + shift - a.number.fraction)
+            if factor == 0:
+                raise QuantizeError(
+                    f"the coefficient {float(weight):g} cannot be held in fixed point beside the ranges it works on: "
+                    "it is too small; rescale the signals' units or use float32"
+                )
+            error += _size(a, 0) * _literal_error(weight, factor, q + shift - a.number.fraction)
+            error += abs(float(weight)) * a.error
+            total = self.ops.emit("mac", (total, a, factor), wide, 0.0)
+        self.ops.wish = wish
+        return self.ops.emit("high", (total, shift), _number(q), error)
+
+    def _differences(self, parts: Sequence[Part]) -> list[list[Part]]:
+        """Put two values of opposite weight together as one difference, where that fits a word."""
+        left, found = list(parts), []
+        while left:
+            weight, a = left.pop(0)
+            for k, (other, b) in enumerate(left):
+                fits = max(a.high - b.low, b.high - a.low) <= WORD
+                if other == -weight and abs(weight) != 1 and a.number.fraction == b.number.fraction and fits:
+                    wish, self.ops.wish = self.ops.wish, ("", "")
+                    difference = self.ops.emit("sub", (a, b), _number(a.number.fraction), a.error + b.error)
+                    self.ops.wish = wish
+                    found.append([(weight, difference)])
+                    left.pop(k)
+                    break
+            else:
+                found.append([(weight, a)])
+        return found
+
+    def _plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: tuple[str, str]) -> Term:
+        """Return the sum of values taken as they are."""
+        ordered = sorted(whole, key=lambda part: part[0] < 0)
+        weight, first = ordered[0] if ordered else (Fraction(1), None)
+        steps = len(ordered) - 1 + (1 if constant else 0) + (1 if weight < 0 else 0)
+        total = self.widened(first, q) if first is not None else None
+        if total is None:
+            self.ops.wish = wish
+            raw = _near(constant, q)
+            return self.ops.emit("copy", (raw,), _number(q), _literal_error(constant, raw, q))
+
+        def last() -> None:
+            nonlocal steps
+            steps -= 1
+            self.ops.wish = wish if steps == 0 else ("", "")
+
+        if weight < 0:
+            last()
+            total = self.ops.emit("neg", (total,), _number(q), total.error)
+        for weight, term in ordered[1:]:
+            a = self.widened(term, q)
+            last()
+            total = self.ops.emit("add" if weight > 0 else "sub", (total, a), _number(q), total.error + a.error)
+        if constant:
+            raw = _near(constant, q)
+            last()
+            error = total.error + _literal_error(constant, raw, q)
+            total = self.ops.emit("add", (total, raw), _number(q), error)
+        return total
+
+    def _shift(self, products: Sequence[Part], whole: Sequence[Part], q: int) -> tuple[int, list[int]]:
+        """Return by how much the sum is shifted at its end, and each value to the left before it is multiplied."""
+        room = [max(0, math.floor(math.log2(WORD / max(1, -term.low, term.high)))) for _, term in products]
+        needed = [_places(p, HIGH, q) - 31 for p in products]
+        if all(n <= r for n, r in zip(needed, room, strict=True)):
+            return HIGH, [max(0, n) for n in needed]
+        shift = min(HIGH - max(needed), 62)
+        if shift < 1:
+            raise QuantizeError(
+                f"a product cannot be brought to Q{q}: the ranges in the law are too far apart for "
+                "fixed point; rescale the signals' units or use float32"
+            )
+        return shift, [0] * len(products)
 
     # -- operations of the law ------------------------------------------------------------------------------------
 
     def binary(self, function: str, a: Operand, b: Operand, q: int) -> Operand:
-        """add, sub, mul, min, max, lt, le, eq, ne of a law."""
+        """Mul of two values, min, max, lt, le, eq, ne of a law."""
         if function == "mul":
             return self._product(a, b, q)
         fraction = next(t.number.fraction for t in (a, b) if isinstance(t, Term))
@@ -77,12 +213,10 @@ class FixedBuilder:
         return self.ops.emit(function, (x, y), _number(fraction), error)
 
     def unary(self, function: str, a: Operand, q: int) -> Operand:
-        """neg, abs, square, twice, not of a law."""
+        """abs, square, not of a law."""
         assert isinstance(a, Term)
         if function == "square":
             return self._product(a, a, q)
-        if function == "twice":
-            return self.binary("add", a, a, q)
         return self.ops.emit(function, (a,), a.number, a.error)
 
     def truth(self, function: str, a: Operand, b: Operand) -> Operand:
@@ -90,12 +224,15 @@ class FixedBuilder:
         assert isinstance(a, Term) and isinstance(b, Term)
         return self.ops.emit(function, (a, b), a.number, a.error + b.error)
 
-    def choose(self, condition: Operand, a: Operand, q: int) -> Operand:
-        """Take `a` where the condition holds, else zero; near its edge the condition may choose unlike the law's."""
+    def choose(self, condition: Operand, a: Operand, b: Operand, q: int) -> Operand:
+        """Take `a` where the condition holds, else `b`; near its edge the condition may choose unlike the law's."""
         assert isinstance(condition, Term)
-        value, error = _operand(a, q, _near)
-        flip = 0.0 if condition.error == 0.0 else _size(value, q) + error
-        return self.ops.emit("select", (condition, value, 0), _number(q), max(error, flip))
+        (one, one_error), (other, other_error) = (_operand(operand, q, _near) for operand in (a, b))
+        error = max(one_error, other_error)
+        if condition.error != 0.0:
+            (low, high), (least, most) = _ends(one), _ends(other)
+            error += max(high - least, most - low) * 2.0**-q
+        return self.ops.emit("select", (condition, one, other), _number(q), error)
 
     def store(self, a: Operand, number: Number, low: int, high: int, wish: tuple[str, str]) -> Term:
         """Bring `a` into the format of a state or output; saturate it at the raw limits where it could leave them."""
@@ -198,5 +335,36 @@ def _size(a: Term | int, q: int) -> float:
     return abs(a) * 2.0**-q
 
 
-def _literal_error(value: float, raw: int, fraction: int) -> float:
+def _ends(a: Term | int) -> tuple[float, float]:
+    return (a.low, a.high) if isinstance(a, Term) else (a, a)
+
+
+def _split(parts: Sequence[Part], q: int) -> list[Part]:
+    """Write weights near 1 as 1 and the rest, where the 1 costs nothing."""
+    found: list[Part] = []
+    for weight, term in parts:
+        if len(parts) > 1 and near_one(weight) and term.number.fraction == q:
+            found += [(Fraction(1), term), (weight - 1, term)]
+        else:
+            found.append((weight, term))
+    return found
+
+
+def _places(part: Part, shift: int, q: int) -> int:
+    """Return how many bits the weight has in the format that a sum needs."""
+    weight, term = part
+    return _near(abs(weight), q + shift - term.number.fraction).bit_length()
+
+
+def _bits(part: Part, shift: int, q: int, left: int) -> int:
+    """Return the same for a value that is shifted to the left before."""
+    return _places(part, shift - left, q)
+
+
+def _bits_alone(parts: Sequence[Part], q: int) -> bool:
+    """Tell whether each product can be computed by itself with more bits."""
+    return all(fit(float(w), float(w), 32) < FINEST and term.number.fraction - q < HIGH for w, term in parts)
+
+
+def _literal_error(value: float | Fraction, raw: int, fraction: int) -> float:
     return abs(float(Fraction(value) - Fraction(raw) / Fraction(2) ** fraction))

@@ -1,20 +1,25 @@
 """Give every value of a law a float type and a bound, and follow what each rounding can do to it.
 
-One operation in round-to-nearest adds at most u |result| plus half the smallest subnormal (Higham, Accuracy and
-Stability of Numerical Algorithms, 2nd ed., 2.2), u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in
-float64, so its own rounding is part of the bound too. Inputs are clamped to their declared range, which also turns a
-NaN into the low end; state is not, its range is the controller's own argument.
+One operation in round-to-nearest adds at most half a unit in the last place of its largest result, u 2**floor(log2
+|result|), plus half the smallest subnormal (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., 2.2),
+u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in float64, so its own rounding is part of the bound
+too. Where a sum is limited to a range, its own rounding matters only where law or program is within that range:
+beyond it both stand at the limit. Neither inputs nor state are limited: bounds hold while inputs
+keep their ranges, and state keeps its range by the controller's own argument. A state that an input has made infinite
+or no number is found in the next sample, and the controller starts afresh.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import numpy as np
 
 from quantize.builder import Builder, Constant, Operand, Term
-from quantize.program import Number
+from quantize.program import Number, QuantizeError, Value
 
 LAW = 2.0**-53  # rounding of the law's own evaluation
 
@@ -25,6 +30,7 @@ class FloatBuilder:
 
     bits: int
     ops: Builder = field(default_factory=Builder)
+    inherited: dict[str, float] = field(default_factory=dict)  # the part of a value's error that its operands bring
 
     @property
     def _unit(self) -> float:
@@ -39,10 +45,43 @@ class FloatBuilder:
         del low, high, q
         return Number("float", self.bits, 0)
 
+    @property
+    def unset(self) -> float:
+        """What a state variable holds that only the first sample can set."""
+        return math.nan
+
+    def held(self, low: float, high: float, number: Number) -> tuple[float, float]:
+        """Return the range of a state variable."""
+        return self.limits(low, high, number)
+
+    def read(self, value: Value) -> Term:
+        """Return an input; every bound holds while it keeps its range."""
+        return Term(f"in.{value.name}", value.number, value.low, value.high, 0.0)
+
+    def fresh(self, probes: Sequence[Term]) -> Term:
+        """Return whether this is the first sample, or the state was lost."""
+        total: Operand = probes[0]
+        for probe in probes[1:]:
+            total = self.binary("add", total, probe)
+        assert isinstance(total, Term)
+        self.ops.wish = ("fresh", "")
+        return self.ops.emit("lost", (total,), total.number, 0.0)
+
+    def total(self, parts: Sequence[tuple[Fraction, Term]], constant: Fraction, q: int) -> Operand:
+        """Refuse: floating point adds up in the law's own order."""
+        raise AssertionError("no sum is gathered in floating point")
+
     def literal(self, value: float, number: Number) -> float:
         """Return the nearest representable value."""
         del number
-        return float(np.float32(value)) if self.bits == 32 else float(value)
+        with np.errstate(over="ignore"):
+            found = float(np.float32(value)) if self.bits == 32 else float(value)
+        if math.isfinite(value) and (not math.isfinite(found) or (found == 0.0) != (value == 0.0)):
+            raise QuantizeError(
+                f"the number {value:g} of the law is {'0' if found == 0.0 else 'beyond every value'} in float32; "
+                "rescale the signals' units or use float64"
+            )
+        return found
 
     def limits(self, low: float, high: float, number: Number) -> tuple[float, float]:
         """Return the representable limits inside the given ones."""
@@ -62,10 +101,9 @@ class FloatBuilder:
         x, x_error = self._operand(function, a, number)
         y, y_error = self._operand(function, b, number)
         if function in ("min", "max"):
-            error = max(x_error, y_error)
-            term = self.ops.emit(function, (x, y), number, error)
-            if math.isfinite(error):
-                return term
+            term = self.ops.emit(function, (x, y), number, max(x_error, y_error))
+            if math.isfinite(term.error):
+                return self._limited(term, x, y, y_error)
             # Both the program's value and the law's lie between the limits, the law's own ones.
             return self.ops.widen(term, 0.0, term.high - term.low + min(x_error, y_error))
         if function in ("lt", "le", "eq", "ne"):
@@ -88,14 +126,27 @@ class FloatBuilder:
         assert isinstance(a, Term) and isinstance(b, Term)
         return self.ops.emit(function, (a, b), a.number, a.error + b.error)
 
-    def choose(self, condition: Operand, a: Operand, q: int) -> Operand:
-        """Take `a` where the condition holds, else zero; near its edge the condition may choose unlike the law's."""
+    def limit(self, function: str, a: Operand, low: Operand, high: Operand) -> Operand:
+        """Clamp to two constants, or ask whether that would change `a`."""
+        assert isinstance(a, Term) and isinstance(low, Constant) and isinstance(high, Constant)
+        ends = (self._up(low.value, a.number), -self._up(-high.value, a.number))
+        inner = max(abs(ends[0] - low.value), abs(ends[1] - high.value))
+        error = self._before(a, ends)
+        if function == "clamp" and not math.isfinite(error):  # both the program's value and the law's are within
+            error = high.value - low.value
+        return self.ops.emit(function, (a, *ends), a.number, max(error, inner))
+
+    def choose(self, condition: Operand, a: Operand, b: Operand, q: int) -> Operand:
+        """Take `a` where the condition holds, else `b`; near its edge the condition may choose unlike the law's."""
         del q
         assert isinstance(condition, Term)
         number = Number("float", self.bits, 0)
-        value, error = self._operand("select", a, number)
-        flip = 0.0 if condition.error == 0.0 else _size(value) + error
-        return self.ops.emit("select", (condition, value, 0.0), number, max(error, flip))
+        (one, one_error), (other, other_error) = (self._operand("select", operand, number) for operand in (a, b))
+        error = max(one_error, other_error)
+        if condition.error != 0.0:
+            (low, high), (least, most) = _ends(one), _ends(other)
+            error += max(high - least, most - low)
+        return self.ops.emit("select", (condition, one, other), number, error)
 
     def plan(self, table: str, parameters: list[Operand]) -> Operand:
         """Solve the quadratic program of a table; what it differs by from the law's is not followed."""
@@ -118,6 +169,18 @@ class FloatBuilder:
             return self.ops.emit("copy", (value,), number, abs(value - a.value))
         return a
 
+    def _before(self, a: Term, ends: tuple[float, float]) -> float:
+        """Return how far `a` can be off where it lies between `ends`.
+
+        Rounding keeps the order of numbers: what is beyond a limit before it is rounded is not inside after it. So the
+        last rounding counts for values up to the larger limit only.
+        """
+        last = self.ops.body[-1] if self.ops.body else None
+        if last is None or last.result.name != a.name or last.function not in ("add", "sub", "mul"):
+            return a.error
+        size = max(abs(a.low), abs(a.high)) / (1 + 4 * self._unit)  # as it was before it was widened, or less
+        return a.error - self._half(size) + self._half(max(abs(ends[0]), abs(ends[1])))
+
     # -- bounds ---------------------------------------------------------------------------------------------------
 
     def _operand(self, function: str, a: Operand, number: Number) -> tuple[Term | float, float]:
@@ -134,9 +197,30 @@ class FloatBuilder:
     def _rounded(self, term: Term) -> Term:
         """Widen the bound and the error of the operation just emitted by one rounding, and by the law's own."""
         size = max(abs(term.low), abs(term.high))
-        error = term.error + self._unit * size + LAW * (size + term.error) + self._tiny
-        margin = self._unit * size + self._tiny
+        error = term.error + self._own(size, term.error)
+        margin = self._half(size)
+        self.inherited[term.name] = term.error
         return self.ops.widen(term, margin, error)
+
+    def _half(self, size: float) -> float:
+        """Return half a unit in the last place of the largest result that can be rounded."""
+        if not math.isfinite(size) or size == 0.0:
+            return size
+        return max(self._unit * 2.0 ** (math.frexp(size)[1] - 1), self._tiny)
+
+    def _own(self, size: float, error: float) -> float:
+        """Return what rounding a result of magnitude `size` adds in program and law, which are `error` apart."""
+        reached = size + error
+        place = 2.0 ** math.floor(math.log2(reached)) if 0.0 < reached < math.inf else reached
+        return self._unit * place + LAW * reached + self._tiny
+
+    def _limited(self, term: Term, x: Term | float, y: Term | float, limit_error: float) -> Term:
+        """Give a value that has just been limited by a constant the error of a result within the limits."""
+        if not isinstance(x, Term) or isinstance(y, Term) or x.name not in self.inherited:
+            return term
+        inherited = self.inherited[term.name] = self.inherited[x.name]
+        error = inherited + self._own(_size(term) + x.error, inherited)
+        return self.ops.widen(term, 0.0, min(term.error, max(error, limit_error)))
 
     def _up(self, value: float, number: Number) -> float:
         """Return the smallest representable number not below `value`."""
@@ -149,6 +233,10 @@ class FloatBuilder:
 
 def _size(a: Term | float) -> float:
     return max(abs(a.low), abs(a.high)) if isinstance(a, Term) else abs(a)
+
+
+def _ends(a: Term | float) -> tuple[float, float]:
+    return (a.low, a.high) if isinstance(a, Term) else (a, a)
 
 
 def _times(a: float, b: float) -> float:

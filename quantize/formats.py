@@ -1,9 +1,11 @@
-"""Choose one Q format per group of values that meet in a sum or a comparison.
+"""Choose one Q format per group of values that meet in a comparison, a limit or a plain sum.
 
-Values that are added, compared, limited or selected against each other must stand in one format anyway; giving the
-whole group the format of its largest member makes every alignment shift disappear. A state variable shares the group
-of the value that becomes it. Only multiplications lead from one group into another, and there the coefficient carries
-the change of format.
+Values that are compared, limited or selected against each other must stand in one format anyway; giving the whole group
+the format of its largest member makes every alignment shift disappear. A state variable shares the group of the value
+that becomes it, and so does what a sum takes as it is, with weight 1. A weight leads from any format into any other.
+
+An input keeps the format of its own word, and may hold every value of it. A state variable may hold all values below
+the power of two above its proven range: to be limited there costs one instruction where the limit acts at all.
 """
 
 from __future__ import annotations
@@ -11,23 +13,29 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 from design.law import Law
+from identify.signal import Signal
 from quantize.graph import Graph
 from quantize.program import QuantizeError
+from quantize.sums import Sum, is_linear, near_one
 
 FINEST, COARSEST = 56, -16  # Q range: beyond it a quantity is better given in another unit
 SPARE = 1.0 + 2.0**-16  # room for what rounding adds to a bound
+MOST_GIVEN = 3  # bits of resolution that a sum may give so that its high word is its value
+WORD = 2**31 - 1
 Span = tuple[float, float]
 
-MEETING = ("add", "sub", "min", "max", "lt", "le", "eq", "ne")  # operands share a format
-KEEPING = ("add", "sub", "min", "max", "neg", "abs", "twice")  # and so does the result
+MEETING = ("min", "max", "lt", "le", "eq", "ne")  # operands share a format
+KEEPING = ("min", "max", "abs")  # and so does the result
+CHOOSING = ("if", "choose")
 TRUTH = ("lt", "le", "eq", "ne", "and", "or", "not")
 
 
 @dataclass(frozen=True, slots=True)
 class Formats:
-    """Fraction bits: of each node of the graph, and of each input and state variable as the program computes it."""
+    """Fraction bits: of each node of the graph, and of each input and state variable as it is stored."""
 
     nodes: tuple[int, ...]
     inputs: tuple[int, ...]
@@ -45,8 +53,17 @@ def fit(low: float, high: float, bits: int) -> int:
     return min(fraction, FINEST)
 
 
-def choose_formats(law: Law, graph: Graph) -> Formats:
-    """Return the formats of 32-bit fixed point.
+def held_range(law: Law, signal: Signal) -> Span:
+    """Return what a state variable may hold: below the next power of two, or a parameter's declared range."""
+    if signal.name in law.tunable:
+        return signal.low, signal.high
+    size = max(abs(signal.low), abs(signal.high))
+    power = 2.0 ** math.frexp(size)[1]
+    return -power, power
+
+
+def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -> Formats:
+    """Return the formats of fixed point; `bits` is the word of an input, `sums` what is computed as one sum.
 
     Raises
     ------
@@ -59,67 +76,120 @@ def choose_formats(law: Law, graph: Graph) -> Formats:
                 f"{signal.name} has no finite proven range, so no fixed-point format is safe for it: "
                 "limit it in the controller (an anti_windup mode, a limit) or use float32"
             )
-    spans = _spans(law, graph)
-    groups = _Groups(len(graph.nodes))
-    for k, node in enumerate(graph.nodes):
-        if node.function in MEETING:
-            groups.join(*node.arguments)
-        if node.function in KEEPING:
-            groups.join(k, node.arguments[0])
-        if node.function == "if":
-            groups.join(k, node.arguments[1])
+    inputs = tuple(fit(s.low, s.high, bits) for s in law.inputs)
+    for signal, q in zip(law.inputs, inputs, strict=True):
+        _check(q, signal.name)
+    words = [(-(2.0 ** (bits - 1 - q)), 2.0 ** (bits - 1 - q)) for q in inputs]
+    spans = _spans(graph, sums, [[held_range(law, s) for s in law.state], words, [(0.0, 1.0)]])
+    fractions = _Choice(law, graph, sums, spans, [q + 32 - bits for q in inputs]).fractions()
     places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
-    for j, following in enumerate(graph.results[0]):
-        if (0, j) in places:
-            groups.join(places[0, j], following)
-    fractions = _fractions(law, graph, spans, groups)
-    nodes = tuple(0 if n.function in TRUTH else fractions[groups.of(k)] for k, n in enumerate(graph.nodes))
-    return Formats(
-        nodes=nodes,
-        inputs=tuple(_argument(places, nodes, 1, j, s.low, s.high) for j, s in enumerate(law.inputs)),
-        state=tuple(_argument(places, nodes, 0, j, s.low, s.high) for j, s in enumerate(law.state)),
+    state = tuple(
+        fractions[places[0, j]] if (0, j) in places else fit(*held_range(law, s), 32) for j, s in enumerate(law.state)
     )
+    return Formats(fractions, inputs, state)
 
 
-def _argument(
-    places: Mapping[tuple[int, int], int], nodes: Sequence[int], i: int, j: int, low: float, high: float
-) -> int:
-    place = places.get((i, j))
-    return fit(low, high, 32) if place is None else nodes[place]
+def _check(fraction: int, name: str) -> None:
+    if fraction < COARSEST:
+        raise QuantizeError(
+            f"{name} would need Q{fraction} (units of {2.0**-fraction:g}); "
+            "the range of a signal or a gain is too large for fixed point: rescale it or use float32"
+        )
 
 
-def _fractions(law: Law, graph: Graph, spans: Sequence[Span], groups: _Groups) -> Mapping[int, int]:
-    """Return the fraction of each group: the finest that holds its largest member, but no finer than needed."""
-    sizes: dict[int, float] = {}
-    constants: dict[int, list[float]] = {}
-    computed: set[int] = set()
-    starts = dict(enumerate(law.start))
-    for k, node in enumerate(graph.nodes):
-        group = groups.of(k)
-        if node.function in TRUTH:
-            continue
-        low, high = spans[k]
-        sizes[group] = max(sizes.get(group, 0.0), abs(low), abs(high))
-        if node.function == "constant":
-            constants.setdefault(group, []).append(node.value)
-        elif node.function == "argument" and node.place[0] == 0:
-            constants.setdefault(group, []).append(starts[node.place[1]])
-        else:
-            computed.add(group)
-    fractions = {}
-    for group, size in sizes.items():
-        fraction = fit(-size * SPARE, size * SPARE, 32)
-        if group not in computed:  # nothing but constants: the coarsest format that holds them exactly
-            values = constants[group]
-            exact = [f for f in range(0, max(fraction, 0) + 1) if all((v * 2.0**f).is_integer() for v in values)]
-            fraction = exact[0] if exact else fraction
-        if fraction < COARSEST:
-            raise QuantizeError(
-                f"a value of the law would need Q{fraction} (units of {2.0**-fraction:g}); "
-                "the range of a signal or a gain is too large for fixed point: rescale it or use float32"
-            )
-        fractions[group] = fraction
-    return fractions
+class _Choice:
+    """The groups of one law, and the fraction of each."""
+
+    def __init__(
+        self, law: Law, graph: Graph, sums: Mapping[int, Sum], spans: Sequence[Span], inputs: Sequence[int]
+    ) -> None:
+        self.law, self.graph, self.sums, self.spans, self.inputs = law, graph, sums, spans, inputs
+        self.held = {k for k in range(len(graph.nodes)) if k in sums or not is_linear(graph, k)}
+        limits = {a for k, node in enumerate(graph.nodes) if k in self.held and k not in sums for a in node.arguments}
+        constants = {k for k, node in enumerate(graph.nodes) if node.function == "constant"}
+        self.held -= constants - limits
+        self.groups = _Groups(len(graph.nodes))
+        for k, node in enumerate(graph.nodes):
+            if node.function in MEETING:
+                self.groups.join(*node.arguments)
+            if node.function in KEEPING:
+                self.groups.join(k, node.arguments[0])
+            if node.function in CHOOSING:
+                self.groups.join(k, *node.arguments[1:])
+        for k, total in sums.items():
+            plain = [a for a, weight in total.terms.items() if abs(weight) == 1]
+            self.groups.join(k, *(a for a in plain if not self._input(a)))
+        places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
+        for j, following in enumerate(graph.results[0]):
+            if (0, j) in places:
+                self.groups.join(places[0, j], following)
+
+    def fractions(self) -> tuple[int, ...]:
+        """Return the fraction of every node."""
+        finest = self._finest()
+        given = dict.fromkeys(finest, 0)
+        for k in self.sums:  # in the order of computing: what a sum reads has its format before it
+            group = self.groups.of(k)
+            for bits in range(given[group], MOST_GIVEN + 1):
+                if self._high_word(k, {**finest, group: finest[group] - bits}):
+                    given[group] = bits
+                    finest[group] -= bits
+                    break
+        for fraction in finest.values():
+            _check(fraction, "a value of the law")
+        return tuple(
+            0 if node.function in TRUTH else finest.get(self.groups.of(k), 0) for k, node in enumerate(self.graph.nodes)
+        )
+
+    def _finest(self) -> dict[int, int]:
+        """Return the finest fraction at which each group's largest member fits, but no finer than needed."""
+        sizes: dict[int, float] = {}
+        constants: dict[int, list[float]] = {}
+        computed: set[int] = set()
+        for k, node in enumerate(self.graph.nodes):
+            group = self.groups.of(k)
+            if k not in self.held:
+                continue
+            if node.function in TRUTH or (node.function == "argument" and node.place[0] != 0):
+                computed.add(group)
+                low, high = (0.0, 0.0) if node.function in TRUTH else self.spans[k]
+            else:
+                low, high = self.spans[k]
+            sizes[group] = max(sizes.get(group, 0.0), abs(low), abs(high))
+            if node.function == "constant":
+                constants.setdefault(group, []).append(node.value)
+            elif (
+                node.function == "argument"
+                and node.place[0] == 0
+                and self.law.state[node.place[1]].name not in self.law.tunable
+            ):
+                constants.setdefault(group, []).append(self.law.start[node.place[1]])
+            else:
+                computed.add(group)
+        fractions = {}
+        for group, size in sizes.items():
+            fraction = fit(-size * SPARE, size * SPARE, 32)
+            if group not in computed:  # nothing but constants: the coarsest format that holds them exactly
+                values = constants[group]
+                exact = [f for f in range(0, max(fraction, 0) + 1) if all((v * 2.0**f).is_integer() for v in values)]
+                fraction = exact[0] if exact else fraction
+            fractions[group] = fraction
+        return fractions
+
+    def _high_word(self, k: int, fractions: Mapping[int, int]) -> bool:
+        """Tell whether every weight of sum `k` fits a word when the sum is to stand in the high one of two."""
+        q = fractions[self.groups.of(k)]
+        for a, weight in self.sums[k].terms.items():
+            own = self.inputs[self.graph.nodes[a].place[1]] if self._input(a) else fractions[self.groups.of(a)]
+            if abs(weight) == 1 and own == q:
+                continue
+            room = math.floor(math.log2(WORD / max(1.0, max(map(abs, self.spans[a])) * 2.0**own - 1)))
+            if abs(weight) * Fraction(2) ** (32 + q - own - room) > WORD:
+                return False
+        return True
+
+    def _input(self, k: int) -> bool:
+        return self.graph.nodes[k].function == "argument" and self.graph.nodes[k].place[0] == 1
 
 
 class _Groups:
@@ -149,30 +219,39 @@ def _magnitude(a: Span) -> Span:
 
 
 _RULES: Mapping[str, Callable[..., Span]] = {
-    "add": lambda a, b: (a[0] + b[0], a[1] + b[1]),
-    "sub": lambda a, b: (a[0] - b[1], a[1] - b[0]),
     "mul": _product,
-    "neg": lambda a: (-a[1], -a[0]),
     "square": lambda a: _product(_magnitude(a), _magnitude(a)),
-    "twice": lambda a: (2 * a[0], 2 * a[1]),
     "min": lambda a, b: (min(a[0], b[0]), min(a[1], b[1])),
     "max": lambda a, b: (max(a[0], b[0]), max(a[1], b[1])),
     "abs": _magnitude,
     "if": lambda c, a: (min(a[0], 0.0), max(a[1], 0.0)),
+    "choose": lambda c, a, b: (min(a[0], b[0]), max(a[1], b[1])),
 }
 
 
-def _spans(law: Law, graph: Graph) -> list[Span]:
-    """Return the interval of every node while inputs and state keep their ranges."""
-    ranges = [[(s.low, s.high) for s in law.state], [(s.low, s.high) for s in law.inputs]]
+def _size(weight: Fraction) -> float:
+    return float(1 + abs(weight - 1) if near_one(weight) else abs(weight))
+
+
+def _spans(graph: Graph, sums: Mapping[int, Sum], ranges: Sequence[Sequence[Span]]) -> list[Span]:
+    """Return the interval of every node that is computed while inputs and state keep their ranges; 0 for the others.
+
+    That of a sum is wide enough for every part of it.
+    """
     spans: list[Span] = []
-    for node in graph.nodes:
+    for k, node in enumerate(graph.nodes):
         if node.function == "constant":
             spans.append((node.value, node.value))
         elif node.function == "argument":
             spans.append(ranges[node.place[0]][node.place[1]])
         elif node.function in TRUTH:
             spans.append((0.0, 1.0))
-        else:
+        elif k in sums:
+            parts = (_size(w) * max(map(abs, spans[a])) for a, w in sums[k].terms.items())
+            size = abs(float(sums[k].constant)) + sum(parts)
+            spans.append((-size, size))
+        elif node.function in _RULES:
             spans.append(_RULES[node.function](*(spans[a] for a in node.arguments)))
+        else:
+            spans.append((0.0, 0.0))  # multiplied out
     return spans

@@ -62,6 +62,7 @@ MEANING: dict[str, Callable[..., Any]] = {
     "if": lambda c, a: np.where(c != 0, a, 0.0),
     "capped": lambda plan: np.where(plan[-1] == CAPPED, 1.0, 0.0),
     "infeasible": lambda plan: np.where(plan[-1] == INFEASIBLE, 1.0, 0.0),
+    "choose": lambda c, a, b: np.where(c != 0, a, b),
 }
 
 
@@ -124,7 +125,39 @@ def read_graph(function: ca.Function) -> Graph:
         missing = [r for r in range(sparsity.size1()) if r not in row]
         zero = add(Node("constant", (), 0.0, (0, 0))) if missing else -1
         results.append(tuple(outputs[i, row[r]] if r in row else zero for r in range(sparsity.size1())))
-    return Graph(tuple(nodes), tuple(results))
+    return pruned(Graph(tuple(_with_choices(nodes)), tuple(results)))
+
+
+def _with_choices(nodes: Sequence[Node]) -> list[Node]:
+    """Read (c ? a : 0) + (not c ? b : 0), which is how CasADi writes a choice, as c ? a : b."""
+    found = list(nodes)
+    for k, node in enumerate(nodes):
+        if node.function != "add" or any(nodes[a].function != "if" for a in node.arguments):
+            continue
+        one, other = (nodes[a].arguments for a in node.arguments)
+        if nodes[one[0]].function == "not":
+            one, other = other, one
+        inverse = nodes[other[0]]
+        if inverse.function == "not" and inverse.arguments == (one[0],):
+            found[k] = Node("choose", (one[0], one[1], other[1]), 0.0, (0, 0))
+    return found
+
+
+def needed(graph: Graph, rows: int) -> set[int]:
+    """Return the nodes that the first `rows` results follow from."""
+    found = {k for row in graph.results[:rows] for k in row}
+    for k in reversed(range(len(graph.nodes))):
+        if k in found:
+            found.update(graph.nodes[k].arguments)
+    return found
+
+
+def pruned(graph: Graph) -> Graph:
+    """Leave out what no result needs."""
+    kept = sorted(needed(graph, len(graph.results)))
+    place = {k: new for new, k in enumerate(kept)}
+    nodes = [replace(graph.nodes[k], arguments=tuple(place[a] for a in graph.nodes[k].arguments)) for k in kept]
+    return replace(graph, nodes=tuple(nodes), results=tuple(tuple(place[k] for k in row) for row in graph.results))
 
 
 def law_graph(law: Law) -> Graph:

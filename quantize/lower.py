@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from design.law import Law
@@ -12,9 +12,12 @@ from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
-from quantize.graph import Graph, Node, law_graph
-from quantize.program import Assign, Number, Program, QuantizeError, Rounding, StatusBit, Table, Value
+from quantize.graph import Node, needed
+from quantize.limits import with_limits
+from quantize.opening import Opened, opened
+from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 from quantize.quadratic import table_of
+from quantize.sums import Sum, gather, is_linear
 
 PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
@@ -30,18 +33,21 @@ def lower(law: Law, arithmetic: str) -> Program:
     """
     if arithmetic not in ARITHMETICS:
         raise QuantizeError(f"arithmetic {arithmetic!r} is unknown; known: {', '.join(ARITHMETICS)}")
-    graph = law_graph(law)
-    bits = int(arithmetic[5:])
-    if arithmetic.startswith("fixed"):
-        if law.solve is not None:
-            raise QuantizeError(
-                f"{law.name} solves a quadratic program in every step, which has no fixed-point form: use "
-                'arithmetic.number = "float32"'
-            )
-        formats, builder = choose_formats(law, graph), FixedBuilder(bits)
-        return _Lowering(law, graph, arithmetic, formats, builder, 32).program()
-    none = Formats((0,) * len(graph.nodes), (0,) * len(law.inputs), (0,) * len(law.state))
-    return _Lowering(law, graph, arithmetic, none, FloatBuilder(bits), bits).program()
+    floating = arithmetic.startswith("float")
+    if law.solve is not None and not floating:
+        raise QuantizeError(
+            f"{law.name} solves a quadratic program in every step, which has no fixed-point form: use "
+            'arithmetic.number = "float32"'
+        )
+    found = opened(law, floating)
+    if floating:
+        found = replace(found, graph=with_limits(found.graph))
+        order, states = len(found.graph.nodes), len(found.law.state)
+        none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
+        return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
+    sums = gather(found.graph)
+    formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
+    return _Lowering(found, sums, arithmetic, formats, FixedBuilder(int(arithmetic[5:]))).program()
 
 
 class _Lowering:
@@ -49,15 +55,15 @@ class _Lowering:
 
     def __init__(
         self,
-        law: Law,
-        graph: Graph,
+        found: Opened,
+        sums: Mapping[int, Sum],
         arithmetic: str,
         formats: Formats,
         builder: FixedBuilder | FloatBuilder,
-        state_bits: int,
     ) -> None:
-        self.law, self.graph, self.arithmetic = law, graph, arithmetic
-        self.formats, self.builder, self.state_bits = formats, builder, state_bits
+        self.found, self.law, self.graph = found, found.law, found.graph
+        self.sums, self.arithmetic = sums, arithmetic
+        self.formats, self.builder = formats, builder
         self.ops: Builder = builder.ops
 
     def program(self) -> Program:
@@ -66,9 +72,9 @@ class _Lowering:
         inputs = tuple(self._value(s, q) for s, q in zip(law.inputs, formats.inputs, strict=True))
         outputs = tuple(self._value(s, formats.nodes[n]) for s, n in zip(law.outputs, output_row, strict=True))
         state = tuple(self._state(s, q) for s, q in zip(law.state, formats.state, strict=True))
-        used, outside = self._read_inputs(inputs)
+        read = [self.builder.read(v) for v in inputs]
         held = [Term(f"self.{v.name}", v.number, v.low, v.high, 0.0) for v in state]
-        nodes = self._walk([held, used], self._grids(outputs))
+        nodes = self._walk([held, read, self._fresh(held)], self._grids(outputs))
         next_state: list[Assign] = []
         for v, n in zip(state, next_row, strict=True):
             stored = self._store(nodes[n], v, f"{v.name}_next")
@@ -85,11 +91,16 @@ class _Lowering:
             inputs=inputs,
             outputs=outputs,
             state=state,
-            start=tuple(self.builder.literal(x, v.number) for x, v in zip(law.start, state, strict=True)),
+            start=tuple(
+                self.builder.unset if k == self.found.unset else self.builder.literal(x, v.number)
+                for k, (x, v) in enumerate(zip(law.start, state, strict=True))
+            ),
+            unset=state[self.found.unset].name if self.found.unset is not None else None,
+            tunable=law.tunable,
             body=tuple(self.ops.body),
             next_state=tuple(next_state),
             results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, results, strict=True)),
-            status=self._status([nodes[n] for n in flag_row], outside),
+            status=self._status([nodes[n] for n in flag_row]),
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, results, strict=True)),
             tables=self._tables(),
         )
@@ -97,27 +108,29 @@ class _Lowering:
     def _value(self, signal: Signal, q: int) -> Value:
         number = self.builder.signal(signal.low, signal.high, q)
         low, high = self.builder.limits(signal.low, signal.high, number)
+        if low >= high:
+            raise QuantizeError(
+                f"signals.{signal.name} from {signal.low:g} to {signal.high:g} {signal.unit} holds no two numbers of "
+                f"this format ({number.bits} bits, Q{number.fraction}); "
+                "give it in a smaller unit or lower the gains beside it"
+            )
         return Value(signal.name, signal.unit, number, low, high)
 
     def _state(self, signal: Signal, q: int) -> Value:
-        number = replace(self.builder.signal(signal.low, signal.high, q), bits=self.state_bits, fraction=q)
-        low, high = self.builder.limits(signal.low, signal.high, number)
+        number = replace(self.builder.signal(signal.low, signal.high, q), fraction=q)
+        if number.kind == "fixed":
+            number = replace(number, bits=32)
+        if signal.name in self.law.tunable:  # who sets it to the declared end, rounded, is within
+            low, high = self.builder.literal(signal.low, number), self.builder.literal(signal.high, number)
+        else:
+            low, high = self.builder.held(signal.low, signal.high, number)
         return Value(signal.name, signal.unit, number, low, high)
 
-    def _read_inputs(self, inputs: tuple[Value, ...]) -> tuple[list[Term], list[Term]]:
-        """Clamp each input to its declared range; say which ones were outside (a NaN is)."""
-        used, outside = [], []
-        for value, q in zip(inputs, self.formats.inputs, strict=True):
-            low, high = _word(value.number)
-            raw = Term(f"in.{value.name}", replace(value.number, bits=self.state_bits), low, high, 0.0)
-            self.ops.wish = (value.name, value.unit)
-            limited = self.ops.emit("clamp", (raw, value.low, value.high), raw.number, 0.0)
-            self.ops.wish = (f"{value.name}_outside", "")
-            outside.append(self.ops.emit("ne", (raw, limited), raw.number, 0.0))
-            self.ops.wish = (f"{value.name}_wide", value.unit) if q != value.number.fraction else ("", "")
-            used.append(self.builder.widened(limited, q))
-            self.ops.wish = ("", "")
-        return used, outside
+    def _fresh(self, held: Sequence[Term]) -> list[Term]:
+        """Return the truth value that asks whether this is the first sample; none where nobody asks."""
+        if not any(node.place == (2, 0) for node in self.graph.nodes if node.function == "argument"):
+            return []
+        return [self.builder.fresh([held[k] for k in self.found.probes])]
 
     def _grids(self, outputs: tuple[Value, ...]) -> Mapping[int, int]:
         """Return for each constant that limits an output directly the fraction of that output."""
@@ -135,19 +148,32 @@ class _Lowering:
 
     def _walk(self, arguments: list[list[Term]], grids: Mapping[int, int]) -> list[Operand]:
         names = self._names()
+        computed = needed(self.graph, 3)  # a name alone is no reason to compute a value
         nodes: list[Operand] = []
         for k, node in enumerate(self.graph.nodes):
+            self.ops.wish = names.get(k, ("", ""))
+            q = self.formats.nodes[k]
             if node.function == "constant":
                 nodes.append(Constant(node.value, grids.get(k)))
-                continue
-            if node.function == "argument":
+            elif node.function == "argument":
                 nodes.append(arguments[node.place[0]][node.place[1]])
-                continue
-            operands = [nodes[a] for a in node.arguments]
-            self.ops.wish = names.get(k, ("", ""))
-            nodes.append(self._node(node, operands, self.formats.nodes[k]))
+            elif k in self.sums:
+                parts = [(weight, _term(nodes[a])) for a, weight in self.sums[k].terms.items()]
+                nodes.append(self.builder.total(parts, self.sums[k].constant, q))
+            elif k not in computed or (self.sums and is_linear(self.graph, k)):
+                nodes.append(Constant(0.0))  # multiplied out, or nobody asks for it
+            else:
+                operands = [self._operand(nodes, a) for a in node.arguments]
+                nodes.append(self._node(node, operands, q))
             self.ops.wish = ("", "")
         return nodes
+
+    def _operand(self, nodes: list[Operand], k: int) -> Operand:
+        """Return a node as an operation other than a sum takes it: in the format of what it meets."""
+        found = nodes[k]
+        if self.graph.nodes[k].function == "argument" and isinstance(found, Term):
+            return self.builder.widened(found, self.formats.nodes[k] if self.graph.nodes[k].place[0] < 2 else 0)
+        return found
 
     def _node(self, node: Node, operands: list[Operand], q: int) -> Operand:
         function = node.function
@@ -162,7 +188,12 @@ class _Lowering:
             case (("and" | "or"), [a, b]):
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
-                return self.builder.choose(condition, a, q)
+                return self.builder.choose(condition, a, Constant(0.0), q)
+            case (("clamp" | "outside"), [a, low, high]):
+                assert isinstance(self.builder, FloatBuilder), "seen in floating point only"
+                return self.builder.limit(function, a, low, high)
+            case "choose", [condition, a, b]:
+                return self.builder.choose(condition, a, b, q)
             case _, [a]:
                 return self.builder.unary(function, a, q)
             case _, [a, b]:
@@ -198,21 +229,14 @@ class _Lowering:
         low, high = value.low, value.high
         return self.builder.store(node, value.number, low, high, (name, value.unit))  # type: ignore[arg-type]
 
-    def _status(self, flags: list[Operand], outside: list[Term]) -> tuple[StatusBit, ...]:
-        bits = [
+    def _status(self, flags: list[Operand]) -> tuple[StatusBit, ...]:
+        return tuple(
             StatusBit(flag.name, flag.says, k, node.name)
             for k, (flag, node) in enumerate(zip(self.law.flags, flags, strict=True))
             if isinstance(node, Term)
-        ]
-        first = len(self.law.flags)
-        for k, (signal, term) in enumerate(zip(self.law.inputs, outside, strict=True)):
-            says = f"{signal.name} was outside its range and was limited to it"
-            bits.append(StatusBit(f"{signal.name}_outside", says, first + k, term.name))
-        return tuple(bits)
+        )
 
 
-def _word(number: Number) -> tuple[float, float]:
-    """Return what a variable of this type can hold."""
-    if number.kind == "fixed":
-        return -(2 ** (number.bits - 1)), 2 ** (number.bits - 1) - 1
-    return float("-inf"), float("inf")
+def _term(operand: Operand) -> Term:
+    assert isinstance(operand, Term), "a sum is of values; what is constant in it has been added up"
+    return operand

@@ -5,7 +5,7 @@ floating point), so one call computes many independent controllers. `c` is the s
 of the result from the intervals of the arguments: exact integers in fixed point; in floating point the true
 interval, which `floating.py` then widens by one rounding. Comparisons return 0 or 1.
 
-Rounding is always to nearest, halves up: floor(x / 2**s + 1/2).
+Rounding is to nearest, halves up: floor(x / 2**s + 1/2); only `asr` rounds down.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Operation:
     says: str
     run: Callable[..., Any]
     bound: Callable[..., Interval]
-    c: Mapping[str, str]  # "fixed", "float32", "float64": a format of the arguments' C text
+    c: Mapping[str, str]  # "fixed", "float32", "float64", where it exists there: a format of the arguments' C text
     truth: bool = False  # the result is 0 or 1
     whole: tuple[int, ...] = ()  # which arguments are literal integers in any arithmetic
     record: str = ""  # C type of a result that is several numbers
@@ -57,6 +57,10 @@ def shift_right(a: Operand, s: int) -> Operand:
 
 def _multiply_shift(a: Operand, b: Operand, s: int) -> Operand:
     return (a * b + (1 << (s - 1))) >> s
+
+
+def _accumulator(a: Operand, s: int) -> Operand:
+    return a * (1 << s) + (1 << (s - 1))
 
 
 def _minimum(a: Operand, b: Operand) -> Operand:
@@ -85,6 +89,9 @@ def _absolute(a: Interval) -> Interval:
     return (0 if low <= 0 <= high else min(abs(low), abs(high))), max(abs(low), abs(high))
 
 
+# Operations between two limits, given as numbers.
+LIMITS = ("clamp", "outside")
+
 OPERATIONS: dict[str, Operation] = {
     "add": Operation("sum", lambda a, b: a + b, lambda a, b: (a[0] + b[0], a[1] + b[1]), _both("{0} + {1}")),
     "sub": Operation("difference", lambda a, b: a - b, lambda a, b: (a[0] - b[1], a[1] - b[0]), _both("{0} - {1}")),
@@ -97,6 +104,33 @@ OPERATIONS: dict[str, Operation] = {
         lambda a, b, s: tuple(shift_right(int(x), int(s)) for x in _product(a, b)),
         _both("fl_mul_shift_i32({0}, {1}, {2}U)"),
         whole=(2,),
+    ),
+    "acc": Operation(
+        "start of a 64-bit sum of products: the first addend, and the half that rounds the sum",
+        _accumulator,
+        lambda a, s: (_accumulator(int(a[0]), int(s)), _accumulator(int(a[1]), int(s))),
+        {"fixed": "fl_acc_i64({0}, {1}U)"},
+        whole=(1,),
+    ),
+    "mac": Operation(
+        "a product added to a 64-bit sum",
+        lambda acc, a, b: acc + a * b,
+        lambda acc, a, b: (acc[0] + _product(a, b)[0], acc[1] + _product(a, b)[1]),
+        {"fixed": "fl_mac_i64({0}, {1}, {2})"},
+    ),
+    "high": Operation(
+        "a 64-bit sum of products, brought into its format",
+        lambda acc, s: acc >> s,
+        lambda acc, s: (int(acc[0]) >> int(s), int(acc[1]) >> int(s)),
+        {"fixed": "fl_high_i32({0}, {1}U)"},
+        whole=(1,),
+    ),
+    "asr": Operation(
+        "divided by a power of two, rounded down",
+        lambda a, s: a >> s,
+        lambda a, s: (int(a[0]) >> int(s), int(a[1]) >> int(s)),
+        {"fixed": "fl_asr_i32({0}, {1}U)"},
+        whole=(1,),
     ),
     "shr": Operation(
         "divided by a power of two, rounded to nearest",
@@ -120,7 +154,7 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "clamp": Operation(
         "limited to a range",
-        lambda x, low, high: _minimum(_maximum(x, low), high),
+        lambda x, low, high: np.where(x >= low, np.where(x > high, high, x), low),  # a NaN yields `low`
         lambda x, low, high: (min(max(x[0], low), high), min(max(x[1], low), high)),
         _helper("fl_clamp", "{0}, {1}, {2}"),
     ),
@@ -129,6 +163,20 @@ OPERATIONS: dict[str, Operation] = {
     "le": Operation("not more", lambda a, b: _truth(a <= b), _compared, _both("({0} <= {1}) ? 1 : 0"), truth=True),
     "eq": Operation("equal", lambda a, b: _truth(a == b), _compared, _both("({0} == {1}) ? 1 : 0"), truth=True),
     "ne": Operation("different", lambda a, b: _truth(a != b), _compared, _both("({0} != {1}) ? 1 : 0"), truth=True),
+    "outside": Operation(
+        "limited, or no number",
+        lambda x, low, high: _truth(np.where(x >= low, x > high, True)),
+        _compared,
+        {"float32": "fl_outside_f32({0}, {1}, {2})", "float64": "fl_outside_f64({0}, {1}, {2})"},
+        truth=True,
+    ),
+    "lost": Operation(
+        "no number, or an infinite one",
+        lambda a: _truth((a - a) != (a - a)),
+        _compared,
+        {"float32": "fl_lost_f32({0})", "float64": "fl_lost_f64({0})"},
+        truth=True,
+    ),
     "and": Operation("both", lambda a, b: a & b, _compared, _both("{0} & {1}"), truth=True),
     "or": Operation("either", lambda a, b: a | b, _compared, _both("{0} | {1}"), truth=True),
     "not": Operation("negated truth", lambda a: 1 - a, _compared, _both("1 - {0}"), truth=True),

@@ -106,6 +106,13 @@ class Program:
     status: tuple[StatusBit, ...]
     rounding: tuple[Rounding, ...]
     tables: tuple[Table, ...] = ()
+    unset: str | None = None  # state that starts at the least integer, or as no number, until the first sample sets it
+    tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
+
+    @property
+    def parameters(self) -> tuple[Value, ...]:
+        """The values that can be set on the running controller."""
+        return self.state[len(self.state) - len(self.tunable) :]
 
     @property
     def id(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from quantize.program import Op, Program, Value
 
@@ -20,18 +20,18 @@ INTERVAL = "interval: the rule of the operation applied to the ranges of its ope
 TRUTH = "a truth value"
 
 
-def proof(program: Program, why: Sequence[str]) -> Mapping[str, object]:
+def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
     """Return proof.json.
 
     Parameters
     ----------
     why
-        one sentence per state variable: the controller's own argument for its range
+        the controller's own argument for the range of each state variable, by its name
 
     `margin` is the factor by which a value could grow before it left its word; null in floating point. In fixed point
     `low` and `high` are raw. What holds in step k: if every state variable is in its range before the step, every
-    operation is in its range, and every state variable is in its range after it. Inputs may hold any value of their
-    type.
+    operation is in its range, and every state variable is in its range after it; `unset` names the one that is at the
+    least value of its type instead until the first sample. Inputs may hold any value of their type.
     """
     return {
         "schema": 1,
@@ -39,7 +39,8 @@ def proof(program: Program, why: Sequence[str]) -> Mapping[str, object]:
         "name": program.name,
         "arithmetic": program.arithmetic,
         "inputs": [_value(v) for v in program.inputs],
-        "state": [_value(v) | {"why": w} for v, w in zip(program.state, why, strict=True)],
+        "state": [_value(v) | {"why": why[v.name]} for v in program.state],
+        "unset": program.unset,
         "operations": [_operation(op) for op in program.body],
         "next_state": [{"state": a.target, "value": a.source} for a in program.next_state],
         "outputs": [_value(v) | {"value": a.source} for v, a in zip(program.outputs, program.results, strict=True)],
@@ -69,7 +70,7 @@ def _operation(op: Op) -> dict[str, object]:
         "function": op.function,
         "arguments": list(op.arguments),
         "word": value.number.bits,
-        "product_word": 64 if op.function == "mul_shift" else None,
+        "product_word": 64 if op.function in ("mul_shift", "mac") else None,
         "margin": round((2 ** (value.number.bits - 1) - 1) / size, 6) if fixed and size else None,
         "argument": TRUTH if truth else ARGUMENTS.get(op.function, INTERVAL),
     }

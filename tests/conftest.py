@@ -5,8 +5,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 RECORDINGS = Path(os.environ.get("FIRMLOOP_RECORDINGS", Path(__file__).parent.parent.parent / "shared" / "recordings"))
+
+# The same examples in every run, and no limit of time: what fails here fails everywhere.
+settings.register_profile("firmloop", deadline=None, derandomize=True)
+settings.load_profile("firmloop")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -16,6 +16,7 @@ import scipy.linalg
 import scipy.signal
 
 from design.kinds import Request
+from tests import motor_formulas
 from tests.pid_formula import pid_steps
 
 
@@ -159,6 +160,11 @@ def mpc(request: Request, rows: np.ndarray) -> np.ndarray:
 FORMULAS: dict[str, Callable[[Request, np.ndarray], np.ndarray]] = {
     "mpc": mpc,
     "pid": pid,
+    "fuzzy_pid": motor_formulas.fuzzy_pid,
+    "self_tuning": motor_formulas.self_tuning,
+    "sensorless_speed": motor_formulas.sensorless_speed,
+    "sliding_mode": motor_formulas.sliding_mode,
+    "start_monitor": motor_formulas.start_monitor,
     "gain_schedule": gain_schedule,
     "lead_lag": lead_lag,
     "notch": notch,

@@ -7,18 +7,27 @@ operation, over all operand values inside their claimed ranges:
 - the exact result lies in the claimed range, and the range in the word;
 - no intermediate of the C expression overflows its type;
 
-and for every state variable and output, that the value stored lies in the range claimed for it.
+and for every state variable and output, that the value stored lies in the range claimed for it. A product is taken
+with each factor at both ends of its range: in between it lies between these products, a lemma that z3 proves once over
+the reals. So no bit-vector is ever multiplied by another, and a query takes a millisecond.
+
+A state variable that is `unset` until the first sample may hold the least integer besides: it may only be compared with
+that, and be chosen where that comparison has failed.
 """
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import z3
 
-WIDE = 64
+WIDE = 96  # holds every exact result: sums of 64-bit values and 32-bit products shifted to the left
+PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mac": (1, 2)}  # places of the factors
+LEAST = -(1 << 31)
 
 
 class ProofError(Exception):
@@ -49,6 +58,7 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
         ranges[f"in.{value['name']}"] = (-half, half - 1)  # the type's whole range: nothing is assumed of a user
     for value in document["state"]:
         ranges[f"self.{value['name']}"] = (int(value["low"]), int(value["high"]))
+    _check_unset(document, ranges)
     for operation in document["operations"]:
         _check_operation(operation, ranges)
         ranges[operation["name"]] = (int(operation["low"]), int(operation["high"]))
@@ -66,39 +76,94 @@ def _check_store(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> N
         raise ProofError(f"{name} may be given {got[0]} to {got[1]}, its range is {allowed[0]} to {allowed[1]} (raw)")
 
 
+def _check_unset(document: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]]) -> None:
+    """Assert that nothing reads the unset state variable before the first sample has set it."""
+    if document.get("unset") is None:
+        return
+    name, tests = f"self.{document['unset']}", set()
+    if ranges[name][0] <= LEAST:
+        raise ProofError(f"{name} may hold {LEAST} by itself, which says that it is not set")
+    for operation in document["operations"]:
+        arguments = list(operation["arguments"])
+        if operation["function"] == "eq" and arguments == [name, LEAST]:
+            tests.add(operation["name"])
+            continue
+        chosen = operation["function"] == "select" and arguments[0] in tests and name not in arguments[:2]
+        if name in arguments and not chosen:
+            raise ProofError(f"{operation['name']} reads {name}, which may not be set yet")
+    if any(store["value"] == name for store in (*document["next_state"], *document["outputs"])):
+        raise ProofError(f"{name} is stored as it is, but may not be set yet")
+
+
 def _check_operation(operation: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]]) -> None:
     low, high = int(operation["low"]), int(operation["high"])
     name = operation["name"]
-    if not (-(1 << 31) <= low <= high < 1 << 31):
-        raise ProofError(f"{name}: the claimed range {low} to {high} does not fit a 32-bit word")
+    half = 1 << (int(operation.get("bits", 32)) - 1)
+    if not (-half <= low <= high < half):
+        raise ProofError(f"{name}: the claimed range {low} to {high} does not fit a word of {half.bit_length()} bits")
+    for arguments in _cases(operation, ranges):
+        _check_case(operation, arguments, ranges)
+
+
+def _cases(operation: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]]) -> list[list[Any]]:
+    """Return the argument lists to prove the operation for: a product at the corners of its factors' ranges."""
+    places = PRODUCTS.get(operation["function"], ())
+    if places:
+        _prove_product_lemma()
+    ends = [
+        ranges[argument] if k in places and isinstance(argument, str) else (argument,)
+        for k, argument in enumerate(operation["arguments"])
+    ]
+    return [list(case) for case in itertools.product(*ends)]
+
+
+@functools.cache
+def _prove_product_lemma() -> None:
+    """Prove that x y lies between low y and high y for low <= x <= high; rounding keeps this order."""
+    x, y, low, high = z3.Reals("x y low high")
+    solver = z3.Solver()
+    between = z3.Or(z3.And(low * y <= x * y, x * y <= high * y), z3.And(high * y <= x * y, x * y <= low * y))
+    solver.add(low <= x, x <= high, z3.Not(between))
+    if solver.check() != z3.unsat:
+        raise ProofError("z3 cannot prove that a product is monotone in its factors; its version is at fault")
+
+
+def _check_case(operation: Mapping[str, Any], arguments: Sequence[Any], ranges: Mapping[str, tuple[int, int]]) -> None:
+    low, high, name = int(operation["low"]), int(operation["high"]), operation["name"]
     symbols, assumed = [], []
-    for k, argument in enumerate(operation["arguments"]):
+    for k, argument in enumerate(arguments):
         if isinstance(argument, str):
-            narrow = z3.BitVec(f"a{k}", 32)
             lowest, highest = ranges[argument]
+            width = max(lowest.bit_length(), highest.bit_length()) + 1
+            narrow = z3.BitVec(f"a{k}_{width}", width)
             assumed += [narrow >= lowest, narrow <= highest]
-            symbols.append(z3.SignExt(WIDE - 32, narrow))
+            symbols.append(z3.SignExt(WIDE - width, narrow))
         else:
             symbols.append(z3.BitVecVal(int(argument), WIDE))
     result, intermediates = _meaning(operation["function"], symbols)
     claims = [result >= low, result <= high]
-    claims += [z3.And(value >= -(1 << 31), value <= (1 << 31) - 1) for value in intermediates]
-    for claim in claims:
-        solver = z3.SolverFor("QF_BV")
-        solver.add(*assumed, z3.Not(claim))
-        outcome = solver.check()
-        if outcome != z3.unsat:
-            model = solver.model() if outcome == z3.sat else "no decision"
-            raise ProofError(
-                f"{name} = {operation['function']}{tuple(operation['arguments'])} breaks its range: {model}"
-            )
+    for value, bits in intermediates:
+        claims += [value >= -(1 << (bits - 1)), value <= (1 << (bits - 1)) - 1]
+    solver = _solver()
+    solver.push()
+    solver.add(*assumed, z3.Not(z3.And(*claims)))
+    outcome = solver.check()
+    model = solver.model() if outcome == z3.sat else "no decision"
+    solver.pop()
+    if outcome != z3.unsat:
+        raise ProofError(f"{name} = {operation['function']}{tuple(arguments)} breaks its range: {model}")
 
 
-def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[Any]]:
-    """Return the exact result in 64 bits and those intermediates that the C computes in 32 bits."""
+@functools.cache
+def _solver() -> z3.Solver:
+    return z3.SolverFor("QF_BV")
+
+
+def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]]]:
+    """Return the exact result, and the intermediates of the C with the bits of their type."""
     one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
 
-    def truth(condition: Any) -> tuple[Any, list[Any]]:
+    def truth(condition: Any) -> tuple[Any, list[tuple[Any, int]]]:
         return z3.If(condition, one, zero), []
 
     match function:
@@ -107,7 +172,7 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[Any]]:
         case "sub":
             return a[0] - a[1], []
         case "mul":
-            return a[0] * a[1], []  # two 32-bit operands: exact in 64 bits
+            return a[0] * a[1], []
         case "neg":
             return zero - a[0], []
         case "copy":
@@ -115,13 +180,21 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[Any]]:
         case "abs":
             return z3.If(a[0] < 0, zero - a[0], a[0]), []
         case "shl":
-            return a[0] << a[1], []  # by a constant below 32: exact in 64 bits
+            return a[0] << a[1], []
         case "shr":
             rounded = a[0] + (one << (a[1] - 1))
-            return rounded >> a[1], [rounded]
+            return rounded >> a[1], [(rounded, 32)]
+        case "asr":
+            return a[0] >> a[1], []
         case "mul_shift":
-            # |a b| <= 2^62 and the rounding constant is at most 2^61: the 64-bit sum cannot overflow.
-            return (a[0] * a[1] + (one << (a[2] - 1))) >> a[2], []
+            rounded = a[0] * a[1] + (one << (a[2] - 1))
+            return rounded >> a[2], [(rounded, 64)]
+        case "acc":
+            return (a[0] << a[1]) + (one << (a[1] - 1)), [(a[0] << a[1], 64)]
+        case "mac":
+            return a[0] + a[1] * a[2], []  # the product of two 32-bit values fits 64 bits, the sum is the result
+        case "high":
+            return a[0] >> a[1], []
         case "min":
             return z3.If(a[0] < a[1], a[0], a[1]), []
         case "max":

@@ -14,7 +14,7 @@ from identify.simulate import constants_of
 from quantize.program import Program
 from verify.compare import record_type
 from verify.links import Link
-from verify.reference import Raw, element_type
+from verify.reference import Raw, element_type, start_parameters
 from verify.stimuli import to_physical, to_raw
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def close_loop(program: Program, plant: Plant, link: Link, reference: Array, rol
     """
     model = SteppedPlant(plant, program.period)
     kind = record_type(program)
-    row = np.dtype([(value.name, element_type(value.number)) for value in program.inputs])
+    row = np.dtype([(value.name, element_type(value.number)) for value in (*program.inputs, *program.parameters)])
     inputs = {value.name: value for value in program.inputs}
     told, measured = inputs[roles[0]], inputs[roles[1]]
     references = to_raw(told, np.asarray(reference, dtype=np.float64))
@@ -137,6 +137,8 @@ def close_loop(program: Program, plant: Plant, link: Link, reference: Array, rol
     measurement = np.empty(steps)
     answers = np.empty(steps, dtype=kind)
     sent = np.zeros(1, dtype=row)
+    for parameter, default in zip(program.parameters, start_parameters(program), strict=True):
+        sent[parameter.name] = default
     first = program.outputs[0]
     link.reset()
     for k in range(steps):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from quantize.program import Program
 from verify.links import Link
 from verify.reference import Trace, element_type
+from verify.settings import records
 from verify.stimuli import Block
 
 Progress = Callable[[float, str], None]
@@ -49,7 +50,6 @@ def compare(
     program: Program, link: Link, blocks: Sequence[Block], traces: Sequence[Trace], progress: Progress
 ) -> Comparison:
     """Run every lane of every block on the link, afresh, and count the values that differ in any bit."""
-    kind = record_type(program)
     size = link.hello().steps_max
     total = sum(b.inputs.shape[0] * b.inputs.shape[1] for b in blocks)
     done, differences = 0, 0
@@ -57,7 +57,7 @@ def compare(
     ticks: list[NDArray[np.uint32]] = []
     for number, (block, trace) in enumerate(zip(blocks, traces, strict=True)):
         for lane in range(block.inputs.shape[0]):
-            got = _run_lane(link, block.inputs[lane], size, kind)
+            got = _run_lane(program, link, block, lane, size)
             ticks.append(got["ticks"])
             count, found = _differences(program, trace, lane, got)
             differences += count
@@ -69,13 +69,15 @@ def compare(
     return Comparison(done, differences, first, np.concatenate(ticks) if ticks else np.zeros(0, np.uint32))
 
 
-def _run_lane(link: Link, inputs: Any, size: int, kind: np.dtype[Any]) -> Any:
+def _run_lane(program: Program, link: Link, block: Block, lane: int, size: int) -> Any:
     link.reset()
     answers = []
+    inputs = block.inputs[lane]
     for start in range(0, len(inputs), size):
-        part = np.ascontiguousarray(inputs[start : start + size])
-        answers.append(link.step(part.tobytes(), len(part)))
-    return np.frombuffer(b"".join(answers), dtype=kind)
+        part = slice(start, start + size)
+        asked = None if block.settings is None else block.settings[lane, part]
+        answers.append(link.step(records(program, inputs[part], asked), len(inputs[part])))
+    return np.frombuffer(b"".join(answers), dtype=record_type(program))
 
 
 def _differences(

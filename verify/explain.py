@@ -13,13 +13,16 @@ from codegen.view import physical, statement
 from identify.compiler import ToolError, shared_library
 from quantize.ops import EVERY
 from quantize.program import Op, Program
-from verify.reference import Machine, Raw, element_type, start_state, working_type
+from verify.reference import Machine, Raw, element_type, set_parameter, start_state, working_type
+from verify.settings import records
 
 TRACE_FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-w")
 
 
-def explain(program: Program, bundle: Bundle, lane: Raw, step: int, output: str) -> str:
+def explain(program: Program, bundle: Bundle, lane: Raw, step: int, output: str, settings: Raw | None = None) -> str:
     """Return one sentence about the first operation that differs while `lane` (steps, m) runs up to `step`.
+
+    `settings` (steps, k) is what the parameters were asked to be meanwhile.
 
     The C is built once more for the host with every value kept. Where its values are all right there, the fault
     is not in the text: compiler, flags or core are left.
@@ -29,13 +32,15 @@ def explain(program: Program, bundle: Bundle, lane: Raw, step: int, output: str)
         library = ctypes.CDLL(str(shared_library(files, (f"{bundle.name}.c", "trace.c"), TRACE_FLAGS)))
     except (ToolError, OSError):
         return f"{_writer(program, output)}: could not be traced on the host"
-    return _walk(program, library, places, lane[: step + 1]) or (
+    return _walk(program, library, places, lane[: step + 1], settings) or (
         f"{_writer(program, output)}: every operation of the same C is right on the host, "
         "so the target's compiler, its flags or the core make the difference"
     )
 
 
-def _walk(program: Program, library: ctypes.CDLL, places: dict[str, int] | Any, lane: Raw) -> str | None:
+def _walk(
+    program: Program, library: ctypes.CDLL, places: dict[str, int] | Any, lane: Raw, settings: Raw | None
+) -> str | None:
     machine = Machine(program)
     values = (ctypes.c_double * max(1, len(places))).in_dll(library, "fl_trace")
     memory = ctypes.create_string_buffer(4096 + 8 * len(program.state))
@@ -48,7 +53,12 @@ def _walk(program: Program, library: ctypes.CDLL, places: dict[str, int] | Any, 
     kind = working_type(program)
     with np.errstate(all="ignore"):
         for k, row in enumerate(lane):
-            library.trace_step(memory, np.ascontiguousarray(row).tobytes(), out)
+            asked = None if settings is None else settings[k : k + 1]
+            library.trace_step(memory, records(program, row[None, :], asked), out)
+            if asked is not None:
+                first = len(state) - len(program.tunable)
+                for j, parameter in enumerate(program.parameters):
+                    state[first + j] = set_parameter(parameter, state[first + j], asked[:, j].astype(kind))
             slots = machine.step([np.array([x]).astype(kind) for x in row], state)
             named = machine.named(slots)
             for op in program.body:

@@ -1,8 +1,11 @@
 """The messages between the host and an image: COBS blocks between zero bytes, closed by a CRC-32.
 
-message   type u8, sequence u8, length u16, payload of `length` bytes, CRC-32 of all before it; all little-endian
-on line   0x00, COBS(message with every byte xor 0x5A), 0x00; the first zero byte ends whatever noise came before,
-          the xor makes zero bytes rare, which numbers are full of and which cost the host most of its time
+message   type u8, sequence u8, payload, CRC-32 of the binding and of all before it; all little-endian
+binding   session u32, number of the exchange u32 without its lowest byte, which is `sequence`; covered by the CRC, but
+          not sent; nothing at all for HELLO, its reply, and NAK
+on line   COBS(message with every byte xor 0x5A), 0x00; the xor makes zero bytes rare, which numbers are full of and
+          which cost the host most of its time. What may follow noise has a zero byte before it, which ends the noise:
+          HELLO, NAK, and whatever is sent again
 
 request        payload                          reply type = request type | 0x80, same sequence
 HELLO  0x01    session u32, drawn by the host   session u32, protocol u16, input bytes u16, output bytes u16,
@@ -11,12 +14,15 @@ HELLO  0x01    session u32, drawn by the host   session u32, protocol u16, input
 RESET  0x02    none                             none; the controller was initialized
 STEP   0x03    n packed input structs           n times (packed output struct, status u32, ticks u32)
 STACK  0x04    n packed input structs           deepest stack in bytes u32 of one step; the controller is initialized
-NAK    0xFF    (a reply only)                   reason u8: 1 damaged, 2 out of sequence, 3 wrong size, 4 unknown type
+NAK    0xFF    (a reply only)                   reason u8: 1 damaged, out of sequence or of another session,
+                                                2 no session, 3 wrong size, 4 unknown type;
+                                                CRC-32 of the request as it came u32, 0 if it had none
 
-A request is executed at most once. In a session, the image accepts the sequence number after the last one; the last
-one again is answered from memory without executing anything; any other is refused. So the host may repeat a request
-whose reply was lost, and a late copy of an older one does no harm. HELLO with a new session number starts a session
-with its own sequence number. A damaged frame has no sequence number that can be trusted: its NAK carries 0.
+A request is executed at most once. HELLO with a new session number starts a session and is its exchange 0. In a
+session, the image accepts the exchange after the last one; the last one again is answered from memory without
+executing anything; any other is refused. So the host may repeat a request whose reply was lost. By the binding, a late
+copy of an older message, of this session or of one before, is no message at all. What a NAK speaks of is told by the
+CRC it repeats: only an image that was reset since has no session for a request of the session it greeted.
 
 COBS: Cheshire and Baker, "Consistent Overhead Byte Stuffing", IEEE/ACM Trans. Networking 7(2), 1999.
 The image's half is templates_c/support/frame.c and templates_c/main.c.j2.
@@ -27,15 +33,18 @@ from __future__ import annotations
 import struct
 from zlib import crc32
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 
 HELLO, RESET, STEP, STACK = 0x01, 0x02, 0x03, 0x04
 REPLY = 0x80
 NAK = 0xFF
-REASONS = {1: "damaged", 2: "out of sequence", 3: "wrong size", 4: "unknown type"}
-NAK_DAMAGED, NAK_SEQUENCE = 1, 2
+REASONS = {1: "damaged", 2: "no session", 3: "wrong size", 4: "unknown type"}
+NAK_DAMAGED, NAK_SESSION = 1, 2
+REFUSAL = struct.Struct("<BI")  # payload of NAK
 
-_HEADER = struct.Struct("<BBH")
+_BINDING = struct.Struct("<II")
+_UNBOUND = frozenset({HELLO, HELLO | REPLY, NAK})
+_HEADER = struct.Struct("<BB")
 _TRAILER = struct.Struct("<I")
 _OVERHEAD = _HEADER.size + _TRAILER.size
 _FULL = 254  # data bytes of the longest COBS block
@@ -79,19 +88,27 @@ def unstuff(block: bytes) -> bytes:
     return bytes(data[1:])
 
 
-def seal(kind: int, sequence: int, payload: bytes) -> bytes:
-    """Return the bytes of one message as they go onto the line."""
-    covered = _HEADER.pack(kind, sequence, len(payload)) + payload
-    return b"\0" + stuff((covered + _TRAILER.pack(crc32(covered))).translate(_MASK)) + b"\0"
+def binding(session: int, number: int) -> int:
+    """Return the CRC-32 that the messages of exchange `number` go on from."""
+    return crc32(_BINDING.pack(session, number >> 8))
 
 
-def unseal(block: bytes) -> tuple[int, int, bytes]:
-    """Return type, sequence and payload of one block (without its zero bytes), or raise FrameError."""
+def checksum(kind: int, sequence: int, payload: bytes, bound: int = 0) -> int:
+    """Return the CRC-32 of one message."""
+    return crc32(_HEADER.pack(kind, sequence) + payload, 0 if kind in _UNBOUND else bound)
+
+
+def seal(kind: int, sequence: int, payload: bytes, bound: int = 0) -> bytes:
+    """Return the bytes of one message as they go onto the line; `bound` is what `binding` says of its exchange."""
+    covered = _HEADER.pack(kind, sequence) + payload
+    crc = crc32(covered, 0 if kind in _UNBOUND else bound)
+    return stuff((covered + _TRAILER.pack(crc)).translate(_MASK)) + b"\0"
+
+
+def unseal(block: bytes, bound: int = 0) -> tuple[int, int, bytes]:
+    """Return type, sequence and payload of one block (without its zero byte), or raise FrameError."""
     data = unstuff(block).translate(_MASK)
     # The CRC-32 of any bytes followed by their own CRC-32 is this constant.
-    if len(data) < _OVERHEAD or crc32(data) != 0x2144DF1C:
+    if len(data) < _OVERHEAD or crc32(data, 0 if data[0] in _UNBOUND else bound) != 0x2144DF1C:
         raise FrameError("a message has another CRC than it says")
-    kind, sequence, length = _HEADER.unpack_from(data)
-    if length + _OVERHEAD != len(data):
-        raise FrameError("a message has another length than it says")
-    return kind, sequence, data[4:-4]
+    return data[0], data[1], data[2:-4]

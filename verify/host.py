@@ -18,6 +18,7 @@ from identify.compiler import ToolError, run_compiler, shared_library
 from quantize.program import Program
 from verify.compare import record_type
 from verify.reference import Trace
+from verify.settings import records
 from verify.stimuli import Block
 
 WARNINGS = tuple(
@@ -43,7 +44,7 @@ def run_sanitized(program: Program, bundle: Bundle, block: Block, trace: Trace) 
         compiler has no sanitizers.
     """
     lanes, steps, _ = block.inputs.shape
-    data = struct.pack("<II", lanes, steps) + np.ascontiguousarray(block.inputs).tobytes()
+    data = struct.pack("<II", lanes, steps) + records(program, block.inputs, block.settings)
     with tempfile.TemporaryDirectory(prefix="firmloop-") as name:
         folder = Path(name)
         write_files(host_files(bundle), folder)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantize.ops import EVERY
-from quantize.program import Number, Program
+from quantize.program import Number, Program, Value
 
 Raw = NDArray[Any]
 
@@ -42,6 +42,18 @@ def start_state(program: Program, lanes: int) -> list[Raw]:
     """Return the state that init() sets, one array (lanes,) per state variable."""
     kind = working_type(program)
     return [np.full(lanes, x, dtype=kind) for x in program.start]
+
+
+def start_parameters(program: Program) -> Raw:
+    """Return what init() sets the parameters that can be tuned to, (k,)."""
+    first = len(program.start) - len(program.tunable)
+    kind = element_type(program.parameters[0].number) if program.tunable else working_type(program)
+    return np.array(program.start[first:], dtype=kind)
+
+
+def set_parameter(value: Value, held: Raw, asked: Raw) -> Raw:
+    """Do what a parameter's setter does: return `asked` where that is in its range, else `held`."""
+    return np.where((asked >= value.low) & (asked <= value.high), asked, held)
 
 
 class Machine:
@@ -105,8 +117,11 @@ class Machine:
         return {name: values[slot] for name, slot in self.slots.items() if not name.startswith("#")}
 
 
-def run(program: Program, inputs: Raw) -> Trace:
-    """Run `program` from its start on raw `inputs` (lanes, steps, m), each lane a controller of its own."""
+def run(program: Program, inputs: Raw, settings: Raw | None = None) -> Trace:
+    """Run `program` from its start on raw `inputs` (lanes, steps, m), each lane a controller of its own.
+
+    `settings` (lanes, steps, k) is what the setter of each parameter is called with before each step; None: none is.
+    """
     lanes, steps, width = inputs.shape
     if not program.state and steps > 1:  # no step knows of another: all at once
         at_once = run(program, inputs.reshape(lanes * steps, 1, width))
@@ -117,6 +132,8 @@ def run(program: Program, inputs: Raw) -> Trace:
         )
     machine = Machine(program)
     kind = working_type(program)
+    first = len(program.state) - len(program.tunable)
+    asked = np.zeros((0,)) if settings is None else np.moveaxis(settings, (1, 2), (0, 1)).astype(kind)
     columns = np.ascontiguousarray(np.moveaxis(inputs, (1, 2), (0, 1))).astype(kind)  # (steps, m, lanes)
     state = start_state(program, lanes)
     outputs = np.empty((steps, len(program.outputs), lanes), dtype=kind)
@@ -124,6 +141,8 @@ def run(program: Program, inputs: Raw) -> Trace:
     status = np.zeros((steps, lanes), dtype=np.int64)
     with np.errstate(all="ignore"):
         for k in range(steps):
+            for j, parameter in enumerate(program.parameters if len(asked) else ()):
+                state[first + j] = set_parameter(parameter, state[first + j], asked[k, j])
             for j, value in enumerate(state):
                 before[k, j] = value
             values = machine.step(list(columns[k]), state)

@@ -1,8 +1,9 @@
 """Measure how far a Program stands from its Law, in physical units.
 
-Two figures per output. `worst` compares one step from the program's own state and inputs: this is what the proven
-bound speaks of. `drift` lets the law run on its own state through each lane; nothing bounds it, for an integrator
-keeps what it rounded until feedback or a limit removes it.
+Two figures per output. `worst` compares one step from the same state and inputs, all within their ranges: this is what
+the proven bound speaks of. It is sought along the stimuli, and by a search among all states and inputs that climbs
+from the farthest ones found. `drift` lets the law run on its own state through each lane; nothing bounds it, for an
+integrator keeps what it rounded until feedback or a limit removes it.
 """
 
 from __future__ import annotations
@@ -14,12 +15,17 @@ from numpy.typing import NDArray
 
 from design.law import Law
 from quantize.graph import Graph, evaluate, law_graph
-from quantize.program import Program
-from verify.reference import Raw, Trace
+from quantize.program import Program, Value
+from verify.reference import Machine, Raw, Trace, working_type
 from verify.stimuli import Block, to_physical
 from verify.verdict import Rounded
 
 Array = NDArray[np.float64]
+SEARCHED = 20_000  # points of one round
+ROUNDS = 8
+SOLVED = 400  # points of one round, where each is a quadratic program
+KEPT = 200  # of a round, to climb from
+LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
 def measure_rounding(
@@ -27,17 +33,21 @@ def measure_rounding(
 ) -> tuple[Rounded, ...]:
     """Return the worst differences over all blocks, output by output."""
     graph = law_graph(law)
-    worst = np.zeros(len(program.outputs))
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
+        worst = _searched(law, program, graph)
         for block, trace in zip(blocks, traces, strict=True):
-            inputs = _used_inputs(program, block.inputs)
-            state = [to_physical(v, trace.state[..., j]) for j, v in enumerate(program.state)]
+            raw = [block.inputs[..., j] for j in range(len(program.inputs))]
+            held = [trace.state[..., j] for j in range(len(program.state))]
             got = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
-            expected = evaluate(graph, [state, inputs])[1]
-            worst = np.maximum(worst, [_apart(g, e) for g, e in zip(got, expected, strict=True)])
-            free = _free_run(law, graph, inputs) if law.state else expected
-            drift = np.maximum(drift, [_apart(g, e) for g, e in zip(got, free, strict=True)])
+            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in _apart(law, program, graph, raw, held, got)])
+            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 2))
+            if np.any(calm):
+                inputs = [to_physical(v, x[calm]) for v, x in zip(program.inputs, raw, strict=True)]
+                state = [to_physical(v, x[calm]) for v, x in zip(program.state, held, strict=True)]
+                free = _free_run(program, law, graph, inputs, state)
+                apart = (np.max(np.abs(g[calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
+                drift = np.maximum(drift, list(apart))
     bounds = {r.output: r for r in program.rounding}
     return tuple(
         Rounded(v.name, float(worst[j]), bounds[v.name].bound, v.unit, float(drift[j]))
@@ -45,28 +55,91 @@ def measure_rounding(
     )
 
 
-def _used_inputs(program: Program, raw: Raw) -> list[Array]:
-    """Return the inputs as the program takes them: limited to their range, a NaN at the low end."""
-    columns = []
-    for j, value in enumerate(program.inputs):
-        scale = 2.0**-value.number.fraction
-        low, high = value.low * scale, value.high * scale
-        x = to_physical(value, raw[..., j])
-        columns.append(np.minimum(np.where(x > low, x, low), high))
-    return columns
+def _apart(
+    law: Law, program: Program, graph: Graph, raw: Sequence[Raw], held: Sequence[Raw], got: Sequence[Array]
+) -> list[Array]:
+    """Return |program - law| of each output and sample; 0 where an input or a state is not in its range."""
+    fresh = _fresh(program, raw, held)
+    valid = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=0)
+    own = [fresh | _inside(v, x) for v, x in zip(program.state, held, strict=True)]
+    valid &= np.all(own, axis=0) if own else True
+    by_name = dict(zip((v.name for v in program.state), map(to_physical, program.state, held), strict=True))
+    state = []
+    for signal, start in zip(law.state, law.start, strict=True):
+        if signal.name == law.opening:
+            state.append(np.where(fresh, 0.0, 1.0))
+        elif signal.name in law.tunable:
+            state.append(by_name[signal.name])
+        else:
+            state.append(np.where(fresh, start, by_name[signal.name]))
+    inputs = [to_physical(v, x) for v, x in zip(program.inputs, raw, strict=True)]
+    expected = evaluate(graph, [state, inputs])[1]
+    return [np.where(valid, np.abs(g - e), 0.0) for g, e in zip(got, expected, strict=True)]
 
 
-def _free_run(law: Law, graph: Graph, inputs: list[Array]) -> list[Array]:
+def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:
+    """Tell where the controller itself finds that it stands before its first sample, or has to start afresh."""
+    unset = (f"self.{program.unset}", LEAST)
+    asks = [op for op in program.body if op.function == "lost" or (op.function == "eq" and op.arguments == unset)]
+    if not asks:
+        return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)
+    machine, kind = Machine(program), working_type(program)
+    slots = machine.step([x.astype(kind) for x in raw], [x.astype(kind) for x in held])
+    return np.asarray(machine.named(slots)[asks[0].result.name], dtype=bool)
+
+
+def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
+    return (raw >= value.low) & (raw <= value.high)
+
+
+def _searched(law: Law, program: Program, graph: Graph) -> Array:
+    """Return the worst differences that a search finds, output by output."""
+    random = np.random.default_rng(1)
+    machine = Machine(program)
+    count = SEARCHED if law.solve is None else SOLVED
+    kept = KEPT * count // SEARCHED
+    values = (*program.inputs, *program.state)
+    worst = np.zeros(len(program.outputs))
+    if not all(np.isfinite(v.low) and np.isfinite(v.high) for v in values):
+        return worst
+    low, high = (np.array([getattr(v, end) for v in values], dtype=np.float64)[:, None] for end in ("low", "high"))
+    for j in range(len(program.outputs)):
+        points = low + (high - low) * random.random((len(values), count))
+        points[:, : count // 2] *= 10.0 ** random.uniform(-3, 0, size=count // 2)
+        for _ in range(ROUNDS):
+            points = np.clip(points, low, high)
+            raw = [_whole(v, x) for v, x in zip(values, points, strict=True)]
+            inputs, held = raw[: len(program.inputs)], raw[len(program.inputs) :]
+            kind = working_type(program)
+            slots = machine.step([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
+            outputs = zip(program.outputs, machine.results, strict=True)
+            got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
+            apart = _apart(law, program, graph, inputs, held, got)
+            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
+            best = points[:, np.argsort(-apart[j])[:kept]]
+            again = np.repeat(best, count // kept, axis=1)
+            moves = random.normal(size=again.shape) * 10.0 ** random.uniform(-8, -0.5, size=(1, count))
+            points = again + (high - low) * moves * (random.random(again.shape) < 0.5)
+    return worst
+
+
+def _whole(value: Value, x: Array) -> Raw:
+    """Round to what the value's type holds, within its range."""
+    if value.number.kind == "fixed":
+        return np.clip(np.rint(x), value.low, value.high).astype(np.int64)
+    return x.astype(np.float32 if value.number.bits == 32 else np.float64)
+
+
+def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
+    """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
     lanes, steps = inputs[0].shape
     state = [np.full(lanes, x) for x in law.start]
     outputs = [np.empty((lanes, steps)) for _ in law.outputs]
     for k in range(steps):
+        for j in range(1, len(program.tunable) + 1):
+            state[-j] = held[-j][:, k]
         row = evaluate(graph, [state, [x[:, k] for x in inputs]])
         state = [np.broadcast_to(x, lanes) for x in row[0]]
         for y, value in zip(outputs, row[1], strict=True):
             y[:, k] = value
     return outputs
-
-
-def _apart(a: Array, b: Array) -> float:
-    return float(np.max(np.abs(a - b), initial=0.0))

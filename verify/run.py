@@ -28,6 +28,7 @@ from verify.links.opener import openers
 from verify.links.uart import open_port
 from verify.reference import Trace, run
 from verify.rounding import measure_rounding
+from verify.settings import records
 from verify.stimuli import Block, stimuli, to_physical
 from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Verdict, Worst
 
@@ -71,7 +72,7 @@ def verify(
     traces = []
     for k, block in enumerate(blocks):
         progress(REFERENCE_SHARE * k / len(blocks), f"reference: {block.name}")
-        traces.append(run(program, block.inputs))
+        traces.append(run(program, block.inputs, block.settings))
     proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop)
     if "library" in target.links:
         comparison, details = proof.on_host()
@@ -181,7 +182,9 @@ class _Proof:
             self.looped = check_loop(self.program, self.loop, host, link)
 
     def _painted(self, link: FramedLink) -> int:
-        return link.stack(np.ascontiguousarray(self.blocks[0].inputs[0]).tobytes())
+        block = self.blocks[0]
+        asked = None if block.settings is None else block.settings[0]
+        return link.stack(records(self.program, block.inputs[0], asked))
 
     def _worst(self, step: int) -> Worst:
         """Return what the step read; `step` counts through all lanes of all blocks."""
@@ -192,6 +195,10 @@ class _Proof:
                 lane, at = divmod(left, length)
                 read = block.inputs[lane, at]
                 values = {v.name: float(to_physical(v, x)) for v, x in zip(self.program.inputs, read, strict=True)}
+                if block.settings is not None:
+                    asked = block.settings[lane, at]
+                    pairs = zip(self.program.parameters, asked, strict=True)
+                    values |= {v.name: float(to_physical(v, x)) for v, x in pairs}
                 return Worst(step, f"{block.name} {lane}, step {at}", values)
             left -= lanes * length
         raise AssertionError("a step of no block")
@@ -203,7 +210,8 @@ def _first(program: Program, bundle: Bundle, blocks: Sequence[Block], comparison
         return None
     before = total_steps(blocks[: first.block]) + first.lane * blocks[first.block].inputs.shape[1]
     unit = next((v.unit for v in program.outputs if v.name == first.output), "status bits")
-    lane = blocks[first.block].inputs[first.lane]
+    block = blocks[first.block]
+    lane, asked = block.inputs[first.lane], None if block.settings is None else block.settings[first.lane]
     return Difference(
         step=before + first.step,
         lane=f"{blocks[first.block].name} {first.lane}, step {first.step}",
@@ -211,7 +219,7 @@ def _first(program: Program, bundle: Bundle, blocks: Sequence[Block], comparison
         expected=first.expected,
         got=first.got,
         unit=unit,
-        operation=explain(program, bundle, lane, first.step, first.output),
+        operation=explain(program, bundle, lane, first.step, first.output, asked),
     )
 
 

@@ -1,8 +1,10 @@
-"""Inputs that make a controller show its differences: corners, noise, tracking, long saturation, recorded signals.
+"""Inputs that make a controller show its differences: corners, noise, tracking, worst cases, recorded signals.
 
 Everything is drawn from one seed. A lane is one controller started afresh. Wide noise keeps most controllers at their
 limits, where a wrong gain cannot be seen; so a part of the lanes moves all inputs together and apart by amounts drawn
-evenly over the decades, down to one unit in the last place.
+evenly over the decades, down to one unit in the last place. What a linear law can be driven to is reached by one input
+only, the reversed sign of its impulse response (see `design/reach.py`); that input is among them for every output and
+state, beside full-scale squares and chirps.
 """
 
 from __future__ import annotations
@@ -15,20 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantize.program import Program, Value
-from verify.reference import Raw, element_type
+from verify.edges import edges
+from verify.reference import Raw, element_type, run
+from verify.settings import requests
 
 Array = NDArray[np.float64]
 LANE_STEPS = 1000
 FRESH_STEPS = 8
+LONGEST_WORST = 40_000  # steps of a worst case
+EDGE_STEPS = 2
 RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Raw inputs (lanes, steps, m) of one character."""
+    """Raw inputs (lanes, steps, m) of one character; `settings` (lanes, steps, k) asks for values of the parameters."""
 
     name: str
     inputs: Raw
+    settings: Raw | None = None  # None where nothing can be tuned, or nothing is
 
 
 def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: int, seed: int) -> list[Block]:
@@ -49,6 +56,25 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
     blocks = _cut(blocks, max(1, steps))
     for signals in recorded:
         blocks += _lanes(_recorded(program, signals, random))
+    if program.tunable:
+        return [Block(b.name, b.inputs, requests(program, random, *b.inputs.shape[:2])) for b in blocks]
+    return blocks
+
+
+def adversarial(program: Program, steps: int, seed: int) -> list[Block]:
+    """Return about `steps` steps of what brings values and roundings to their ends, in equal shares.
+
+    The worst cases are as long as the steps allow: a slow state needs many samples to reach its end.
+    """
+    random = np.random.default_rng(seed)
+    share = steps // len(ADVERSARIAL)
+    ends = 2 * (len(program.outputs) + len(program.state))
+    blocks = []
+    for name, make, _, span in ADVERSARIAL:
+        length = max(span, min(LONGEST_WORST, share // ends)) if make is _worst else span
+        blocks.append(Block(name, make(program, random, max(1, round(share / length)), length)))
+    if program.tunable:
+        return [Block(b.name, b.inputs, requests(program, random, *b.inputs.shape[:2])) for b in blocks]
     return blocks
 
 
@@ -147,6 +173,65 @@ def _saturation(program: Program, random: np.random.Generator, lanes: int, lengt
     return _stack(program, columns)
 
 
+def _worst(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """Drive each output and state in turn to the L1 bound of its response, up and down, at the lane's end.
+
+    Half of the lanes stay off the ends of the ranges by up to a thousandth, so that no two samples round alike.
+    """
+    signs = np.sign(_impulse_responses(program, length))[:, ::-1]
+    signs = np.where(signs == 0, 1.0, signs)  # (targets, length, m)
+    targets = np.arange(lanes) // 2 % len(signs)
+    drive = signs[targets] * np.where(np.arange(lanes) % 2, -1.0, 1.0)[:, None, None]
+    off = np.where(np.arange(lanes) // (2 * len(signs)) % 2, 1e-3, 0.0)[:, None]
+    columns = []
+    for j, value in enumerate(program.inputs):
+        low, high = _range(value)
+        away = off * (high - low) * random.random((lanes, length))
+        columns.append(np.where(drive[..., j] > 0, high - away, low + away))
+    return _stack(program, columns)
+
+
+def _impulse_responses(program: Program, length: int) -> Array:
+    """Return (targets, length, m): how outputs and states answer a short pulse at each input, from its middle."""
+    middle = np.array([sum(_range(v)) / 2 for v in program.inputs])
+    pulse = np.array([(v_range[1] - v_range[0]) / 8 for v_range in map(_range, program.inputs)])
+    drive = np.broadcast_to(middle, (len(middle) + 1, length + 1, len(middle))).copy()
+    drive[np.arange(1, len(middle) + 1), 1, np.arange(len(middle))] += pulse  # a first sample may be special
+    trace = run(program, _stack(program, list(np.moveaxis(drive, -1, 0))))
+    columns = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
+    columns += [to_physical(v, trace.state[..., j]) for j, v in enumerate(program.state)]
+    answers = np.array([column[1:] - column[0] for column in columns])[:, :, 1:]  # (targets, m, length)
+    return np.moveaxis(np.nan_to_num(answers), 1, 2)
+
+
+def _squares(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """Full-scale squares of periods from two samples to the whole lane, inputs together or against each other."""
+    longest = max(1.0, np.log2(length))
+    half = np.exp2(random.uniform(0.0, longest - 1.0, size=(lanes, 1))).astype(int)
+    up = (np.arange(length) // half) % 2 == 0
+    columns = []
+    for value in program.inputs:
+        low, high = _range(value)
+        turned = random.random((lanes, 1)) < 0.5
+        columns.append(np.where(up ^ turned, high, low))
+    return _stack(program, columns)
+
+
+def _chirps(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """Sweeps up to half the sample rate about a random place, of amplitudes over three decades, each in a phase."""
+    octaves = np.log2(max(4, length)) - 1
+    frequency = np.exp2(octaves * np.arange(length) / length) / max(4, length)  # cycles a sample
+    phase = 2 * np.pi * np.cumsum(frequency)
+    size = 10.0 ** random.uniform(-3.0, 0.0, size=(lanes, 1))
+    place = random.uniform(0.0, 1.0, size=(lanes, 1))
+    columns = []
+    for value in program.inputs:
+        low, high = _range(value)
+        wave = np.sin(phase + random.choice([0.0, np.pi / 2, np.pi], size=(lanes, 1)))
+        columns.append(np.clip(low + (high - low) * (place + 0.5 * size * wave), low, high))
+    return _stack(program, columns)
+
+
 def _corners(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
     """Hold special values of range and type for one to thirty steps each."""
     columns: list[Any] = []
@@ -192,11 +277,20 @@ def _recorded(program: Program, signals: Mapping[str, Array], random: np.random.
     return _stack(program, columns)
 
 
+def _edges(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    return edges(program, random, lanes, length, to_raw)
+
+
 # name, maker, share of the steps, steps of a lane
 MAKERS = (
-    ("tracking", _tracking, 0.42, LANE_STEPS),
-    ("corners", _corners, 0.25, LANE_STEPS),
-    ("noise", _noise, 0.14, LANE_STEPS),
-    ("long saturation", _saturation, 0.14, LANE_STEPS),
+    ("tracking", _tracking, 0.37, LANE_STEPS),
+    ("corners", _corners, 0.20, LANE_STEPS),
+    ("noise", _noise, 0.12, LANE_STEPS),
+    ("long saturation", _saturation, 0.12, LANE_STEPS),
+    ("worst case", _worst, 0.04, LANE_STEPS),
+    ("squares", _squares, 0.04, LANE_STEPS),
+    ("chirps", _chirps, 0.04, LANE_STEPS),
     ("fresh starts", _tracking, 0.05, FRESH_STEPS),
+    ("edges of limits", _edges, 0.02, EDGE_STEPS),
 )
+ADVERSARIAL = tuple(row for row in MAKERS if row[0] in ("worst case", "squares", "chirps", "long saturation"))

@@ -6,6 +6,7 @@ import numpy as np
 
 from quantize.program import Program
 from verify.reference import Raw, Trace, run
+from verify.settings import requests
 from verify.stimuli import LANE_STEPS, stimuli
 
 STEPS = 60  # of a lane: enough to fill the state and to meet limits, few enough to read
@@ -14,9 +15,9 @@ SEED = 1
 DRAWN = 30 * LANE_STEPS  # steps to draw, so that every character has whole lanes
 
 
-def golden(program: Program) -> tuple[Raw, Trace]:
-    """Return raw inputs (lanes, STEPS, m) and the reference's run on them."""
-    blocks = [block.inputs for block in stimuli(program, [], DRAWN, SEED)]
-    whole = [inputs[:LANES, :STEPS] for inputs in blocks if inputs.shape[1] >= STEPS]
-    inputs = np.concatenate(whole)
-    return inputs, run(program, inputs)
+def golden(program: Program) -> tuple[Raw, Raw, Trace]:
+    """Return raw inputs (lanes, STEPS, m), what parameters are set to (lanes, STEPS, k), and the reference's run."""
+    whole = [block for block in stimuli(program, [], DRAWN, SEED) if block.inputs.shape[1] >= STEPS]
+    inputs = np.concatenate([block.inputs[:LANES, :STEPS] for block in whole])
+    settings = requests(program, np.random.default_rng(SEED), *inputs.shape[:2])
+    return inputs, settings, run(program, inputs, settings)

@@ -11,10 +11,11 @@ they are where tf is the same at every point. The integral is kept in the output
 gains moves nothing by itself: the transfer is bumpless.
 
 `controllers` holds one table per point, `points` its value of the signal; or `points` holds the tables, with the value
-as `at`. Each table is that of a `pid` (`kind` may be left out); limits, forms and modes must agree.
+as `at`. Each table is that of a `pid` (`kind` may be left out); limits, forms and modes must agree. A point may be
+tuned: `tune` and that rule's keys stand in its table, and `plant = { gain = 3.0 }` names the parameters of the
+project's plant that are different at that operating point.
 
-State: the derivative is at most max|kd/(tf+h)| times the range of x, over 1 - max|tf/(tf+h)|; the integral's argument
-in `pid_range.py` holds sample by sample, hence over all corners of the factors.
+The range of the state is proven in `pid_box.py`.
 """
 
 from __future__ import annotations
@@ -28,17 +29,18 @@ import casadi as ca
 from design.feedforward import feedforward
 from design.kinds import Design, Kind, Request
 from design.kinds.pid import KEYS as PID_KEYS
-from design.kinds.pid import find_wires, given_gains, read_pid
-from design.kinds.pid_range import Pid, integral_range, state_ranges
-from design.kinds.pid_write import Factor, Factors, factors, write
+from design.kinds.pid import find_gains, find_wires, given_gains, read_pid
+from design.kinds.pid_box import box_ranges, whole_pid
+from design.kinds.pid_range import Pid
+from design.kinds.pid_write import Factor, Factors, Wires, factors, write
 from design.law import DesignError
-from design.reach import widened
-from design.table import check_keys, choice, numbers
+from design.table import check_keys, choice, numbers, real
+from design.tuning import Gains
 from identify.signal import Signal
 
 KEYS = ("schedule_on", "points", "controllers", "feedforward")
+NOT_AT_A_POINT = ("manual", "automatic", "tracking", "feedforward", "tunable", "ranges")
 SHARED = ("form", "anti_windup", "u_min", "u_max", "rate")  # what one law has one of
-ARGUMENT = "max|kd/(tf+h)| times the range of c r - y, over 1 - max|tf/(tf+h)|"
 
 
 def design(request: Request) -> Design:
@@ -51,14 +53,13 @@ def design(request: Request) -> Design:
     if schedule.name not in ("reference", "measurement") and len(loop) > 2:
         loop = tuple(wire for wire in request.inputs if wire.name != schedule.name)
     wires = replace(find_wires(replace(request, table=tables[0], inputs=loop)), schedule=schedule)
-    if any(key in table for table in tables for key in ("manual", "automatic", "tracking", "feedforward")):
-        raise DesignError(
-            "manual, automatic, tracking and feedforward do not belong to a point of a gain_schedule; remove them there"
-        )
+    misplaced = [key for key in NOT_AT_A_POINT if any(key in table for table in tables)]
+    if misplaced:
+        raise DesignError(f"controller.{misplaced[0]} does not belong to a point of a gain_schedule; remove it there")
     pids = []
     for k, table in enumerate(tables):
         try:
-            pids.append(read_pid(table, request.period, wires, given_gains(table)))
+            pids.append(read_pid(table, request.period, wires, _gains(request, table, wires)))
         except DesignError as error:
             raise DesignError(f"point {k + 1} of the gain_schedule: {error}") from None
     _check_alike(pids)
@@ -67,16 +68,38 @@ def design(request: Request) -> Design:
         if filters and not pids[k].differentiates and "tf_s" not in table:
             pids[k] = replace(pids[k], tf=filters[0])  # without a derivative there is no filter to go over to
     ahead = feedforward(request.table, request.plant, wires.reference)
-    whole = replace(_whole(pids), added=ahead.size(wires.reference) if ahead else 0.0)
+    whole = replace(whole_pid(pids), added=ahead.size(wires.reference) if ahead else 0.0)
     z = {wire.name: ca.SX.sym(wire.name) for wire in request.inputs}
     named: dict[str, tuple[str, ca.SX]] = {}
     shares = _shares(z[schedule.name], at, named)
     says = _says(pids, at, schedule) + (ahead.says() if ahead else "")
     mixed = _mixed([factors(pid) for pid in pids], shares, named)
-    ranges = _ranges(pids, whole, wires.reference, wires.measurement, wires.output)
+    ranges = box_ranges(pids, whole, wires.reference, wires.measurement, wires.output)
     law = write(request, says, whole, mixed, z, wires, ranges, named, ahead)
     figures = {f"{name}_{k}": getattr(pid, name) for k, pid in enumerate(pids, 1) for name in ("kp", "ki", "kd")}
     return Design(law, figures, None, {})
+
+
+def _gains(request: Request, table: Mapping[str, object], wires: Wires) -> Gains:
+    """Take the gains of a point, or tune them for the plant as it is there: `plant` holds what is different."""
+    if "tune" not in table:
+        return given_gains(table)
+    own = {key: value for key, value in table.items() if key != "plant"}
+    plant, changed = request.plant, table.get("plant", {})
+    if not isinstance(changed, dict):
+        raise DesignError(f"controller.plant = {changed!r} is no table; write it like plant = {{ gain = 3.0 }}")
+    if plant is not None:
+        names = [parameter.name for parameter in plant.parameters]
+        for name in changed:
+            choice({"plant": name}, "plant", None, names)
+        plant = replace(
+            plant,
+            parameters=tuple(
+                replace(parameter, value=real(changed, parameter.name, parameter.value))
+                for parameter in plant.parameters
+            ),
+        )
+    return find_gains(replace(request, table=own, plant=plant), wires)[1]
 
 
 def _points(table: Mapping[str, object]) -> tuple[tuple[float, ...], list[Mapping[str, object]]]:
@@ -108,9 +131,8 @@ def _points(table: Mapping[str, object]) -> tuple[tuple[float, ...], list[Mappin
         kind = entry.pop("kind", "pid")
         if kind != "pid":
             raise DesignError(f"point {k} of the gain_schedule has kind = '{kind}'; only 'pid' can be interpolated")
-        if "tune" in entry:
-            raise DesignError(f"point {k} of the gain_schedule asks for tune; one plant has one tuning: give its gains")
-        check_keys(entry, PID_KEYS, f"point {k} of the gain_schedule, a pid,")
+        if "tune" not in entry:
+            check_keys(entry, PID_KEYS, f"point {k} of the gain_schedule, a pid,")
     return at, list(given)
 
 
@@ -127,15 +149,6 @@ def _check_alike(pids: Sequence[Pid]) -> None:
             raise DesignError(
                 f"points 1 and {k} of the gain_schedule have ki of different signs; clamping needs one sign"
             )
-
-
-def _whole(pids: Sequence[Pid]) -> Pid:
-    """Return a PID that has every term that one of the points has."""
-
-    def some(name: str) -> float:
-        return next((getattr(pid, name) for pid in pids if getattr(pid, name) != 0), 0.0)
-
-    return replace(pids[0], kp=some("kp"), ki=some("ki"), kd=some("kd"), tf=some("tf"), tracking=some("tracking"))
 
 
 def _shares(s: ca.SX, at: Sequence[float], named: dict[str, tuple[str, ca.SX]]) -> list[ca.SX]:
@@ -161,34 +174,6 @@ def _mixed(given: Sequence[Factors], shares: Sequence[ca.SX], named: dict[str, t
         if isinstance(mixed, ca.SX):
             named[f"{name}_now"] = ("", mixed)
     return Factors(**found)
-
-
-def _ranges(
-    pids: Sequence[Pid], whole: Pid, reference: Signal, measurement: Signal, output: Signal
-) -> tuple[tuple[Signal, str], ...]:
-    """Put the wider ranges that changing factors allow in place of those of constant ones."""
-    ends = (reference.low, reference.high), (measurement.low, measurement.high)
-    x = [pid.c * r - y for pid in pids for r, y in itertools.product(*ends)]
-    slope, forget = max(abs(pid.slope) for pid in pids), max(abs(pid.forget) for pid in pids)
-    d_high = slope * (max(x) - min(x)) / (1 - forget) if whole.differentiates else 0.0
-    low = high = 0.0
-    if whole.integrates:
-        corners = itertools.product(*({getattr(pid, name) for pid in pids} for name in ("kp", "ki", "b", "tracking")))
-        for kp, ki, b, tracking in corners:
-            corner = replace(whole, kp=kp, ki=ki, b=b, tracking=tracking)
-            one, other = integral_range(corner, reference, measurement, d_high)
-            low, high = min(low, one - whole.added), max(high, other + whole.added)
-    wider = {
-        "integral": lambda: widened("integral", output.unit, low, high),
-        "derivative": lambda: widened("derivative", output.unit, -d_high, d_high),
-        "last": lambda: widened("last", measurement.unit, min(x), max(x)),
-    }
-    return tuple(
-        (wider[signal.name](), ARGUMENT if signal.name == "derivative" else why)
-        if signal.name in wider
-        else (signal, why)
-        for signal, why in state_ranges(whole, reference, measurement, output)
-    )
 
 
 def _says(pids: Sequence[Pid], at: Sequence[float], schedule: Signal) -> str:

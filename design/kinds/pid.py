@@ -13,6 +13,9 @@ and of `form = "tustin"` (trapezoidal integral; kd s/(tf s + 1) with s = 2/h (z-
     v[k]   = kp (b r - y) + (I[k] + ki h/2 e[k]) + D[k]
     u[k], I[k+1] as above
 
+With constant gains D is computed as g (x - f) from f, the filtered x: f[k+1] = f[k] + (1-q) (x[k] - f[k]), f[0] = x[0],
+where q and g are the factors of D[k-1] and of x[k] - x[k-1] above: one state variable, and D[0] = 0 by itself.
+
 The tracking term (h/tt) (u - v) is `anti_windup = "back_calculation"` (Astrom and Murray, Feedback Systems, 2nd ed.,
 ch. 11). "clamping" has no such term and leaves I alone while v is beyond a limit and ki e points further out.
 "none" only adds.
@@ -31,6 +34,7 @@ Further forms and keys:
   I[k+1] = I[k] + u[k] - v[k]: v follows u, and the change back to automatic is bumpless.
 - `[controller.feedforward] from = "effects"`: the inputs that meet the plant's friction, load and drag at the
   reference's speed are added to v, see `feedforward.py`.
+- `tunable` lists those of kp, ki, kd, b and c that can be set on the running target, see `pid_tunable.py`.
 - `tracking` names an input that stands for u in the tracking term, such as the output an outer selector has chosen, or
   what the inner loop of a cascade really does.
 
@@ -48,10 +52,12 @@ import casadi as ca
 from design.feedforward import feedforward
 from design.kinds import Design, Kind, Request
 from design.kinds.pid_range import Pid, state_ranges
+from design.kinds.pid_tunable import pid_parameters, tunable_law
 from design.kinds.pid_write import Wires, factors, write
 from design.law import DesignError
 from design.roles import reference_and_measurement
 from design.table import check_keys, choice, positive, real
+from design.tunable import KEYS as TUNABLE_KEYS
 from design.tuning import Gains, rules
 from identify.linear import linearize
 from identify.signal import Signal
@@ -60,7 +66,7 @@ GAIN_KEYS = ("kp", "ki", "kd")
 WIRE_KEYS = ("manual", "automatic", "tracking")
 KEYS = (
     *(*GAIN_KEYS, "ti_s", "td_s", "tf_s", "b", "c", "u_min", "u_max", "tt_s", "anti_windup", "form", "tune"),
-    *("rate_limit_per_s", "feedforward", *WIRE_KEYS),
+    *("rate_limit_per_s", "feedforward", *WIRE_KEYS, *TUNABLE_KEYS),
 )
 ANTI_WINDUP = ("back_calculation", "clamping", "none")
 FORMS = ("default", "parallel", "tustin", "ideal", "series")
@@ -70,7 +76,7 @@ TIMES = ("ideal", "series")  # forms that give times in place of ki and kd
 def design(request: Request) -> Design:
     """Read the table, tune where it says so, and write the law."""
     wires = find_wires(request)
-    tuned_by, gains = _gains(request)
+    tuned_by, gains = find_gains(request, wires)
     ahead = feedforward(request.table, request.plant, wires.reference)
     pid = read_pid(request.table, request.period, wires, gains)
     if ahead is not None:
@@ -84,7 +90,12 @@ def design(request: Request) -> Design:
     ranges = state_ranges(pid, wires.reference, wires.measurement, wires.output)
     z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
     says = _says(pid, wires.measurement, wires.output) + (ahead.says() if ahead else "")
-    law = write(request, says, pid, factors(pid), z, wires, ranges, {}, ahead)
+    plain_gains = choice(request.table, "form", "default", FORMS) not in TIMES
+    parameters = pid_parameters(request.table, pid, _units(wires.measurement, wires.output), plain_gains)
+    if parameters:
+        law = tunable_law(request, says, pid, parameters, wires, ahead)
+    else:
+        law = write(request, says, pid, factors(pid), z, wires, ranges, {}, ahead)
     settings: dict[str, object] | None = {} if choice(request.table, "form", "default", FORMS) in TIMES else None
     return Design(law, figures, tuned_by, settings)
 
@@ -133,7 +144,7 @@ def find_wires(request: Request) -> Wires:
     return Wires(reference, measurement, output, extra.get("manual"), switch, extra.get("tracking"))
 
 
-def _gains(request: Request) -> tuple[str | None, Gains]:
+def find_gains(request: Request, wires: Wires) -> tuple[str | None, Gains]:
     """Take the gains from the table, or from the tuning rule that it names."""
     table = request.table
     if "tune" not in table:
@@ -151,7 +162,13 @@ def _gains(request: Request) -> tuple[str | None, Gains]:
         )
     if request.plant is None:
         raise DesignError(f"controller.tune = '{rule.name}' needs a plant; add [plant] or give kp, ki, kd")
-    return rule.name, rule.tune(linearize(request.plant), request.period, table)
+    return rule.name, rule.tune(linearize(request.plant), request.period, {**room(wires), **table})
+
+
+def room(wires: Wires) -> dict[str, float]:
+    """Tell a tuning rule the output's limits, and a usual step: a quarter of the reference's range."""
+    top = max(wires.reference.high, -wires.reference.low)
+    return {"u_min": wires.output.low, "u_max": wires.output.high, "usual_step": top / 4}
 
 
 def given_gains(table: Mapping[str, object]) -> Gains:
@@ -246,10 +263,15 @@ def _tracking(table: Mapping[str, object], gains: Gains, period: float) -> float
     return period / max(usual, period)
 
 
+def _units(measurement: Signal, output: Signal) -> dict[str, str]:
+    """Return the units of the gains."""
+    per = f"({measurement.unit})" if any(sign in measurement.unit for sign in "/*. ") else measurement.unit
+    return {"kp": f"{output.unit}/{per}", "ki": f"{output.unit}/{per}/s", "kd": f"{output.unit}*s/{per}"}
+
+
 def _says(pid: Pid, measurement: Signal, output: Signal) -> str:
     """Write one line for the head of the generated C."""
-    per = f"({measurement.unit})" if any(sign in measurement.unit for sign in "/*. ") else measurement.unit
-    units = {"kp": f"{output.unit}/{per}", "ki": f"{output.unit}/{per}/s", "kd": f"{output.unit}*s/{per}"}
+    units = _units(measurement, output)
     gains = [(name, getattr(pid, name)) for name in GAIN_KEYS if getattr(pid, name) != 0]
     letters = "".join(name[1].upper() for name, _ in gains)
     form = ", Tustin" if pid.form == "tustin" else ""

@@ -2,9 +2,12 @@ r"""Prove how far each state variable of a PID can go.
 
 The equations and their symbols stand in `pid.py`. For all inputs within their ranges:
 
-- D. Let q = tf/(tf+h) (or Tustin's factor), g = kd/(tf+h) (or Tustin's), X the width of x's range. D[k] = g sum q^j
+- D, where the controller keeps it. Let q = tf/(tf+h) (or Tustin's factor), g = kd/(tf+h) (or Tustin's), X the width of
+  x's range. D[k] = g sum q^j
   (x[k-j] - x[k-j-1]). For 0 <= q < 1, summing by parts, D[k] = g (x[k] - a convex mean of earlier x), so |D| <= |g| X.
   For -1 < q < 0, |D| <= |g| X sum |q|^j = |g| X / (1 - |q|).
+- f, where it keeps the filtered x instead: D = g (x - f), f[k+1] = q f + (1-q) x and f[0] = x[0]. For 0 <= q < 1, f is
+  a convex mean of x. For -1 < q < 0, f is within (1-q)/(1-|q|) times half of X about the middle of x's range.
 - I, back-calculation, upper bound, a = h/tt in (0, 1], w = v - I. Three cases:
   v > u_max: I+ = (1-a) I + a (u_max - w + ki h e / a). The tracking term lowers I, so I grows only where ki e > 0, and
   then at most to f(1/a), where f(s) = u_max - w + s ki h e.
@@ -76,6 +79,18 @@ class Pid:
         return self.tf / (self.tf + self.period)
 
     @property
+    def filters(self) -> bool:
+        """Whether anything is left of the previous D."""
+        return self.forget != 0
+
+    @property
+    def follow(self) -> float:
+        """1 less `forget`: the share of x - f that f moves by."""
+        if self.form == "tustin":
+            return 2 * self.period / (2 * self.tf + self.period)
+        return self.period / (self.tf + self.period)
+
+    @property
     def slope(self) -> float:
         """Factor of x[k] - x[k-1]."""
         if self.form == "tustin":
@@ -88,8 +103,13 @@ class Pid:
         return self.ki * self.period / 2 if self.form == "tustin" else 0.0
 
 
-def state_ranges(pid: Pid, reference: Signal, measurement: Signal, output: Signal) -> tuple[tuple[Signal, str], ...]:
-    """List the state variables in the order of the law, each with its range and the argument for it."""
+def state_ranges(
+    pid: Pid, reference: Signal, measurement: Signal, output: Signal, varying: bool = False
+) -> tuple[tuple[Signal, str], ...]:
+    """List the state variables in the order of the law, each with its range and the argument for it.
+
+    With constant factors the derivative's state is the filtered c r - y alone; with `varying` ones it is D and c r - y.
+    """
     x_low, x_high = _span(pid.c * r - y for r, y in itertools.product(_ends(reference), _ends(measurement)))
     d_high = abs(pid.slope) * (x_high - x_low) / (1 - max(0.0, -pid.forget)) if pid.differentiates else 0.0
     found: list[tuple[Signal, str]] = []
@@ -97,10 +117,15 @@ def state_ranges(pid: Pid, reference: Signal, measurement: Signal, output: Signa
         low, high = integral_range(pid, reference, measurement, d_high)
         why = INTEGRAL_WHY[pid.anti_windup] if pid.target is None else TRACKED_WHY
         found.append((_widened("integral", output.unit, low - pid.added, high + pid.added), why))
-    if pid.differentiates:
-        if pid.forget != 0:
+    if pid.differentiates and varying:
+        if pid.filters:
             found.append((_widened("derivative", output.unit, -d_high, d_high), DERIVATIVE_WHY))
         found.append((_widened("last", measurement.unit, x_low, x_high), LAST_WHY))
+    elif pid.differentiates:
+        q = max(0.0, -pid.forget)
+        middle, half = (x_low + x_high) / 2, (x_high - x_low) / 2 * (1 + q) / (1 - q)
+        found.append((_widened("filtered", measurement.unit, middle - half, middle + half), FILTERED_WHY))
+    if pid.differentiates:
         found.append((Signal("started", "1", 0.0, 1.0), "0 before the first sample, 1 after it"))
     if math.isfinite(pid.rate):
         found.append((Signal("output_last", output.unit, pid.u_min, pid.u_max), "the output of the sample before"))
@@ -118,6 +143,7 @@ INTEGRAL_WHY = {
 }
 TRACKED_WHY = "it follows a value of known range less the rest of the output, plus ki tt times the error"
 DERIVATIVE_WHY = "a gain times the distance of c r - y from a mean of its past, hence at most the gain times its range"
+FILTERED_WHY = "a mean of c r - y over its past, hence within its range, or around it where the mean alternates"
 LAST_WHY = "c r - y of the sample before, from the ranges of reference and measurement"
 
 

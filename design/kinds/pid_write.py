@@ -74,7 +74,8 @@ def write(
     r, y = z[wires.reference.name], z[wires.measurement.name]
     error = r - y
     nexts: dict[str, ca.SX] = {}
-    free = _unlimited(pid, given, wires, x, r, y, error, nexts, named)
+    first = dict(x)
+    free = _unlimited(pid, given, wires, x, r, y, error, nexts, first, named)
     if ahead is not None:
         named["feedforward"] = (wires.output.unit, ahead.term(r))
         free = free + named["feedforward"][1]
@@ -93,9 +94,10 @@ def write(
         nexts["integral"] = following
 
     check_names(request, [*names, *named])
+    arguments = [ca.vertcat(*x.values()), ca.vertcat(*(z[wire.name] for wire in request.inputs))]
     stage = ca.Function(
         "law",
-        [ca.vertcat(*x.values()), ca.vertcat(*(z[wire.name] for wire in request.inputs))],
+        arguments,
         [
             ca.vertcat(*(nexts[name] for name in names)),
             limited,
@@ -118,6 +120,8 @@ def write(
         flags=(Flag("saturated", "the output stands at its limit"),),
         stages=(Scalar(stage, signals),),
         rest=_rest(request, wires),
+        first=ca.Function("first", arguments, [ca.vertcat(*first.values())]) if pid.differentiates else None,
+        opening="started" if pid.differentiates else "",
     )
 
 
@@ -130,9 +134,10 @@ def _unlimited(
     y: ca.SX,
     error: ca.SX,
     nexts: dict[str, ca.SX],
+    first: dict[str, ca.SX],
     named: dict[str, tuple[str, ca.SX]],
 ) -> ca.SX:
-    """Return v, and put the derivative's next state into `nexts`."""
+    """Return v, put the derivative's next state into `nexts`, and into `first` what it is in the first sample."""
     # r - y is written once, so that it is computed once
     weighted_b = error if _is(given.b, 1.0) else given.b * r - y
     weighted_c = (
@@ -151,12 +156,16 @@ def _unlimited(
         named["error"] = (wires.measurement.unit, error)
         terms.append(x["integral"] + given.half_step * error if pid.half_step else x["integral"])
     if pid.differentiates:
-        difference = ca.if_else(x["started"] > 0.5, weighted_c - x["last"], 0)
+        behind = x["filtered" if "filtered" in x else "last"]
+        held = ca.if_else(x["started"] > 0.5, behind, weighted_c)
+        difference = weighted_c - held
         derivative = given.slope * difference
         if "derivative" in x:
             derivative = given.forget * x["derivative"] + derivative
             nexts["derivative"] = derivative
-        nexts |= {"last": weighted_c, "started": ca.SX(1)}
+        nexts[behind.name()] = held + pid.follow * difference if pid.filters and "filtered" in x else weighted_c
+        nexts["started"] = ca.SX(1)
+        first |= {behind.name(): weighted_c, "started": ca.SX(1)}
         named["derivative_term"] = (wires.output.unit, derivative)
         terms.append(derivative)
     return sum(terms[1:], start=terms[0])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import functools
 import importlib
+import math
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from design.law import DesignError
 from identify.linear import Linear
 
 
@@ -27,6 +29,17 @@ class Gains:
     def filter_time(self) -> float:
         """Time constant of the derivative's filter where none is given, s: a tenth of Td = kd/kp."""
         return abs(self.kd / self.kp) / 10 if self.kp else 0.0
+
+
+def ideal(kc: float, ti: float, td: float, says: str) -> Gains:
+    """Return the gains of kc (1 + 1/(ti s) + td s), times in s; ti = 0 is no integral.
+
+    Raises DesignError where a gain is not finite.
+    """
+    gains = (kc, kc / ti if ti > 0 else 0.0, kc * td)
+    if not all(math.isfinite(gain) for gain in gains):
+        raise DesignError(f"{says}: gives no finite gains; check the plant's parameters")
+    return Gains(float(gains[0]), float(gains[1]), float(gains[2]), says)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from design.law import DesignError
-from design.process import Process, ZeroPole, half_rule, process, zero_pole
+from design.process import Process, half_rule, natural_period, process, zero_pole
 from design.table import choice, positive, real
 from design.tuning import Gains, Rule
 from identify.linear import Linear
@@ -40,7 +40,7 @@ def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:
     full = process(plant, period)
     second = half_rule(full, 2)
     lag2 = second.lags[-1] if second.lags and len(second.lags) + second.integrators == 2 else 0.0
-    natural = _natural_period(plant, full)
+    natural = natural_period(plant, full)
     usual = "pid" if second.integrators >= 2 or lag2 > second.delay or natural > 0 else "pi"
     terms = choice(table, "terms", usual, ("pi", "pid"))
     model = second if terms == "pid" else half_rule(full, 1)
@@ -90,16 +90,6 @@ def simc_pair(model: Process, natural: float, tau_c: float) -> Gains:
     """
     ki = 1 / (model.gain * (tau_c + model.delay))
     return Gains(float(ki * sum(model.lags)), float(ki), float(ki * natural**2), _says(model, tau_c))
-
-
-def _natural_period(plant: ZeroPole, full: Process) -> float:
-    """Return 1/w of the complex pair that makes the two longest lags, in s; 0 where these are not a pair."""
-    pairs = [pole for pole in plant.poles if pole.imag > 0]
-    slowest = max(pairs, key=lambda pole: (-1 / pole).real, default=None)
-    if slowest is None or full.integrators or len(full.lags) < 2:
-        return 0.0
-    lag = (-1 / slowest).real
-    return 1 / abs(slowest) if max(abs(lag - kept) for kept in full.lags[:2]) < 1e-6 * lag else 0.0
 
 
 def _says(model: Process, tau_c: float) -> str:

@@ -9,7 +9,6 @@
 #define MOST_STUCK 6   /* coordinates that may stick */
 #define LEVELS 44
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
-#define LONGEST 0.3    /* rate of change of N, times the step */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
 
 enum { ADD, LEVEL, FACTOR, OUTPUT };
@@ -45,9 +44,12 @@ typedef struct {
     const double *before;                /* m: the input before the first segment */
     const int *reads, *read_row, *read_output; /* reads: segments + 2 offsets; output -1: all */
     double step;                         /* s: the longest tabulated length */
-    nominal_t rate, reading;
+    nominal_t rate, reading, bent; /* bent: an effort that is not linear */
     slope_t slope;
     const double *p;
+    double longest;                      /* rate of change of N, times the step */
+    int turns;                           /* 0: waves per turn follow the simulated angle */
+    const double *turn_time, *turn;      /* s, rad: the angle they follow instead */
 } problem_t;
 
 typedef struct {

@@ -30,13 +30,33 @@ static double dot(int n, const double *a, const double *x) {
     return sum;
 }
 
+/* The angle at time t, straight between the rows. */
+static double turned(const problem_t *k, double t) {
+    const double span = k->turn_time[k->turns - 1] - k->turn_time[0];
+    int row = (int)((t - k->turn_time[0]) / span * (k->turns - 1));
+    row = row < 0 ? 0 : (row > k->turns - 2 ? k->turns - 2 : row);
+    while (row > 0 && k->turn_time[row] > t) {
+        --row;
+    }
+    while (row < k->turns - 2 && k->turn_time[row + 1] < t) {
+        ++row;
+    }
+    const double share = (t - k->turn_time[row]) / (k->turn_time[row + 1] - k->turn_time[row]);
+    return k->turn[row] + share * (k->turn[row + 1] - k->turn[row]);
+}
+
 static view_t look(const run_t *run, const double *x, const double *u, double t) {
     const problem_t *k = run->k;
     view_t v = {.x = x, .u = u[0], .t = t, .begin = run->begin, .m = run->m};
     v.w = k->speed >= 0 ? x[k->speed] : 0.0;
     v.th = k->position >= 0 ? x[k->position] : 0.0;
+    v.turn = k->turns > 1 ? turned(k, t) : v.th;
     v.i = form(k->current, k->n, x, k->m, u);
-    v.effort = form(k->effort, k->n, x, k->m, u);
+    if (k->bent != NULL) {
+        k->bent(x, u, k->p, &v.effort);
+    } else {
+        v.effort = form(k->effort, k->n, x, k->m, u);
+    }
     for (int c = 0; c < k->coordinates; ++c) {
         if (k->coordinate[c].what == FRICTION && k->coordinate[c].row == k->speed) {
             v.s = run->s[c];

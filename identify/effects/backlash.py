@@ -27,8 +27,13 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
+    widest = 0.2 if site.rotary else math.inf  # rad: gears have no more, however far they turn
     return tuple(
-        (gap * scales.travel, share * scales.inertia, *_flanks(share * scales.inertia / (1.0 + share), tone))
+        (
+            min(gap * scales.travel, gap * 100.0 * widest),
+            share * scales.inertia,
+            *_flanks(share * scales.inertia / (1.0 + share), tone),
+        )
         for gap in (0.001, 0.01)
         for share in (0.3, 1.0)
         for tone in (2.0 * math.pi * 0.03 / scales.step, 2.0 * math.pi * 0.1 / scales.step)

@@ -40,11 +40,11 @@ EFFECT = Effect(
     codes=(
         (
             "eccentric_angle",
-            """    return v->y + q[0] * sin(v->th + q[1]);""",
+            """    return v->y + q[0] * sin(v->turn + q[1]);""",
         ),
         (
             "eccentric_speed",
-            """    return v->y + q[0] * cos(v->th + q[1]) * v->w;""",
+            """    return v->y + q[0] * cos(v->turn + q[1]) * v->w;""",
         ),
     ),
     switches=(0,),

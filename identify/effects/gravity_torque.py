@@ -40,7 +40,7 @@ EFFECT = Effect(
     codes=(
         (
             "gravity",
-            """    return -q[0] * sin(v->th + q[1]);""",
+            """    return -q[0] * sin(v->turn + q[1]);""",
         ),
     ),
     switches=(0,),

@@ -15,7 +15,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((0.95 * scales.level, 0.3), (0.8 * scales.level, 0.3))
+    return tuple((share * scales.level, 0.3) for share in (0.95, 0.8, 0.65, 0.5))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

@@ -8,15 +8,20 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.kind import Constant, Kind, equations
+from identify.kind import Constant, Kind, equations, may_be, moving_balance
 from identify.plant import Parameter, Plant
 from identify.signal import Signal
 
 
 def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
-    """Write the equations; `gain` is in output units per input unit."""
+    """Write the equations; `gain` is in output units per input unit.
+
+    A speed that lags is a torque balance, T dx/dt = gain u - x - (friction, drag, load), all in output units.
+    """
     state, command, constants = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 3)
     gain, lag, _ = ca.vertsplit(constants)
+    per = ca.Function("per", [constants], [1.0 / lag])
+    effort = equations("effort", state, command, constants, gain * command)
     return Plant(
         kind=KIND.name,
         states=outputs,
@@ -26,6 +31,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         rate=equations("rate", state, command, constants, (gain * command - state) / lag),
         reading=equations("reading", state, command, constants, state),
         delay="delay_s",
+        balances=(moving_balance(outputs[0], 0, -1, per, effort),) if may_be(outputs[0], "speed") else (),
     )
 
 

@@ -8,18 +8,24 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.kind import Constant, Kind, equations
+from identify.kind import Constant, Kind, equations, may_be, moving_balance
 from identify.plant import Parameter, Plant
 from identify.signal import Signal
 
 
 def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
-    """Write the equations as two states, the output and its slope; `gain` is in output units per input unit."""
+    """Write the equations as two states, the output and its slope; `gain` is in output units per input unit.
+
+    A position that lags is a torque balance, x'' / wn^2 = gain u - x - 2 zeta x' / wn - (friction, springs, load), all
+    in output units.
+    """
     state, command, constants = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 4)
     gain, frequency, damping, _ = ca.vertsplit(constants)
     place, slope = ca.vertsplit(state)
     bend = frequency**2 * (gain * command - place) - 2.0 * damping * frequency * slope
     (output,) = outputs
+    per = ca.Function("per", [constants], [frequency**2])
+    effort = equations("effort", state, command, constants, gain * command)
     unit = f"{output.unit}/s" if output.unit else ""
     return Plant(
         kind=KIND.name,
@@ -30,6 +36,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         rate=equations("rate", state, command, constants, ca.vertcat(slope, bend)),
         reading=equations("reading", state, command, constants, place),
         delay="delay_s",
+        balances=(moving_balance(output, 1, 0, per, effort),) if may_be(output, "position") else (),
     )
 
 

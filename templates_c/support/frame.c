@@ -35,7 +35,7 @@ size_t frame_find_zero(const uint8_t *bytes, size_t begin, size_t end) {
     return at;
 }
 
-uint32_t frame_crc32(const uint8_t *bytes, size_t count) {
+uint32_t frame_crc32(uint32_t crc, const uint8_t *bytes, size_t count) {
     static const uint32_t table[256] = {
         0x00000000UL, 0x77073096UL, 0xEE0E612CUL, 0x990951BAUL, 0x076DC419UL, 0x706AF48FUL, 0xE963A535UL, 0x9E6495A3UL,
         0x0EDB8832UL, 0x79DCB8A4UL, 0xE0D5E91EUL, 0x97D2D988UL, 0x09B64C2BUL, 0x7EB17CBDUL, 0xE7B82D07UL, 0x90BF1D91UL,
@@ -70,20 +70,20 @@ uint32_t frame_crc32(const uint8_t *bytes, size_t count) {
         0xBDBDF21CUL, 0xCABAC28AUL, 0x53B39330UL, 0x24B4A3A6UL, 0xBAD03605UL, 0xCDD70693UL, 0x54DE5729UL, 0x23D967BFUL,
         0xB3667A2EUL, 0xC4614AB8UL, 0x5D681B02UL, 0x2A6F2B94UL, 0xB40BBE37UL, 0xC30C8EA1UL, 0x5A05DF1BUL, 0x2D02EF8DUL,
     };
-    uint32_t crc = 0xFFFFFFFFUL;
+    uint32_t state = ~crc;
     size_t i = 0;
     while (count - i >= 4U) {
-        crc ^= load_4(bytes + i);
-        crc = (crc >> 8) ^ table[crc & 0xFFU];
-        crc = (crc >> 8) ^ table[crc & 0xFFU];
-        crc = (crc >> 8) ^ table[crc & 0xFFU];
-        crc = (crc >> 8) ^ table[crc & 0xFFU];
+        state ^= load_4(bytes + i);
+        state = (state >> 8) ^ table[state & 0xFFU];
+        state = (state >> 8) ^ table[state & 0xFFU];
+        state = (state >> 8) ^ table[state & 0xFFU];
+        state = (state >> 8) ^ table[state & 0xFFU];
         i += 4U;
     }
     for (; i < count; i++) {
-        crc = (crc >> 8) ^ table[(crc ^ bytes[i]) & 0xFFU];
+        state = (state >> 8) ^ table[(state ^ bytes[i]) & 0xFFU];
     }
-    return ~crc;
+    return ~state;
 }
 
 size_t frame_stuff(const uint8_t *bytes, size_t count, uint8_t *block) {
@@ -152,27 +152,26 @@ bool frame_open(uint8_t *block, size_t count, fl_message_t *message) {
     }
     message->type = block[0];
     message->sequence = block[1];
-    message->length = (uint16_t)((uint16_t)block[2] | ((uint16_t)block[3] << 8));
+    message->length = size - FRAME_HEADER - FRAME_TRAILER;
+    message->crc = read_u32(block + size - FRAME_TRAILER);
     message->payload = block + FRAME_HEADER;
-    if (size != FRAME_HEADER + (size_t)message->length + FRAME_TRAILER) {
-        return false;
-    }
-    return read_u32(block + size - FRAME_TRAILER) == frame_crc32(block, size - FRAME_TRAILER);
+    return true;
 }
 
-size_t frame_seal(uint8_t *frame, size_t headroom, uint8_t type, uint8_t sequence, uint16_t length) {
+bool frame_whole(const fl_message_t *message, uint32_t bound) {
+    return frame_crc32(bound, message->payload - FRAME_HEADER, FRAME_HEADER + message->length) == message->crc;
+}
+
+size_t frame_seal(uint8_t *frame, size_t headroom, uint8_t type, uint8_t sequence, size_t length, uint32_t bound) {
     uint8_t *const message = frame + headroom;
-    const size_t covered = FRAME_HEADER + (size_t)length;
+    const size_t covered = FRAME_HEADER + length;
     message[0] = type;
     message[1] = sequence;
-    message[2] = (uint8_t)(length & 0xFFU);
-    message[3] = (uint8_t)(length >> 8);
-    const uint32_t crc = frame_crc32(message, covered);
+    const uint32_t crc = frame_crc32(bound, message, covered);
     for (uint32_t i = 0; i < FRAME_TRAILER; i++) {
         message[covered + i] = (uint8_t)((crc >> (8U * i)) & 0xFFU);
     }
-    frame[0] = 0U;
-    const size_t stuffed = frame_stuff(message, covered + FRAME_TRAILER, frame + 1);
-    frame[1U + stuffed] = 0U;
-    return stuffed + 2U;
+    const size_t stuffed = frame_stuff(message, covered + FRAME_TRAILER, frame);
+    frame[stuffed] = 0U;
+    return stuffed + 1U;
 }

@@ -22,8 +22,9 @@ size_t image_take(uint8_t *bytes);
 void image_reset(void) {
     tiny_init(&controller);
     reply_size = 0;
-    sequence = 0;
     session = 0;
+    exchange = 0;
+    bound = 0;
     kept = 0;
     said_count = 0;
     overhead = ticks_of_nothing();

@@ -27,8 +27,10 @@ COMMAND = "firmloop generate motor_pid.toml"
 def written(arithmetic: str, folder: Path) -> Program:
     program = lower(pid(FULL), arithmetic)
     bundle = emit(program, COMMAND)
-    inputs, trace = golden(program)
-    write_files({**bundle.files, **package(program, bundle, COMMAND, inputs, trace.outputs, trace.status)}, folder)
+    inputs, settings, trace = golden(program)
+    write_files(
+        {**bundle.files, **package(program, bundle, COMMAND, inputs, settings, trace.outputs, trace.status)}, folder
+    )
     return program
 
 
@@ -55,7 +57,7 @@ def test_the_vector_test_passes_and_catches_a_wrong_gain(arithmetic: str, tmp_pa
 @pytest.mark.parametrize("arithmetic", ARITHMETICS)
 def test_the_vectors_are_what_the_reference_computes(arithmetic: str, tmp_path: Path) -> None:
     program = written(arithmetic, tmp_path)
-    inputs, trace = golden(program)
+    inputs, _, trace = golden(program)
     with (tmp_path / "vectors.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert list(rows[0]) == ["start", "reference", "measurement", "output", "status"]

@@ -110,8 +110,8 @@ def test_two_inputs_in_file_order_are_reference_and_measurement():
         ({"kp": 1.0}, []),
         ({"kp": 1.0, "ki": 2.0}, ["integral"]),
         ({"kp": 1.0, "tt_s": 0.1}, ["integral"]),
-        ({"kp": 1.0, "kd": 0.1, "tf_s": 0.0}, ["last", "started"]),
-        ({"kp": 1.0, "ki": 2.0, "kd": 0.1}, ["integral", "derivative", "last", "started"]),
+        ({"kp": 1.0, "kd": 0.1, "tf_s": 0.0}, ["filtered", "started"]),
+        ({"kp": 1.0, "ki": 2.0, "kd": 0.1}, ["integral", "filtered", "started"]),
     ],
 )
 def test_state_only_where_it_is_needed(table, state):

@@ -45,7 +45,7 @@ def test_what_only_adds_comfort_is_no_failure(
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    assert "not here: pip install pyocd" in said and "everything is here" in said
+    assert "not here: pip install pyocd" in said and "everything needed is here; of what adds to it, not here: " in said
 
 
 def test_a_port_that_may_not_be_used_is_told(

@@ -16,16 +16,33 @@ from verify.host import FLAGS
 
 STYLES = {"fixed": Number("fixed", 32, 0), "float32": Number("float", 32, 0), "float64": Number("float", 64, 0)}
 KINDS = {"fixed": "i8", "float32": "f4", "float64": "f8"}
-SHIFTED = {"shr", "shl", "mul_shift"}
+SHIFTED = {"shr", "asr", "shl", "mul_shift"}
+WIDE = {"acc", "mac", "high"}  # of 64-bit sums
 TRUTHS = {"and", "or", "not"}
-LOGIC_OK = {"fixed": set(OPERATIONS), "float32": set(OPERATIONS) - SHIFTED, "float64": set(OPERATIONS) - SHIFTED}
+LOGIC_OK = {
+    style: {name for name, operation in OPERATIONS.items() if style in operation.c}
+    - WIDE
+    - (SHIFTED if style != "fixed" else set())
+    for style in STYLES
+}
 WORD = 2**31
 CORNERS = [0, 1, -1, 2, -2, 3, -3, 2**15, -(2**15), 2**16 - 1, 2**30, -(2**30), 2**31 - 1, -(2**31), -(2**31) + 1]
 FLOAT_CORNERS = [0.0, -0.0, 1.0, -1.0, 1e-45, -1e-45, 5e-324, 3.4e38, -3.4e38, 1.7e308, np.inf, -np.inf, np.nan, 0.1]
 
 
+WIDE_SUM = """\
+void wide_sum(int32_t start, const int32_t *a, const int32_t *b, uint32_t n, uint32_t s, int32_t *out);
+void wide_sum(int32_t start, const int32_t *a, const int32_t *b, uint32_t n, uint32_t s, int32_t *out)
+{
+    int64_t sum = fl_acc_i64(start, s);
+    for (uint32_t i = 0; i < n; i++) { sum = fl_mac_i64(sum, a[i], b[i]); }
+    *out = fl_high_i32(sum, s);
+}
+"""
+
+
 def arity(name: str) -> int:
-    return OPERATIONS[name].c["fixed"].count("{")
+    return next(iter(OPERATIONS[name].c.values())).count("{")
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +68,7 @@ def library() -> ctypes.CDLL:
             head = f"void {style}_{name}({arguments}, {result} *out, uint32_t n)"
             body = f"for (uint32_t i = 0; i < n; i++) {{ out[i] = {form.format(*values)}; }}"
             text.append(f"{head};\n{head}\n{{\n{body}\n}}")
+    text.append(WIDE_SUM)
     files = {
         "ops.c": "\n".join(text) + "\n",
         "fl_fixed.h": text_of("support/fl_fixed.h"),
@@ -98,7 +116,7 @@ def check_fixed(library: ctypes.CDLL, name: str, rows: list[tuple[int, ...]], sh
     np.testing.assert_array_equal(call(library, "fixed", name, columns), np.array(expected))
 
 
-@pytest.mark.parametrize("name", sorted(OPERATIONS))
+@pytest.mark.parametrize("name", sorted(LOGIC_OK["fixed"]))
 def test_fixed_corners(library: ctypes.CDLL, name: str) -> None:
     random = np.random.default_rng(1)
     n = arity(name)
@@ -116,6 +134,48 @@ def test_multiply_shift_is_round_half_up(library: ctypes.CDLL, a: int, b: int, s
     if -WORD <= result < WORD:
         columns = [np.array([a], "i4"), np.array([b], "i4"), np.array([s], "u4")]
         assert call(library, "fixed", "mul_shift", columns)[0] == result
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.integers(-WORD, WORD - 1),
+    st.lists(st.tuples(*[st.integers(-WORD, WORD - 1)] * 2), max_size=4),
+    st.integers(1, 62),
+)
+def test_a_sum_of_products_is_rounded_once(
+    library: ctypes.CDLL, start: int, products: list[tuple[int, int]], s: int
+) -> None:
+    sums = np.cumsum([start * 2**s + 2 ** (s - 1), *(a * b for a, b in products)], dtype=object)
+    result = int(sums[-1]) // 2**s
+    if all(-(2**63) <= total < 2**63 for total in (start * 2**s, *sums)) and -WORD <= result < WORD:
+        ops = {name: OPERATIONS[name].run for name in WIDE}
+        total = ops["acc"](np.int64(start), s)
+        for a, b in products:
+            total = ops["mac"](total, np.int64(a), np.int64(b))
+        assert int(ops["high"](total, s)) == result
+        columns = [np.array([p[k] for p in products], "i4") for k in range(2)]
+        out = ctypes.c_int32()
+        library.wide_sum(
+            ctypes.c_int32(start),
+            *(c.ctypes.data_as(ctypes.c_void_p) for c in columns),
+            ctypes.c_uint32(len(products)),
+            ctypes.c_uint32(s),
+            ctypes.byref(out),
+        )
+        assert out.value == result
+
+
+@pytest.mark.parametrize("name", sorted(WIDE))
+def test_the_bounds_of_a_wide_sum_are_exact(name: str) -> None:
+    bound, run = OPERATIONS[name].bound, OPERATIONS[name].run
+    for low, high, other in ((-7, 5, 3), (2, 9, 11), (-(2**30), 2**31 - 1, 31)):
+        rest = (other,) if name != "mac" else ((-3, 4), (other, other))
+        ends = [
+            run(x, *extra)
+            for x in (low, high)
+            for extra in ([(other,)] if name != "mac" else [(-3, other), (4, other)])
+        ]
+        assert bound((low, high), *rest) == (min(ends), max(ends))
 
 
 @pytest.mark.parametrize("style", ["float32", "float64"])
@@ -144,7 +204,7 @@ def test_float_bits(library: ctypes.CDLL, style: str, name: str) -> None:
         np.testing.assert_array_equal(got, expected)
 
 
-@pytest.mark.parametrize("name", sorted(set(OPERATIONS) - SHIFTED - {"select"}))
+@pytest.mark.parametrize("name", sorted(LOGIC_OK["fixed"] - SHIFTED - {"select"}))
 def test_bounds_hold_every_result(name: str) -> None:
     """The interval rule contains what the operation gives at and inside its corners."""
     random = np.random.default_rng(3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import struct
 import subprocess
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from verify.links.stream import DescriptorStream, Stream
 
 C_TESTS = Path(__file__).parents[1] / "c"
 GAIN = 2.0
+DICE = random.Random(0)
 PROGRAM, BUNDLE = tiny(GAIN)
 TARGET = load_target("qemu_mps2_an386")
 
@@ -56,7 +58,7 @@ def start_host_image(image: Path) -> tuple[DescriptorStream, subprocess.Popen[by
 
 
 def link_to(stream: Stream) -> FramedLink:
-    return FramedLink(stream, "test line", PROGRAM.id, timeout=0.05, attempts=40)
+    return FramedLink(stream, "test line", PROGRAM.id, timeout=0.05, attempts=400, draw=DICE.randbytes)
 
 
 def expected(a: np.ndarray, b: np.ndarray, total: float) -> tuple[np.ndarray, float]:

@@ -14,7 +14,7 @@ from verify.checker import ProofError, check_proof
 
 def document(arithmetic: str, table: str = "full") -> dict[str, Any]:
     law = pid(TABLES[table])
-    return json.loads(json.dumps(proof(lower(law, arithmetic), law.why)))
+    return json.loads(json.dumps(proof(lower(law, arithmetic), law.reasons)))
 
 
 @pytest.mark.parametrize("arithmetic", ["fixed32", "fixed16"])
@@ -29,24 +29,32 @@ def test_random_laws_are_proven_again() -> None:
     for seed in range(1):
         law = random_law(np.random.default_rng(seed))
         program = lower(law, "fixed32")
-        checked = check_proof(json.loads(json.dumps(proof(program, law.why))))
+        checked = check_proof(json.loads(json.dumps(proof(program, law.reasons))))
         assert checked is not None and checked.operations == len(program.body)
 
 
 def test_floating_point_makes_no_claim_on_words() -> None:
     law = pid(FULL)
-    assert check_proof(proof(lower(law, "float32"), law.why)) is None
+    assert check_proof(proof(lower(law, "float32"), law.reasons)) is None
 
 
 def named(found: dict[str, Any], function: str) -> dict[str, Any]:
     return next(o for o in found["operations"] if o["function"] == function)
 
 
-@pytest.mark.parametrize("function", ["add", "sub", "mul_shift", "max", "clamp", "select", "shl"])
+@pytest.mark.parametrize("function", ["acc", "mac", "high", "sub", "max", "clamp", "select", "shl"])
 def test_a_range_claimed_too_small_is_refused(function: str) -> None:
     found = document("fixed32")
     named(found, function)["high"] -= 1
     with pytest.raises(ProofError):
+        check_proof(found)
+
+
+def test_a_state_that_is_not_set_yet_is_read_by_its_test_alone() -> None:
+    found = document("fixed32")
+    assert found["unset"] == "filtered"
+    named(found, "shl")["arguments"][0] = "self.filtered"
+    with pytest.raises(ProofError, match=r"reads self\.filtered, which may not be set yet"):
         check_proof(found)
 
 

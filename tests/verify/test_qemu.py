@@ -30,6 +30,7 @@ from verify.links.uart import open_qemu_uart
 pytestmark = pytest.mark.qemu
 
 Opener = Callable[[Target, Path, str], FramedLink]
+PATIENCE = 60.0  # s, for what comes at once on a machine with time to spare
 OPENERS: dict[str, Opener] = {"semihosting": open_semihosting, "uart": open_qemu_uart}
 
 
@@ -129,7 +130,11 @@ def test_image_of_another_program_is_refused(images: dict[str, Image], link_name
     assert not emulators()
 
 
-def test_qemu_that_is_killed_is_noticed_at_once(images: dict[str, Image], link_name: str) -> None:
+def test_qemu_that_is_killed_is_noticed_at_once(
+    images: dict[str, Image], link_name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(semihosting, "TIMEOUT", 10 * PATIENCE)
+    monkeypatch.setattr(uart, "QEMU_TIMEOUT", 10 * PATIENCE)
     with OPENERS[link_name](TARGET, images[link_name].elf, PROGRAM.id) as link:
         link.reset()
         (process,) = emulators()
@@ -137,7 +142,7 @@ def test_qemu_that_is_killed_is_noticed_at_once(images: dict[str, Image], link_n
         begin = time.monotonic()
         with pytest.raises(LinkError, match="QEMU ended with status -9; run again"):
             link.step(ONE_STEP(1.0, 0.0), 1)
-        assert time.monotonic() - begin < 3.0
+        assert time.monotonic() - begin < PATIENCE
     with OPENERS[link_name](TARGET, images[link_name].elf, PROGRAM.id) as link:
         assert struct.unpack("<fII", link.step(ONE_STEP(1.0, 0.0), 1))[0] == 1.0
 
@@ -171,7 +176,7 @@ def test_qemu_goes_with_its_host(images: dict[str, Image], link_name: str, tmp_p
         assert host.stdout is not None and host.stdout.read(4) == b"open"
         (folder,) = tmp_path.glob("firmloop.*")
         host.kill()
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + PATIENCE
     while running_in(folder) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not running_in(folder)
@@ -194,7 +199,7 @@ def test_a_file_that_is_no_image(tmp_path: Path, link_name: str) -> None:
     begin = time.monotonic()
     with pytest.raises(LinkError, match=r"QEMU"):
         OPENERS[link_name](TARGET, broken, PROGRAM.id)
-    assert time.monotonic() - begin < 15.0
+    assert time.monotonic() - begin < PATIENCE
     assert not emulators()
 
 
@@ -218,19 +223,18 @@ def test_a_fault_is_reported_with_its_registers(tmp_path: Path, link_name: str, 
     assert not emulators()
 
 
-def test_a_step_that_never_ends_is_given_up(tmp_path: Path, link_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(semihosting, "TIMEOUT", 0.3)
-    monkeypatch.setattr(uart, "QEMU_TIMEOUT", 0.3)
+def test_a_step_that_never_ends_is_given_up(tmp_path: Path, link_name: str) -> None:
     source = SOURCE.format(gain="2.0F").replace(
         "self->total + in->a;", "self->total + in->a;\n    while (in->a > 1.0F) {\n    }"
     )
     image = build_image(firmware(PROGRAM, tiny_bundle(PROGRAM, source), TARGET, link_name), TARGET, tmp_path)
     with OPENERS[link_name](TARGET, image.elf, PROGRAM.id) as link:
         link.step(ONE_STEP(0.5, 0.0), 1)
+        link._timeout = 0.3
         begin = time.monotonic()
         with pytest.raises(LinkError, match=r"no reply within 2 attempts of 0\.3 s"):
             link.step(ONE_STEP(2.0, 0.0), 1)
-        assert time.monotonic() - begin < 3.0
+        assert time.monotonic() - begin < PATIENCE
     assert not emulators()
 
 

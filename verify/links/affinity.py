@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -19,12 +20,11 @@ def share_one_processor() -> Callable[[], None]:
     before = os.sched_getaffinity(thread)
     # Field 39 of proc(5) stat, counted from the closing parenthesis of the name, is the processor.
     processor = int(Path("/proc/thread-self/stat").read_text().rpartition(")")[2].split()[36])
-    os.sched_setaffinity(thread, {processor})
+    with suppress(OSError):  # a container may forbid it, and it is only for speed
+        os.sched_setaffinity(thread, {processor})
 
     def undo() -> None:
-        try:
+        with suppress(OSError):  # the thread that opened the link may have ended
             os.sched_setaffinity(thread, before)
-        except ProcessLookupError:
-            pass  # the thread that opened the link has ended
 
     return undo

@@ -13,19 +13,22 @@ from verify.frame import (
     HELLO,
     NAK,
     NAK_DAMAGED,
-    NAK_SEQUENCE,
+    NAK_SESSION,
     PROTOCOL_VERSION,
     REASONS,
+    REFUSAL,
     REPLY,
     RESET,
     STACK,
     STEP,
     FrameError,
+    binding,
+    checksum,
     seal,
     unseal,
 )
 from verify.links import Hello, LinkError
-from verify.links.stream import Stream
+from verify.links.stream import PipeStream, Stream
 
 _HELLO = struct.Struct("<IHHHHI16s")
 _DEPTH = struct.Struct("<I")
@@ -44,6 +47,7 @@ class FramedLink:
         timeout: float,
         attempts: int,
         clock: Callable[[], float] = time.monotonic,
+        draw: Callable[[int], bytes] = os.urandom,
     ) -> None:
         """Greet the far end and check that it runs the program `program_id`; close the stream if that fails.
 
@@ -57,6 +61,8 @@ class FramedLink:
             how often a request without a reply is sent
         clock
             tells the time in s by which replies are late
+        draw
+            returns so many random bytes, for the number of the session
         """
         self._stream = stream
         self._where = where
@@ -65,8 +71,10 @@ class FramedLink:
         self._clock = clock
         self._pending = b""  # what came after the last zero byte
         self._blocks: list[bytes] = []  # complete blocks nobody looked at yet
-        self._sequence = os.urandom(1)[0]
-        self._session = os.urandom(4)
+        self._session = draw(4)
+        self._number = -1  # of the last exchange
+        self._bound = 0
+        self._pipe = stream if isinstance(stream, PipeStream) else None
         try:
             self._hello = self._greet(program_id)
         except BaseException:
@@ -138,48 +146,61 @@ class FramedLink:
         return Hello(found_id, in_bytes, out_bytes, steps_max, overhead)
 
     def _exchange(self, kind: int, payload: bytes) -> bytes:
-        self._sequence = sequence = (self._sequence + 1) & 0xFF
-        frame = seal(kind, sequence, payload)
-        self._stream.write(frame)
+        self._number = number = (self._number + 1) & 0xFFFFFFFF
+        sequence = number & 0xFF
+        if not sequence:
+            self._bound = binding(int.from_bytes(self._session, "little"), number)
         begin = self._clock()
-        data = self._stream.read(self._timeout)
+        data = None
+        if self._pipe is not None and kind != HELLO and not self._blocks and not self._pending:
+            whole, data = self._pipe.exchange(kind, sequence, self._bound, payload, self._timeout)
+            if whole is not None:
+                return whole
+        if data is None:
+            frame = seal(kind, sequence, payload, self._bound)
+            self._stream.write(b"\0" + frame if kind == HELLO else frame)
+            data = self._stream.read(self._timeout)
         # Nearly always one whole frame comes at once: spare it the general way, which costs as much as all the rest.
-        if data.count(0) == 2 and data[0] == 0 == data[-1] and not self._blocks and not self._pending:
+        if data.find(0) == len(data) - 1 and data and not self._blocks and not self._pending:
             try:
-                found, number, reply = unseal(data[1:-1])
+                found, answered, reply = unseal(data[:-1], self._bound)
             except FrameError:
                 found = NAK
-            if found == kind | REPLY and number == sequence and kind != HELLO:
+            if found == kind | REPLY and answered == sequence and kind != HELLO:
                 return reply
         self._take(data)
-        return self._converse(kind, sequence, frame, begin)
+        return self._converse(kind, sequence, payload, begin)
 
-    def _converse(self, kind: int, sequence: int, frame: bytes, begin: float) -> bytes:
+    def _converse(self, kind: int, sequence: int, payload: bytes, begin: float) -> bytes:
         """Wait for the reply to a request first sent at `begin`, sending it again as often as allowed."""
+        again = b"\0" + seal(kind, sequence, payload, self._bound)
+        crc = checksum(kind, sequence, payload, self._bound)
         for attempt in range(self._attempts):
             if attempt:
-                self._stream.write(frame)
+                self._stream.write(again)
                 begin = self._clock()
             deadline = begin + self._timeout
-            damaged = False
+            damaged = disowned = False
             while (message := self._receive(deadline)) is not None:
-                found, number, reply = message
-                if found == kind | REPLY and number == sequence and self._is_ours(kind, reply):
+                found, answered, reply = message
+                if found == kind | REPLY and answered == sequence and self._is_ours(kind, reply):
                     return reply
                 if found != NAK:
                     continue  # a late reply to an earlier request
-                reason = reply[0] if reply else 0
-                if reason == NAK_DAMAGED:
-                    # It may speak of noise before our request, whose reply then comes behind it; and one such noise
-                    # may be many blocks. So the request is sent again once, and when nothing else is at hand.
-                    if not damaged and not self._blocks:
-                        damaged = True
-                        self._stream.write(frame)
-                elif number == sequence:
+                reason, refused = REFUSAL.unpack(reply) if len(reply) == REFUSAL.size else (NAK_DAMAGED, 0)
+                if refused == crc and reason != NAK_DAMAGED:
                     raise LinkError(self._refusal(reason))
+                disowned |= refused == crc
+                # It may speak of noise before our request, whose reply then comes behind it; and one such noise may
+                # be many blocks. So the request is sent again once, and when nothing else is at hand.
+                if not damaged and not self._blocks:
+                    damaged = True
+                    self._stream.write(again)
+        if disowned:
+            raise LinkError(self._refusal(NAK_SESSION))
         raise LinkError(
             f"{self._where}: no reply within {self._attempts} attempts of {self._timeout:g} s: check that the image "
-            "runs, the baud rate and the wiring"
+            "runs, the baud rate, the wiring, and that this version of firmloop built the image"
         )
 
     def _is_ours(self, kind: int, reply: bytes) -> bool:
@@ -187,20 +208,21 @@ class FramedLink:
         return kind != HELLO or reply[:4] == self._session
 
     def _refusal(self, reason: int) -> str:
-        if reason == NAK_SEQUENCE:
+        if reason == NAK_SESSION:
             return f"{self._where}: the image knows nothing of this session: it was reset on the way; run again"
         return f"{self._where}: the image refused a request ({REASONS.get(reason, reason)}): rebuild the image"
 
     def _receive(self, deadline: float) -> tuple[int, int, bytes] | None:
-        """Return the next whole message, or None at the deadline; what is damaged is passed over."""
+        """Return the next whole message, or None at the deadline; what is damaged stands for a NAK."""
         while True:
             while self._blocks:
                 block = self._blocks.pop(0)
                 try:
-                    return unseal(block)
+                    return unseal(block, self._bound)
                 except FrameError:
                     if block.startswith(b"FAULT "):
                         raise LinkError(f"{self._where}: the image faulted: {_printable(block)}") from None
+                    return NAK, 0, b""
             left = deadline - self._clock()
             if left <= 0:
                 return None

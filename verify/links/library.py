@@ -22,7 +22,7 @@ class LibraryLink:
         except OSError as error:
             raise LinkError(f"the library of {program.name} cannot be loaded: {error}") from None
         self._program = program
-        self._in_bytes = sum(v.number.bits // 8 for v in program.inputs)
+        self._in_bytes = sum(v.number.bits // 8 for v in (*program.inputs, *program.parameters))
         self._record = sum(v.number.bits // 8 for v in program.outputs) + 8
         self._library.host_state_bytes.restype = ctypes.c_uint32
         self._memory = ctypes.create_string_buffer(self._library.host_state_bytes())

@@ -1,20 +1,25 @@
 """Watch a controller that runs by itself: ask for signals, take the samples as they come, count what was lost.
 
 request            payload                     reply type = request type | 0x80, same sequence
-HELLO 0x41         none                        protocol u32, steps u32, late steps u32, lost samples u32,
+HELLO 0x41         ticket u32                  ticket u32, protocol u32, steps u32, late steps u32, lost samples u32,
                                                members u32, program id (16 characters)
-WATCH 0x42         mask u32, every u32         the same; from now on, every so many steps, the members of the mask
+WATCH 0x42         ticket u32, mask u32,       the same; from now on, every so many steps, the members of the mask
+                   every u32
 DATA  0x40         (comes unasked)             lost samples u32 since WATCH, steps u32, then per sample:
                                                step u32 and the members, packed, in order
 
 Framing is that of verify/frame.py; the image's half is templates_c/live.c.j2. Requests may be repeated without harm.
+The host draws a ticket for every request. What is late is not mistaken: a reply repeats its request's ticket, and the
+CRC of DATA goes on from that of exchange 0 in a session that has the ticket of the WATCH in force as its number.
 """
 
 from __future__ import annotations
 
+import os
 import struct
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -23,18 +28,19 @@ import numpy as np
 
 from codegen.target import Target
 from quantize.program import Program, Value
-from verify.frame import REPLY, FrameError, seal, unseal
+from verify.frame import REPLY, FrameError, binding, seal, unseal
 from verify.links import LinkError
 from verify.links.stream import Stream
 from verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
 from verify.reference import Raw, element_type
 
 DATA, HELLO, WATCH = 0x40, 0x41, 0x42
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 STATUS = "status"
 _HELLO = struct.Struct("<5I16s")
 _WATCH = struct.Struct("<2I")
 _HEAD = struct.Struct("<2I")
+_TICKET = 4  # bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +68,8 @@ class LiveLink:
         self._stream, self._where, self._program = stream, where, program
         self._timeout, self._attempts = timeout, attempts
         self._sequence = 0
+        self._ticket = bytes(_TICKET)  # of the last request
+        self._bound = 0  # CRC that DATA of the watch in force goes on from
         self._pending = b""
         self._data: list[bytes] = []
         self._kind: np.dtype[np.void] | None = None
@@ -92,6 +100,7 @@ class LiveLink:
         members = watchable(self._program)
         mask = sum(1 << number for number, name in enumerate(members) if name in names)
         self._ask(WATCH, _WATCH.pack(mask, every), _WATCH.size)
+        self._bound = binding(int.from_bytes(self._ticket, "little"), 0)
         self._data.clear()
         fields = [(name, kind) for name, kind in members.items() if name in names]
         self._kind = np.dtype([("step", "<u4"), *fields])
@@ -111,7 +120,7 @@ class LiveLink:
     def close(self) -> None:
         """Ask for silence, if the line still carries it, and let go; the controller runs on."""
         try:
-            self._stream.write(seal(WATCH, self._sequence, _WATCH.pack(0, 1)))
+            self._stream.write(b"\0" + seal(WATCH, self._sequence, self._ticket + _WATCH.pack(0, 1)))
         except LinkError:
             pass  # the line has gone, and with it those who could hear
         self._stream.close()
@@ -126,14 +135,16 @@ class LiveLink:
 
     def _ask(self, kind: int, payload: bytes, size: int) -> bytes:
         self._sequence = (self._sequence + 1) & 0xFF
-        request = seal(kind, self._sequence, payload)
+        self._ticket = os.urandom(_TICKET)
+        request = b"\0" + seal(kind, self._sequence, self._ticket + payload)
         for _ in range(self._attempts):
             self._stream.write(request)
             deadline = time.monotonic() + self._timeout
             while (left := deadline - time.monotonic()) > 0:
                 for found, number, reply in self._take(self._stream.read(left)):
-                    if found == kind | REPLY and number == self._sequence and len(reply) == size:
-                        return reply
+                    if (found, number, reply[:_TICKET]) == (kind | REPLY, self._sequence, self._ticket):
+                        if len(reply) == _TICKET + size:
+                            return reply[_TICKET:]
         raise LinkError(
             f"{self._where}: no reply within {self._attempts} attempts of {self._timeout:g} s: check that a live image "
             "runs (firmloop flash ... --live FILE.c), the baud rate and the wiring"
@@ -145,14 +156,14 @@ class LiveLink:
         self._pending = blocks.pop()[-4096:]
         replies = []
         for block in blocks:
-            try:
-                message = unseal(block) if block else None
-            except FrameError:
-                continue
-            if message is not None and message[0] == DATA:
-                self._data.append(message[2])
-            elif message is not None:
-                replies.append(message)
+            for bound in (self._bound, 0) if block else ():
+                with suppress(FrameError):
+                    message = unseal(block, bound)
+                    if message[0] != DATA:
+                        replies.append(message)
+                    elif bound:
+                        self._data.append(message[2])
+                    break
         return replies
 
 

@@ -17,7 +17,7 @@ from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import open_serial
 from verify.links.uart import DEFAULT_BAUD, QEMU_ATTEMPTS, QEMU_TIMEOUT
 
-OPENING = 10.0  # s until QEMU must have said which terminal it took; it takes some 0.1 s
+OPENING = 60.0  # s until QEMU must have said which terminal it took; it takes some 0.1 s
 
 
 def open_qemu_pty(target: Target, elf: Path, program_id: str) -> FramedLink:

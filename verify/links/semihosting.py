@@ -18,7 +18,7 @@ from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import PipeStream
 
-OPENING = 10.0  # s until the image must have opened its pipe; it takes some 0.1 s
+OPENING = 60.0  # s until the image must have opened its pipe; it takes some 0.1 s
 TIMEOUT = 5.0  # s for the reply to one attempt; a dead QEMU is noticed at once
 ATTEMPTS = 2
 

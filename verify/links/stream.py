@@ -16,7 +16,9 @@ from typing import Protocol
 
 import serial
 
+from identify.compiler import ToolError
 from verify.links import LinkError
+from verify.links.exchange import Exchange
 
 CHUNK = 1 << 13  # bytes asked for at once; a larger buffer costs more to get than it saves
 ALARM_PERIOD = 0.1  # s between looks of the alarm
@@ -127,6 +129,9 @@ class PipeStream(DescriptorStream):
         """Take over the descriptors, as DescriptorStream does; `own_input` is the path of the pipe behind `reader`."""
         super().__init__(reader, writer, timeout, fate, release)
         self._begun = False
+        self._exchange: Exchange | None = None
+        with suppress(ToolError):  # without a compiler it is slower, and that is all
+            self._exchange = Exchange(reader, writer)
         self._own_input = own_input
         self._due = math.inf  # when the alarm goes off, by time.monotonic()
         self._closed = threading.Event()
@@ -151,8 +156,20 @@ class PipeStream(DescriptorStream):
             raise LinkError(self._fate())
         return data
 
+    def exchange(
+        self, kind: int, sequence: int, bound: int, payload: bytes, timeout: float
+    ) -> tuple[bytes | None, bytes | None]:
+        """Send one request and read its reply at once, as verify.links.exchange says; (None, None) if it cannot."""
+        if self._exchange is None or not self._begun:
+            return None, None
+        self._due = time.monotonic() + timeout
+        found = self._exchange(kind, sequence, bound, payload)
+        self._due = math.inf
+        return found
+
     def close(self) -> None:
         """Release everything; a second call does nothing."""
+        self._exchange = None
         self._closed.set()
         if self._alarm is not threading.current_thread():
             self._alarm.join()

@@ -9,54 +9,46 @@
 #include "fl_fixed.h"
 
 /* The state must have the layout that was verified. */
-typedef char motor_pid_assert_layout[(sizeof(motor_pid_t) == 16U) ? 1 : -1];
+typedef char motor_pid_assert_layout[(sizeof(motor_pid_t) == 8U) ? 1 : -1];
 
 void motor_pid_init(motor_pid_t *self)
 {
     self->integral = 0;
-    self->derivative = 0;
-    self->last = 0;
-    self->started = 0;
+    self->filtered = (-2147483647 - 1);
 }
 
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
-    const int32_t reference = fl_clamp_i32(in->reference, -838860800, 838860800); /* rad/s, Q21, -400 to 400 */
-    const int32_t reference_outside = (in->reference != reference) ? 1 : 0; /* truth */
-    const int32_t measurement = fl_clamp_i32(in->measurement, -838860800, 838860800); /* rad/s, Q21, -400 to 400 */
-    const int32_t measurement_outside = (in->measurement != measurement) ? 1 : 0; /* truth */
-    const int32_t error = reference - measurement; /* rad/s, Q21, -800 to 800 */
-    const int32_t t1 = fl_mul_shift_i32(error, 24051817, 32U); /* Q23, -1.12 to 1.12 */
-    const int32_t t2 = self->integral + t1; /* Q23, -70.7182 to 70.7182 */
-    const int32_t t3 = fl_shl_i32(reference, 1U); /* Q22, -400 to 400 */
-    const int32_t t4 = fl_mul_shift_i32(t3, 1503238554, 32U); /* Q21, -280 to 280 */
-    const int32_t t5 = t4 - measurement; /* Q21, -680 to 680 */
-    const int32_t proportional = fl_mul_shift_i32(t5, 858993459, 32U); /* V, Q23, -34 to 34 */
-    const int32_t t6 = proportional + self->integral; /* Q23, -103.598 to 103.598 */
-    const int32_t t7 = fl_shl_i32(self->derivative, 1U); /* Q24, -35.2582 to 35.2582 */
-    const int32_t t8 = fl_mul_shift_i32(t7, 1952257862, 32U); /* Q23, -32.0529 to 32.0529 */
-    const int32_t t9 = (1 < self->started) ? 1 : 0; /* truth */
-    const int32_t t10 = fl_mul_shift_i32(reference, 858993459, 32U); /* Q21, -80 to 80 */
-    const int32_t last_new = t10 - measurement; /* rad/s, Q21, -480 to 480 */
-    const int32_t t11 = last_new - self->last; /* Q21, -964.8 to 964.8 */
-    const int32_t t12 = fl_mul_shift_i32(t11, 624722516, 32U); /* Q23, -35.0836 to 35.0836 */
-    const int32_t t13 = (t9 != 0) ? t12 : 0; /* Q23, -35.0836 to 35.0836 */
-    const int32_t derivative_term = t8 + t13; /* V, Q23, -67.1365 to 67.1365 */
-    const int32_t unlimited = t6 + derivative_term; /* V, Q23, -170.735 to 170.735 */
-    const int32_t t14 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 170.735 */
-    const int32_t output_limited = fl_min_i32(t14, 100663296); /* V, Q23, -12 to 12 */
-    const int32_t t15 = output_limited - unlimited; /* Q23, -182.735 to 182.735 */
-    const int32_t t16 = fl_mul_shift_i32(t15, 85899346, 32U); /* Q23, -3.65469 to 3.65469 */
-    const int32_t integral_new = t2 + t16; /* V, Q23, -74.3729 to 74.3729 */
+    const int32_t fresh = (self->filtered == (-2147483647 - 1)) ? 1 : 0; /* truth */
+    const int64_t t1 = fl_acc_i64(0, 32U); /* Q51, 9.53674e-07 to 9.53674e-07 */
+    const int64_t t2 = fl_mac_i64(t1, in->reference, 107374182); /* Q51, -102.4 to 102.4 */
+    const int64_t t3 = fl_mac_i64(t2, in->measurement, -536870912); /* Q51, -614.4 to 614.4 */
+    const int32_t t4 = fl_high_i32(t3, 32U); /* Q19, -614.4 to 614.4 */
+    const int32_t t5 = (fresh != 0) ? t4 : self->filtered; /* Q19, -614.4 to 614.4 */
+    const int64_t t6 = fl_acc_i64(self->integral, 32U); /* Q55, -128 to 128 */
+    const int64_t t7 = fl_mac_i64(t6, in->reference, 363119962); /* Q55, -149.644 to 149.644 */
+    const int64_t t8 = fl_mac_i64(t7, in->measurement, -741857987); /* Q55, -193.862 to 193.862 */
+    const int32_t t9 = fl_shl_i32(t5, 1U); /* Q20, -614.4 to 614.4 */
+    const int64_t t10 = fl_mac_i64(t8, t9, -1249445032); /* Q55, -216.204 to 216.204 */
+    const int32_t unlimited = fl_high_i32(t10, 32U); /* V, Q23, -216.204 to 216.204 */
+    const int32_t t11 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 216.204 */
+    const int32_t output_limited = fl_min_i32(t11, 100663296); /* V, Q23, -12 to 12 */
+    const int32_t t12 = output_limited - unlimited; /* Q23, -228.204 to 228.204 */
+    const int64_t t13 = fl_mac_i64(t6, in->reference, 12025908); /* Q55, -128.717 to 128.717 */
+    const int64_t t14 = fl_mac_i64(t13, in->measurement, -12025908); /* Q55, -129.434 to 129.434 */
+    const int64_t t15 = fl_mac_i64(t14, t12, 85899346); /* Q55, -133.998 to 133.998 */
+    const int32_t integral_new = fl_high_i32(t15, 32U); /* V, Q23, -133.998 to 133.998 */
+    const int64_t t16 = fl_acc_i64(t5, 32U); /* Q51, -614.4 to 614.4 */
+    const int64_t t17 = fl_mac_i64(t16, t5, -390451572); /* Q51, -670.255 to 670.255 */
+    const int64_t t18 = fl_mac_i64(t17, in->reference, 9761289); /* Q51, -679.564 to 679.564 */
+    const int64_t t19 = fl_mac_i64(t18, in->measurement, -48806447); /* Q51, -726.109 to 726.109 */
+    const int32_t filtered_new = fl_high_i32(t19, 32U); /* rad/s, Q19, -726.109 to 726.109 */
     const int32_t saturated = (output_limited != unlimited) ? 1 : 0; /* truth */
-    const int32_t integral_next = fl_clamp_i32(integral_new, -583831864, 583831864); /* V, Q23, -69.5982 to 69.5982 */
-    const int32_t derivative_next = fl_clamp_i32(derivative_term, -295767066, 295767066); /* V, Q23, -35.2582 to 35.2582 */
-    const int32_t started_next = 2; /* 1, Q1, 1 to 1 */
+    const int32_t integral_next = fl_clamp_i32(integral_new, -1073741824, 1073741823); /* V, Q23, -128 to 128 */
+    const int32_t filtered_next = fl_clamp_i32(filtered_new, -268435456, 268435455); /* rad/s, Q19, -512 to 512 */
 
     out->output = output_limited;
     self->integral = integral_next;
-    self->derivative = derivative_next;
-    self->last = last_new;
-    self->started = started_next;
-    return (uint32_t)saturated | ((uint32_t)reference_outside << 1U) | ((uint32_t)measurement_outside << 2U);
+    self->filtered = filtered_next;
+    return (uint32_t)saturated;
 }

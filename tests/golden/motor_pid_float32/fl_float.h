@@ -5,6 +5,8 @@
 #ifndef FL_FLOAT_H
 #define FL_FLOAT_H
 
+#include <stdint.h>
+
 static inline float fl_min_f32(float a, float b)
 {
     return (a < b) ? a : b;
@@ -17,7 +19,27 @@ static inline float fl_max_f32(float a, float b)
 
 static inline float fl_clamp_f32(float x, float low, float high)
 {
-    return fl_min_f32(fl_max_f32(x, low), high);
+    return (x >= low) ? ((x > high) ? high : x) : low;
+}
+
+/* Whether fl_clamp changes `x`, or `x` is not a number. */
+static inline int32_t fl_outside_f32(float x, float low, float high)
+{
+    return (x >= low) ? ((x > high) ? 1 : 0) : 1;
+}
+
+/* Whether `a` is not a number, or infinite. */
+static inline int32_t fl_lost_f32(float a)
+{
+    const float none = a - a;
+    return (none == none) ? 0 : 1;
+}
+
+/* Not a number: what a controller holds until its first sample. */
+static inline float fl_unset_f32(void)
+{
+    const float zero = 0.0F;
+    return zero / zero;
 }
 
 static inline float fl_abs_f32(float a)
@@ -37,7 +59,27 @@ static inline double fl_max_f64(double a, double b)
 
 static inline double fl_clamp_f64(double x, double low, double high)
 {
-    return fl_min_f64(fl_max_f64(x, low), high);
+    return (x >= low) ? ((x > high) ? high : x) : low;
+}
+
+/* Whether fl_clamp changes `x`, or `x` is not a number. */
+static inline int32_t fl_outside_f64(double x, double low, double high)
+{
+    return (x >= low) ? ((x > high) ? 1 : 0) : 1;
+}
+
+/* Whether `a` is not a number, or infinite. */
+static inline int32_t fl_lost_f64(double a)
+{
+    const double none = a - a;
+    return (none == none) ? 0 : 1;
+}
+
+/* Not a number: what a controller holds until its first sample. */
+static inline double fl_unset_f64(void)
+{
+    const double zero = 0.0;
+    return zero / zero;
 }
 
 static inline double fl_abs_f64(double a)

@@ -9,50 +9,42 @@
 #include "fl_float.h"
 
 /* The state must have the layout that was verified. */
-typedef char motor_pid_assert_layout[(sizeof(motor_pid_t) == 16U) ? 1 : -1];
+typedef char motor_pid_assert_layout[(sizeof(motor_pid_t) == 8U) ? 1 : -1];
 
 void motor_pid_init(motor_pid_t *self)
 {
-    self->integral = 0.0F;
-    self->derivative = 0.0F;
-    self->last = 0.0F;
-    self->started = 0.0F;
+    self->integral = fl_unset_f32();
+    self->filtered = 0.0F;
 }
 
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
-    const float reference = fl_clamp_f32(in->reference, -400.0F, 400.0F); /* rad/s, -400 to 400 */
-    const int32_t reference_outside = (in->reference != reference) ? 1 : 0; /* truth */
-    const float measurement = fl_clamp_f32(in->measurement, -400.0F, 400.0F); /* rad/s, -400 to 400 */
-    const int32_t measurement_outside = (in->measurement != measurement) ? 1 : 0; /* truth */
-    const float error = reference - measurement; /* rad/s, -800 to 800 */
-    const float t1 = 0.0014F * error; /* -1.12 to 1.12 */
-    const float t2 = self->integral + t1; /* -70.7182 to 70.7182 */
-    const float t3 = 0.7F * reference; /* -280 to 280 */
-    const float t4 = t3 - measurement; /* -680 to 680 */
-    const float proportional = 0.05F * t4; /* V, -34 to 34 */
-    const float t5 = proportional + self->integral; /* -103.598 to 103.598 */
-    const float t6 = 0.90909094F * self->derivative; /* -32.0529 to 32.0529 */
-    const int32_t t7 = (0.5F < self->started) ? 1 : 0; /* truth */
-    const float t8 = 0.2F * reference; /* -80 to 80 */
-    const float last_new = t8 - measurement; /* rad/s, -480 to 480 */
-    const float t9 = last_new - self->last; /* -964.8 to 964.8 */
-    const float t10 = 0.036363635F * t9; /* -35.0836 to 35.0836 */
-    const float t11 = (t7 != 0) ? t10 : 0.0F; /* -35.0836 to 35.0836 */
-    const float derivative_term = t6 + t11; /* V, -67.1365 to 67.1365 */
-    const float unlimited = t5 + derivative_term; /* V, -170.735 to 170.735 */
-    const float t12 = fl_max_f32(unlimited, -12.0F); /* -12 to 170.735 */
-    const float output_limited = fl_min_f32(t12, 12.0F); /* V, -12 to 12 */
-    const float t13 = output_limited - unlimited; /* -182.735 to 182.735 */
-    const float t14 = 0.02F * t13; /* -3.6547 to 3.6547 */
-    const float integral_new = t2 + t14; /* V, -74.3729 to 74.3729 */
-    const int32_t saturated = (output_limited != unlimited) ? 1 : 0; /* truth */
-    const float started_next = 1.0F; /* 1, 1 to 1 */
+    const int32_t fresh = fl_lost_f32(self->integral); /* truth */
+    const float t1 = 0.2F * in->reference; /* -80 to 80 */
+    const float t2 = t1 - in->measurement; /* -480 to 480 */
+    const float t3 = (fresh != 0) ? 0.0F : self->integral; /* -69.5982 to 69.5982 */
+    const float t4 = (fresh != 0) ? t2 : self->filtered; /* -484.8 to 484.8 */
+    const float error = in->reference - in->measurement; /* rad/s, -800 to 800 */
+    const float t5 = 0.0014F * error; /* -1.12 to 1.12 */
+    const float t6 = t3 + t5; /* -70.7182 to 70.7182 */
+    const float t7 = 0.7F * in->reference; /* -280 to 280 */
+    const float t8 = t7 - in->measurement; /* -680 to 680 */
+    const float proportional = 0.05F * t8; /* V, -34 to 34 */
+    const float t9 = proportional + t3; /* -103.598 to 103.598 */
+    const float t10 = t2 - t4; /* -964.8 to 964.8 */
+    const float derivative_term = 0.036363635F * t10; /* V, -35.0836 to 35.0836 */
+    const float unlimited = t9 + derivative_term; /* V, -138.682 to 138.682 */
+    const float output_limited = fl_clamp_f32(unlimited, -12.0F, 12.0F); /* V, -12 to 12 */
+    const float t11 = output_limited - unlimited; /* -150.682 to 150.682 */
+    const float t12 = 0.02F * t11; /* -3.01364 to 3.01364 */
+    const float t13 = t6 + t12; /* -73.7318 to 73.7318 */
+    const int32_t saturated = fl_outside_f32(unlimited, -12.0F, 12.0F); /* truth */
+    const float integral_new = (saturated != 0) ? t13 : t6; /* V, -73.7318 to 73.7318 */
+    const float t14 = 0.09090909F * t10; /* -87.7091 to 87.7091 */
+    const float filtered_new = t4 + t14; /* rad/s, -572.509 to 572.509 */
 
     out->output = output_limited;
     self->integral = integral_new;
-    self->derivative = derivative_term;
-    self->last = last_new;
-    self->started = started_next;
-    return (uint32_t)saturated | ((uint32_t)reference_outside << 1U) | ((uint32_t)measurement_outside << 2U);
+    self->filtered = filtered_new;
+    return (uint32_t)saturated;
 }

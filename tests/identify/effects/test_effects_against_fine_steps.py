@@ -236,7 +236,9 @@ def speed_or_disc(label: str, name: str) -> bool:
 
 
 def test_every_effect_of_a_motor_has_a_case(motor: Superset) -> None:
-    assert set(effects()) - set(CASES) == {"overflow"}, "tanks have a test of their own"
+    assert set(effects()) - set(CASES) == {"overflow", "capacitor_ageing"}, (
+        "tanks and capacitors have tests of their own"
+    )
     assert {name.partition(".")[0] for name in motor.names if "." in name} == set(CASES)
 
 

@@ -1,0 +1,89 @@
+"""How often is a true parameter inside its 95 % interval? Noisy repeats of simulated steps with known truth.
+
+    python -m bench.coverage [REPEATS]
+
+Right is 93 to 97 % of 500.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+
+from identify.condition import NONE
+from identify.fit import fit, interval95
+from identify.kinds import make_plant
+from identify.recording import make_recording
+from identify.simulate import simulate
+
+FIXED = {"value": 0.0, "free": False}
+CASES = {  # kind, truth, step, noise, seconds, rows
+    "L3510, first order": (
+        "first_order",
+        {"gain": 0.79, "time_constant_s": 0.2, "delay_s": FIXED},
+        115.0,
+        2.0,
+        1.5,
+        600,
+    ),
+    "L3510, second order": (
+        "second_order",
+        {"gain": 0.789, "natural_frequency_rad_s": 6.0, "damping_ratio": 0.8, "delay_s": FIXED},
+        115.0,
+        2.0,
+        3.0,
+        600,
+    ),
+    "delay and zero": (
+        "process",
+        {
+            "gain": 2.0,
+            "time_constant_s": 0.5,
+            "second_time_constant_s": 0.1,
+            "zero_time_constant_s": 0.25,
+            "delay_s": 0.052,
+        },
+        5.0,
+        0.1,
+        4.0,
+        600,
+    ),
+    "RE 15, second order": (
+        "second_order",
+        {"gain": 55.0, "natural_frequency_rad_s": 400.0, "damping_ratio": 1.6, "delay_s": FIXED},
+        12.0,
+        8.0,
+        0.06,
+        600,
+    ),
+}
+
+
+def coverage(name: str, repeats: int) -> dict[str, float]:
+    """Share of the repeats whose interval holds the truth, by free parameter."""
+    kind, truth, level, noise, span, rows = CASES[name]
+    plant = make_plant(kind, "voltage_V", ["speed_rad_s"], truth)
+    moments = np.linspace(0.0, span, rows)
+    drive = np.where(moments >= 0.05 * span, level, 0.0)
+    clean = simulate(plant, make_recording(moments, {"voltage_V": drive}, "truth", ""), None)[:, 0]
+    free = [p.name for p in plant.parameters if p.free]
+    hits = dict.fromkeys(free, 0)
+    for seed in range(repeats):
+        noisy = clean + np.random.default_rng(seed).normal(0.0, noise, rows)
+        found = fit(plant, [make_recording(moments, {"voltage_V": drive, "speed_rad_s": noisy}, "", "")], [], NONE)
+        for parameter, true in zip(found.plant.parameters, plant.parameters, strict=True):
+            if parameter.name in hits:
+                ends = interval95(parameter)
+                hits[parameter.name] += ends is not None and ends[0] <= true.value <= ends[1]
+    return {key: count / repeats for key, count in hits.items()}
+
+
+if __name__ == "__main__":
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 500
+    for title in CASES:
+        began = time.perf_counter()
+        shares = coverage(title, count)
+        words = ", ".join(f"{key} {share:.1%}" for key, share in shares.items())
+        print(f"{title}: {words} ({count} repeats, {time.perf_counter() - began:.0f} s)", flush=True)

@@ -1,0 +1,223 @@
+"""Show with z3 that a changed line of generated C cannot change what the controller does.
+
+Both expressions are read as bit-vectors (fixed point) or IEEE floats and compared over all values their operands can
+have: those of the proven ranges. These arguments are tried:
+
+1. the line's value is the same;
+2. it is not, but every line that reads it, and every line of the next step that reads the state it is stored in, is;
+3. nor is every such line, but the outputs, the status and the state that the rest of the step makes of it are;
+4. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
+
+The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
+within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
+here. An answer that z3 does not find in time counts as no.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import z3
+
+from codegen.view import statement
+from quantize.program import Op, Program
+
+if TYPE_CHECKING:
+    from bench.mutants import Mutant
+
+WIDE = 64
+TIMEOUT = 10_000  # ms
+ROOM = 0.005  # of a state's range, that it provably keeps from its limits
+FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
+LINE = re.compile(r"\s*const (\w+) (\w+) = (.*);")
+
+
+def equivalent(program: Program, mutant: Mutant) -> str | None:
+    """Return why the mutant is equivalent; None where that is not shown."""
+    meaning = _Meaning(program)
+    first = re.match(r"\s*self->(\w+) = (.*);", mutant.before)
+    if first is not None and any(v.name == first[1] for v in program.state):
+        return _at_the_start(program, meaning, first[1], mutant)
+    before, after = LINE.match(mutant.before), LINE.match(mutant.after)
+    if before is None or after is None or before[1] != after[1] or before[2] != after[2]:
+        return None
+    name = before[2]
+    try:
+        old, new = meaning.value(before[3], {}), meaning.value(after[3], {})
+        if meaning.same(old, new):
+            return "the same value on the proven range, by z3"
+        stored = [a.target for a in program.next_state if a.source == name]
+        read = [op for op in program.body if any(a in (name, *(f"self.{s}" for s in stored)) for a in op.arguments)]
+        outward = {a.source for a in program.results} | {b.source for b in program.status}
+        if name in outward or (not read and not stored):
+            return None
+        if not stored and _same_step(program, meaning, name, old, new):
+            return "outputs, status and state after the step are the same on the proven ranges, by z3"
+        for op in read:
+            text = statement(op, program).partition(" = ")[2]
+            places = {name: (old, new), **{f"self.{s}": (old, new) for s in stored}}
+            one = meaning.value(text, {place: pair[0] for place, pair in places.items()})
+            other = meaning.value(text, {place: pair[1] for place, pair in places.items()})
+            if not meaning.same(one, other):
+                return None
+        return "every line that reads it has the same value on the proven ranges, by z3"
+    except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
+        return None  # a text that is no expression of ours
+
+
+def _same_step(program: Program, meaning: _Meaning, name: str, old: Any, new: Any) -> bool:
+    """Compare what the rest of the step makes of both values of `name`."""
+    pair: list[dict[str, Any]] = [{name: old}, {name: new}]
+    for op in program.body:
+        if any(argument in pair[0] for argument in op.arguments):
+            text = statement(op, program).partition(" = ")[2]
+            for given in pair:
+                given[op.result.name] = meaning.value(text, given)
+    ends = [*program.results, *program.next_state, *program.status]
+    reached = {end.source for end in ends if end.source in pair[0]}
+    return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))
+
+
+def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutant) -> str | None:
+    """Compare the first step with the state that init() sets and with what the mutant leaves there."""
+    changed = re.match(r"\s*self->(\w+) = (.*);", mutant.after)
+    starts = {v.name: meaning.number(repr(x)) for v, x in zip(program.state, program.start, strict=True)}
+    if starts[state] is None or not mutant.before.strip().endswith(";"):
+        return None
+    try:
+        left = meaning.value(changed[2], {}) if changed is not None else meaning.unknown(state)
+        if changed is not None and changed[1] != state:
+            return None
+        ends = []
+        for other in (starts[state], left):
+            given = {f"self.{name}": value for name, value in starts.items()} | {f"self.{state}": other}
+            for op in program.body:
+                given[op.result.name] = z3.simplify(meaning.value(statement(op, program).partition(" = ")[2], given))
+            sources = [a.source for a in (*program.next_state, *program.results)] + [b.source for b in program.status]
+            ends.append([given[source] for source in sources])
+    except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
+        return None
+    if all(meaning.same(one, other) for one, other in zip(*ends, strict=True)):
+        return "the first step does the same, whatever stands there, by z3"
+    return None
+
+
+class _Meaning:
+    """The C expressions of one program as terms of z3."""
+
+    def __init__(self, program: Program) -> None:
+        self.fixed = program.arithmetic.startswith("fixed")
+        self.sort = FLOATS.get(program.arithmetic)
+        self.ranges: dict[str, tuple[float, float]] = {}
+        for value in program.inputs:
+            half = 2.0 ** (value.number.bits - 1)
+            self.ranges[f"in.{value.name}"] = (-half, half - 1) if self.fixed else (-math.inf, math.inf)
+        for value in program.state:
+            self.ranges[f"self.{value.name}"] = (value.low, value.high)
+        if program.unset is not None:  # it may hold the least integer, or no number, besides
+            high = self.ranges[f"self.{program.unset}"][1]
+            self.ranges[f"self.{program.unset}"] = (-(2.0**31), high) if self.fixed else (-math.inf, math.inf)
+        for op in program.body:
+            self.ranges[op.result.name] = (op.result.low, op.result.high)
+        self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
+        self.only: dict[str, tuple[float, float]] = {}  # state that is what init() set, or one constant
+        self._narrow_states(program)
+        self.assumed: list[Any] = []
+        self.symbols: dict[str, Any] = {}
+
+    def _narrow_states(self, program: Program) -> None:
+        writers = {op.result.name: op for op in program.body}
+        for store, start in zip(program.next_state, program.start, strict=True):
+            op = writers.get(store.source)
+            if op is not None and op.function == "copy" and not isinstance(op.arguments[0], str):
+                self.only[f"self.{store.target}"] = (start, op.arguments[0])
+            if op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
+                low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
+                least, most = self.ranges[op.arguments[0]]
+                self.ranges[op.arguments[0]] = (max(least, low), min(most, high))
+
+    def unknown(self, name: str) -> Any:
+        """Return what memory may hold before init()."""
+        return z3.SignExt(WIDE - 32, z3.BitVec(f"{name}?", 32)) if self.fixed else z3.FP(f"{name}?", self.sort)
+
+    def value(self, text: str, given: dict[str, Any]) -> Any:
+        """Return the term of a C expression; `given` puts terms in place of names."""
+        text = re.sub(r"\b(in|self)->(\w+)", r"\1_dot_\2", text.strip())
+        text = re.sub(r"^\(?(.*?)\)? \? (.*) : (.*)$", r"ite(\1, \2, \3)", text)
+        text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?(?:e[+-]?\d+)?)[UF]?\b", r"number('\1')", text)
+        names = set(re.findall(r"[A-Za-z_]\w*", re.sub(r"'[^']*'", "", text)))
+        scope: dict[str, Any] = dict(self._functions())
+        for name in names - set(scope):
+            plain = name.replace("_dot_", ".")
+            scope[name] = given[plain] if plain in given else self.symbol(plain)
+        return eval(text, {"__builtins__": {}}, scope)
+
+    def symbol(self, name: str) -> Any:
+        """Return the symbol of a value, and assume its range."""
+        if name not in self.symbols:
+            low, high = self.ranges[name]
+            if self.fixed or name in self.truths:
+                value = z3.BitVec(name, WIDE)
+                self.assumed += [value >= math.ceil(low), value <= math.floor(high)]
+                self.symbols[name] = value
+            else:
+                x = z3.FP(name, self.sort)
+                if math.isfinite(low) and math.isfinite(high):
+                    self.assumed += [z3.fpLEQ(self.number(repr(low)), x), z3.fpLEQ(x, self.number(repr(high)))]
+                self.symbols[name] = x
+            if name in self.only:
+                self.assumed.append(z3.Or([self.symbols[name] == self.number(repr(x)) for x in self.only[name]]))
+        return self.symbols[name]
+
+    def number(self, text: str) -> Any:
+        """Return the term of a literal."""
+        if self.fixed:
+            return z3.BitVecVal(int(float(text)), WIDE)
+        kind = np.float32 if self.sort == FLOATS["float32"] else np.float64
+        return z3.FPVal(float(kind(text)), self.sort)
+
+    def same(self, one: Any, other: Any) -> bool:
+        """Whether two terms are equal, bit for bit, under the assumptions."""
+        solver = z3.Solver()
+        solver.set("timeout", TIMEOUT)
+        if z3.is_bool(one) or z3.is_bool(other):
+            return False
+        solver.add(*self.assumed, one != other)
+        return bool(solver.check() == z3.unsat)
+
+    def _functions(self) -> dict[str, Any]:
+        one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
+
+        def least(a: Any, b: Any) -> Any:
+            return z3.If(a < b, a, b)
+
+        def most(a: Any, b: Any) -> Any:
+            return z3.If(a > b, a, b)
+
+        def ite(condition: Any, a: Any, b: Any) -> Any:
+            return z3.If(condition if z3.is_bool(condition) else condition != 0, a, b)
+
+        found: dict[str, Any] = {"number": self.number, "ite": ite}
+        found["fl_shl_i32"] = lambda a, s: a << s
+        found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
+        found["fl_asr_i32"] = lambda a, s: a >> s
+        found["fl_acc_i64"] = lambda a, s: (a << s) + (one << (s - 1))
+        found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
+        found["fl_high_i32"] = lambda acc, s: acc >> s
+        found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
+        for end in ("f32", "f64"):
+            found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
+            found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
+        for end in ("i32", "f32", "f64"):
+            found[f"fl_min_{end}"] = least
+            found[f"fl_max_{end}"] = most
+            found[f"fl_clamp_{end}"] = lambda x, low, high: least(most(x, low), high)
+            found[f"fl_abs_{end}"] = lambda a: z3.If(a < 0, -a, a)
+        return found
+
+
+def _is_truth(op: Op) -> bool:
+    return op.function in ("lt", "le", "eq", "ne", "and", "or", "not")

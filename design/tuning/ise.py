@@ -1,0 +1,7 @@
+"""ISE: the least integral of the squared error, within limits on Ms, noise and actuator (`pid_search.py`)."""
+
+from __future__ import annotations
+
+from design.error_integral import error_integral_rule
+
+RULE = error_integral_rule("ise", "least integral of the squared error within a sensitivity peak", lambda e, _: e * e)

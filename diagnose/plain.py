@@ -1,0 +1,192 @@
+"""Search by plain simulation error, where what a model leaves over is no noise but more of the same slow misfit.
+
+A noise model of long memory calls a slow misfit noise and looks at the quick rest, in which the physics may not show at
+all: a tank that runs over, a fan's drag. Here residuals count as they are, in as many independent samples as their
+autocorrelation leaves (Bartlett 1935), and an effect has to make the unseen recordings better too.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Cause, Point, Scene, first_point
+from diagnose.noise import Noise
+from diagnose.polish import polished
+from diagnose.rank import MOST_EFFECTS, Progress, Search
+from diagnose.refit import Fitted, fit
+from diagnose.rival import CONTAINS, Rival, unseen_residuals
+from diagnose.screen import Screened, ground, screen
+from identify.linear import linearize
+
+Array = NDArray[np.float64]
+
+_SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
+_CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
+_BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
+_TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
+_STARTS = 2  # points a fit begins from
+_SHORT, _LONG = 5, 15  # steps of a fit
+_THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
+_OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
+_SUMS = 0.5  # times the length of a recording: a pole nearer to zero keeps all that ever came in
+_PATIENCE = 25.0  # s of computing after which no further effect is looked for
+
+
+def believed(found: Search, progress: Progress) -> Search:
+    """Return the search by innovations, or one by simulation error where that predicts unseen recordings far better."""
+    scene = found.scene
+    slow = max(noise.rms / noise.scale for noise in found.best.noises)
+    if not scene.test or slow < _SLOW or _integrates(scene):
+        return found
+    plain = plain_search(scene, found, progress)
+    if not plain.best.fitted.causes:
+        return found
+    ratio = _size(plain.best.fitted.residuals, found.best.fitted.residuals)
+    unseen = _size(_unseen(scene, plain.best.fitted), _unseen(scene, found.best.fitted))
+    return plain if unseen < _CLEAR and ratio < 1.0 else found
+
+
+def _integrates(scene: Scene) -> bool:
+    """Tell whether the plant sums up what disturbs it: then simulations drift away, whatever the physics."""
+    rates = linearize(scene.plant).a
+    if not np.all(np.isfinite(rates)):
+        return False
+    span = max(float(recording.time[-1] - recording.time[0]) for recording in scene.train)
+    return bool(np.any(np.abs(np.linalg.eigvals(rates)) * span < _SUMS))
+
+
+def plain_search(scene: Scene, found: Search, progress: Progress) -> Search:
+    """Grow an explanation effect by effect, each the one after which the simulations miss least."""
+    progress(0.7, "looking for what moves slowly")
+    begun = time.process_time()
+    nominal = _nominal(scene, found)
+    best = nominal
+    rounds: list[tuple[Rival, ...]] = []
+    gains: list[float] = []
+    first: tuple[Screened, ...] = ()
+    while len(gains) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
+        noises = _independent(best.fitted.residuals)
+        screened = _screened(scene, best.fitted, noises)
+        first = first or screened
+        rivals = tuple(
+            each for each in _round(scene, best.fitted, screened, noises) if _same_machine(nominal.fitted, each.fitted)
+        )
+        if not rivals:
+            break
+        base, chosen = _rated(scene, best.fitted, noises), rivals[0]
+        train = _size(chosen.fitted.residuals, base.fitted.residuals)
+        test = _size(_unseen(scene, chosen.fitted), _unseen(scene, base.fitted))
+        rounds.append(rivals)
+        if base.score - chosen.score < _THRESHOLD or max(train, test) > _BETTER:
+            break
+        gains.append(base.score - chosen.score)
+        best = chosen
+        nominal = base if len(gains) == 1 else nominal
+    if gains:
+        finer = polished(scene, best.fitted, best.noises)
+        if _size(finer.residuals, best.fitted.residuals) < 1.0 and _same_machine(nominal.fitted, finer):
+            best = _rated(scene, finer, _independent(finer.residuals))
+    return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+
+
+def _same_machine(nominal: Fitted, fitted: Fitted) -> bool:
+    """Tell whether all nominal parameters that cannot vanish are near where the nominal plant was fitted."""
+    for each in nominal.coordinates:
+        if each.logarithmic:
+            one, other = (each.inner(which.point.values[each.name]) for which in (nominal, fitted))
+            if abs(one - other) > np.log(_OTHER):
+                return False
+    return True
+
+
+def _nominal(scene: Scene, found: Search) -> Rival:
+    noises = _independent(found.nominal.fitted.residuals)
+    starts = (found.nominal.fitted.point, first_point(scene, scene.train))
+    fits = [fit(scene, scene.train, (), start, _sizes(noises), _LONG) for start in starts]
+    best = min(fits, key=lambda each: each.cost)
+    return _rated(scene, best, noises)
+
+
+def _screened(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Screened, ...]:
+    causes = [cause for cause in scene.causes if cause not in base.causes]
+    (table,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], {})
+    return table
+
+
+def _round(scene: Scene, base: Fitted, screened: Sequence[Screened], noises: Sequence[Noise]) -> tuple[Rival, ...]:
+    """Fit the most promising causes from several points; the best are fitted to the end."""
+    trials = []
+    for each in screened[:_TRIED]:
+        starts = [each.start, *(s for s in scene.starts[each.cause.label] if dict(s) != dict(each.start))][:_STARTS]
+        fits = [
+            fit(scene, scene.train, *_extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts
+        ]
+        trials.append(min(fits, key=lambda one: one.cost))
+    trials.sort(key=lambda each: each.cost)
+    longer = [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _LONG) for each in trials[:_FINAL]]
+    return tuple(sorted((_rated(scene, each, noises) for each in longer), key=lambda each: each.score))
+
+
+def _extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
+    """Add a cause; a simpler one that it contains gives way."""
+    kept = tuple(each for each in base.causes if each.effect.name not in CONTAINS.get(cause.effect.name, ()))
+    gone = {key for each in base.causes if each not in kept for key in each.keys}
+    values = {key: value for key, value in base.point.values.items() if key not in gone}
+    return (*kept, cause), Point({**values, **start}, base.point.starts)
+
+
+def _rated(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Rival:
+    """Score by residual rms in independent samples, on train and test, with BIC's price of an unknown."""
+    score = 0.0
+    for residuals in (fitted.residuals, _unseen(scene, fitted)):
+        stacked = np.concatenate(residuals)
+        if not np.all(np.isfinite(stacked)):
+            return Rival(fitted, tuple(noises), np.inf)
+        for index, noise in enumerate(noises):
+            count = len(stacked) * (noise.rms / noise.scale) ** 2
+            score += count * float(np.log(np.mean(stacked[:, index] ** 2)))
+    rows = sum(len(part) * (noise.rms / noise.scale) ** 2 for part in fitted.residuals for noise in noises)
+    return Rival(fitted, tuple(noises), score + len(fitted.coordinates) * float(np.log(max(rows, 2.0))))
+
+
+def _unseen(scene: Scene, fitted: Fitted) -> tuple[Array, ...]:
+    """Return what is left of the test recordings; only their initial states are fitted."""
+    return unseen_residuals(scene, fitted, _independent(fitted.residuals))
+
+
+def _size(one: Sequence[Array], other: Sequence[Array]) -> float:
+    """Return the rms of one set of residuals over that of another, the mean over outputs of their squares."""
+    sizes = [np.mean(np.concatenate(parts) ** 2, axis=0) for parts in (one, other)]
+    ratio = float(np.sqrt(np.mean(sizes[0] / np.maximum(sizes[1], 1e-300))))
+    return ratio if np.isfinite(ratio) else np.inf
+
+
+def _independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
+    """Return white noise whose scale is that of the mean of independent samples: rms times sqrt(1 + 2 sum rho^2)."""
+    made = []
+    for index in range(residuals[0].shape[1]):
+        parts = [part[:, index] for part in residuals]
+        rms = max(float(np.sqrt(np.mean(np.concatenate(parts) ** 2))), 1e-30)
+        made.append(Noise(np.zeros(0), rms * float(np.sqrt(_memory(parts))), rms))
+    return tuple(made)
+
+
+def _sizes(noises: Sequence[Noise]) -> tuple[Noise, ...]:
+    """Return white noise of the same rms, every sample of which counts: what a fit minimizes."""
+    return tuple(Noise(noise.coefficients, noise.rms, noise.rms) for noise in noises)
+
+
+def _memory(parts: Sequence[Array]) -> float:
+    """Return 1 + 2 sum rho^2 over the lags up to where the autocorrelation first is negative."""
+    longest = max(parts, key=len)
+    size = 2 * len(longest)
+    power = np.abs(np.fft.rfft(longest, size)) ** 2
+    rho = np.fft.irfft(power, size)[: len(longest) // 2]
+    rho = rho / max(float(rho[0]), 1e-300)
+    below = np.flatnonzero(rho <= 0.0)
+    kept = rho[1 : below[0]] if len(below) else rho[1:]
+    return 1.0 + 2.0 * float(np.sum(kept**2))

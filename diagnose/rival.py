@@ -1,0 +1,99 @@
+"""A Rival: one explanation that was fitted to the end, and what makes one better than another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Point, Scene, full_start
+from diagnose.noise import Noise
+from diagnose.refit import Fitted, evidence, fit_starts, noises_of, residual_of
+
+Array = NDArray[np.float64]
+
+TIE = 10.0  # explanations closer than this in BIC are not told apart
+RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
+MINOR = 0.008  # of what the others explain: less may be the trace of how a model simplifies them
+_WIDER = 1.1  # ratio of residual rms from which an explanation is none
+
+# What contains what: the first has the second as a special case.
+CONTAINS: Mapping[str, tuple[str, ...]] = {
+    "stribeck_friction": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction",),
+    "presliding_friction": ("coulomb_friction",),
+    "backlash": ("flexible_coupling",),
+    "load_step": ("load_torque",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """One explanation with the noise it leaves."""
+
+    fitted: Fitted
+    noises: tuple[Noise, ...]
+    score: float  # BIC on train, and -2 log likelihood on test
+
+
+def rated(scene: Scene, fitted: Fitted) -> Rival:
+    """Score by each output's own innovations on train and, with that noise, on test."""
+    noises = noises_of(scene, fitted.residuals)
+    return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
+
+
+def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:
+    """Return -2 log likelihood of the test recordings but for a constant; only their initial states are fitted."""
+    total = 0.0
+    for residual in unseen_residuals(scene, fitted, noises):
+        if np.any(np.isnan(residual)):
+            return 1e9
+        for index, noise in enumerate(noises):
+            power = float(np.mean(noise.whiten(residual[:, index]) ** 2))
+            total += len(residual) * float(np.log(max(power, 1.0)) + 2.0 * np.log(noise.scale))
+    return total
+
+
+def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
+    """Return measured - simulated (n, r) of every test recording."""
+    starts = tuple(full_start(scene, recording) for recording in scene.test)
+    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
+    return tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
+
+
+def innovations(rival: Rival) -> tuple[Array, ...]:
+    """Return the whitened residuals (n,) of every train recording and output."""
+    return tuple(
+        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(rival.noises)
+    )
+
+
+def larger(rival: Rival, base: Rival) -> bool:
+    """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction."""
+    sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
+    return bool(np.min(sizes[0] / sizes[1]) > _WIDER)
+
+
+def containing(name: str) -> tuple[str, ...]:
+    """Return the effects that have the one called `name` as a special case."""
+    return tuple(rich for rich, simpler in CONTAINS.items() if name in simpler)
+
+
+def simplest(rivals: Sequence[Rival], without: float) -> Rival:
+    """Return the best; a simpler one that it contains wins where the richer one gains too little.
+
+    `without` is the score without either.
+    """
+    chosen = rivals[0]
+    for other in rivals[1:]:
+        last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
+        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < richer(without - other.score):
+            chosen = other
+    return chosen
+
+
+def richer(gain: float) -> float:
+    """Return what a richer effect must win over the simpler one that it contains, which had won `gain`."""
+    return max(RICHER, MINOR * gain)

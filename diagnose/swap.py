@@ -1,0 +1,88 @@
+"""Put one effect in the place of another: what it contains, what contains it, and what it is mistaken for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from diagnose.hypothesis import Cause, Point, Scene, entered
+from diagnose.refit import fit
+from diagnose.rival import CONTAINS, TIE, Rival, containing, larger, rated, richer
+
+_STARTS = 3  # from which one effect is tried in the place of another
+_SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
+_PATIENCE = 10.0  # s of computing after which nothing further is tried
+
+
+def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival, ...]]:
+    """Put what an effect is mistaken for in its place, one by one; return the best and all that was tried."""
+    tried: list[Rival] = []
+    seen = {frozenset(cause.label for cause in best.fitted.causes)}
+    begun = time.process_time()
+    for gone in best.fitted.causes:
+        names = {*gone.effect.confusable_with, *containing(gone.effect.name)}
+        for come in scene.causes:
+            if come in best.fitted.causes:
+                continue
+            mistaken = come.effect.name in names or gone.effect.name in come.effect.confusable_with
+            labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
+            if mistaken and labels not in seen and time.process_time() - begun < _PATIENCE:
+                seen.add(labels)
+                tried.append(_translated(scene, best, gone, come))
+    for winner in sorted(tried, key=lambda each: each.score):
+        newest = winner.fitted.names[-1]
+        held = any(name in CONTAINS.get(newest, ()) for name in best.fitted.names)
+        if best.score - winner.score > (richer(gain) if held else TIE) and not larger(winner, best):
+            return winner, (best, *tried)
+    return best, tuple(sorted(tried, key=lambda each: each.score))
+
+
+def reduced(scene: Scene, rich: Rival) -> list[Rival]:
+    """Fit what the newest effect contains, from the values that both have by the same name."""
+    newest = rich.fitted.causes[-1]
+    names = CONTAINS.get(newest.effect.name, ())
+    return [_translated(scene, rich, newest, cause) for cause in scene.causes if cause.effect.name in names]
+
+
+def enriched(scene: Scene, simple: Rival) -> list[Rival]:
+    """Fit what contains the newest effect, from the values that both have by the same name."""
+    newest = simple.fitted.causes[-1]
+    names = containing(newest.effect.name)
+    return [
+        _translated(scene, simple, newest, cause)
+        for cause in scene.causes
+        if cause.effect.name in names and _alike(newest, cause)
+    ]
+
+
+def _alike(one: Cause, other: Cause) -> dict[str, str]:
+    """Map parameters of the other to those of the first that have the same name."""
+    mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
+    return {key: mine[each.name] for key, each in zip(other.keys, other.parameters, strict=True) if each.name in mine}
+
+
+def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
+    """Put one cause in the place of another, and fit from the best of the starts of what they do not share."""
+    values = rival.fitted.point.values
+    shared = {key: values[own] for key, own in _alike(gone, come).items()}
+    kept = tuple(cause for cause in rival.fitted.causes if cause != gone)
+    rest = {key: value for key, value in values.items() if key not in gone.keys}
+    starts = (
+        scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])
+    )
+    distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_STARTS]
+    trials = []
+    for start in distinct:
+        whole = {**rest, **start} if shared else entered({**rest, **_returned(gone, values)}, come, start)
+        begin = Point(whole, rival.fitted.point.starts)
+        trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
+    best = min(trials, key=lambda each: each.cost)
+    return rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
+
+
+def _returned(gone: Cause, values: Mapping[str, float]) -> dict[str, float]:
+    """Give the inertia that a cause had taken back to the nominal parameter."""
+    if gone.taken is None:
+        return {}
+    load, held = gone.taken
+    return {held: values[held] + values[load]}

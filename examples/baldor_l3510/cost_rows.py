@@ -1,0 +1,54 @@
+"""What the study could only claim about a Cortex-M4: generated controllers, run on an emulated one and counted."""
+
+from __future__ import annotations
+
+from codegen.emit import emit
+from codegen.target import load_target
+from design.kinds import kinds
+from examples.audit_table import Row, missing
+from identify.compiler import ToolError
+from quantize.lower import lower
+from verify.links import LinkError
+from verify.run import verify
+
+TARGET, STEPS, CLOCK = "qemu_mps2_an386", 2_000, 84e6  # instructions of a Cortex-M4F; clock of a common one, Hz
+
+
+def rows() -> list[Row]:
+    """Return the rows; without the cross compiler or the emulator they say so."""
+    try:
+        sliding, pid, monitor = (_instructions(name) for name in ("sliding_mode", "pid", "start_monitor"))
+    except (ToolError, LinkError) as error:
+        return [missing("discussion", "cost on a Cortex-M4", "68 % less, FPGA", f"not measured here: {error}")]
+    state = 4 * len(kinds()["start_monitor"].design(kinds()["start_monitor"].example).law.state)
+    share = 100 * sliding * 1e3 / CLOCK
+    return [
+        missing(
+            "discussion",
+            "complexity saved against sliding mode, which needs an FPGA",
+            "68 %, FPGA",
+            f"in float32 a sliding mode with boundary layer takes {sliding} instructions a sample, a PID {pid}; at "
+            "1 kHz "
+            f"that is {share:.2f} % of a Cortex-M4F at 84 MHz, one instruction a cycle",
+            f"{100 * (1 - pid / sliding):.0f} %",
+        ),
+        missing(
+            "limitations",
+            "Cortex-M4 cost of Monte Carlo on line",
+            "left open",
+            "start_monitor in float32, one draw a sample: at most so many instructions and bytes of state",
+            f"{monitor} instructions, {state} B",
+        ),
+    ]
+
+
+def _instructions(name: str) -> int:
+    """Count the most instructions a sample that the example of a kind takes."""
+    kind = kinds()[name]
+    law = kind.design(kind.example).law
+    program = lower(law, "float32")
+    bundle = emit(program, "examples")
+    verdict = verify(law, program, bundle, load_target(TARGET), (), STEPS, 1, None, lambda share, label: None)
+    if not verdict.agrees or verdict.cost.instructions_max is None:
+        raise LinkError(f"{name} differs from its reference")
+    return verdict.cost.instructions_max

@@ -1,0 +1,279 @@
+"""`firmloop datasheet`: a motor's parameters from its datasheet and the standard tests; what contradicts what."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from codegen.bundle import write_files
+from firmloop.console import Console, table
+from firmloop.output import results_folder
+from firmloop.pipeline import located
+from firmloop.project import Project
+from firmloop.project_text import made_text
+from firmloop.table import ProjectError, Table
+from firmloop.words import in_unit, rounded_to
+from identify.datasheets import Contradiction, Reading, Sheet, read_sheet, sheets
+from identify.graphical import one_point
+from identify.motor_forms import MotorForm, motor_forms
+from identify.plant import IdentifyError
+from identify.quantity import in_si
+from identify.recording import Recording, column, read_recording
+from identify.standard_tests import Measured, coast_down, locked_rotor_ac, locked_rotor_dc, no_load, step_test
+from identify.step_response import step_response
+from identify.units import unit_of
+
+AGREES, CONTRADICTS = 0, 1
+TOLERANCE = 0.05  # share by which printed figures may miss each other: makers round, and allow for their spread
+TESTS = {
+    "locked_rotor_dc": ("voltage_V", "current_A"),
+    "locked_rotor_ac": ("voltage_V", "current_A", "frequency_Hz"),
+    "no_load": ("voltage_V", "current_A", "speed_rad_s"),
+    "coast_down": ("recording",),
+    "step": ("recording",),
+}
+DIMENSIONS = {"voltage_V": "V", "current_A": "A", "frequency_Hz": "1/s", "speed_rad_s": "1/s"}
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One parameter, where it is from, and its standard deviation where a test gave one."""
+
+    value: float
+    deviation: float | None
+    origin: str
+
+
+def datasheet(project: Project, out: Path, console: Console) -> int:
+    """Read datasheet and tests; OUT/project.toml holds the plant, OUT/datasheet.json everything else."""
+    document = project.document
+    if not document.table("datasheet").values and not document.table("standard_tests").values:
+        raise ProjectError(
+            f"{project.path}: this command needs a part that is missing: [datasheet] with figures such as "
+            'torque_constant = "2.8 mN*m/A", or [standard_tests.no_load] with voltage_V, current_A, speed_rad_s'
+        )
+    with results_folder(out, ()) as folder, located(project):
+        sheet = _sheet(project)
+        part = document.table("datasheet")
+        tolerance = part.number("tolerance", "tolerance = 0.05") if "tolerance" in part.values else TOLERANCE
+        try:
+            reading = read_sheet(sheet, part.without("tolerance", "plant"), tolerance)
+            found = _parameters(project, sheet, reading)
+        except IdentifyError as error:
+            raise document.complaint(str(error)) from None
+        told = [entry.sentence(sheet) for entry in reading.contradictions] + _disagreements(sheet, reading, found)
+        plant = _plant(project, sheet, found)
+        missing = [name for name in sheet.parameters if name not in found]
+        forms = {} if missing or sheet.kind != "dc_motor" else motor_forms({k: v.value for k, v in found.items()})
+        result = _document(sheet, reading, found, forms, told)
+        files = {"datasheet.json": json.dumps({"schema": 1, **result}, indent=1) + "\n"}
+        if not missing:
+            files["project.toml"] = made_text(project, plant, "datasheet", out)
+        write_files(files, folder)
+    console.lines(_lines(sheet, reading, found, forms, told, missing))
+    for key, value in result.items():
+        console.result(key, value)
+    console.lines([f"written: {out / name}" for name in files if name.endswith(".toml")])
+    console.result("written", [str(out / name) for name in files])
+    return CONTRADICTS if told else AGREES
+
+
+def _sheet(project: Project) -> Sheet:
+    part = project.document.table("datasheet")
+    kind = project.plant.kind if project.plant else part.values.get("plant", "dc_motor")
+    if kind not in sheets():
+        raise part.wrong("plant", f"{kind!r} has no datasheet here; known: {', '.join(sheets())}")
+    return sheets()[str(kind)]
+
+
+def _parameters(project: Project, sheet: Sheet, reading: Reading) -> dict[str, Found]:
+    """Take every parameter the sheet leads to, then what the tests measured in its place, test after test."""
+    found: dict[str, Found] = {}
+    for name, figure in sheet.parameters.items():
+        if figure in reading.figures:
+            relation = reading.derived.get(figure)
+            origin = f"{relation.says}; {relation.source}" if relation else "printed"
+            found[name] = Found(reading.figures[figure], None, origin)
+    tests = project.document.table("standard_tests")
+    tests.only(TESTS)
+    for name in (key for key in TESTS if key in tests.values):
+        for key, measured in _test(name, tests.table(name), found, project).items():
+            found[key] = Found(measured.value, measured.deviation, f"{name} test")
+    return found
+
+
+def _test(name: str, part: Table, found: Mapping[str, Found], project: Project) -> Mapping[str, Measured]:
+    """Run one standard test on its readings."""
+    part.only(TESTS[name])
+    if name in ("coast_down", "step"):
+        path = project.path.parent / part.text("recording", 'recording = "coast.csv"')
+        recording = read_recording(path, project.recordings.rename if project.recordings else {})
+        return _moving(name, recording, found)
+    readings = [_readings(part, key) for key in TESTS[name]]
+    if len({len(values) for values in readings}) > 1:
+        raise part.remark("", f"{', '.join(TESTS[name])} have different numbers of readings; give as many of each")
+    if name == "locked_rotor_dc":
+        return locked_rotor_dc(*readings)
+    resistance = _needed(name, found, "R_ohm")
+    if name == "locked_rotor_ac":
+        return locked_rotor_ac(readings[0], readings[1], readings[2], resistance)
+    return no_load(readings[0], readings[1], readings[2], resistance)
+
+
+def _moving(name: str, recording: Recording, found: Mapping[str, Found]) -> Mapping[str, Measured]:
+    if name == "coast_down":
+        coulomb = found["coulomb_N_m"].value if "coulomb_N_m" in found else 0.0
+        friction = _needed(name, found, "b_N_m_s_rad")
+        return coast_down(recording.time, column(recording, "speed_rad_s"), friction, coulomb)
+    needs = {key: _needed(name, found, key) for key in ("R_ohm", "ke_V_s_rad", "kt_N_m_A", "b_N_m_s_rad")}
+    return step_test(one_point(step_response(recording, "voltage_V", "speed_rad_s"))["time_constant_s"], needs)
+
+
+def _needed(test: str, found: Mapping[str, Found], name: str) -> float:
+    if name not in found:
+        raise IdentifyError(f"standard_tests.{test} needs {name}; give the figures or the test that it follows from")
+    return found[name].value
+
+
+def _readings(part: Table, key: str) -> list[float]:
+    """Read one list of readings, or a single one, in any unit of its dimension."""
+    value = part.values.get(key)
+    values = value if isinstance(value, list) else [value]
+    if value is None or not values:
+        raise part.missing(key, f"{key} = [1.0, 2.0, 3.0]")
+    try:
+        made = [in_si(entry, DIMENSIONS[key], key) for entry in values]
+    except IdentifyError as error:
+        raise part.wrong(key, str(error)) from None
+    if any(entry <= 0.0 for entry in made):
+        raise part.wrong(key, "must hold readings above 0: take amounts, the directions do not matter here")
+    return made
+
+
+def _disagreements(sheet: Sheet, reading: Reading, found: Mapping[str, Found]) -> list[str]:
+    """Say where a test and the sheet differ by more than three standard deviations, and 10 %."""
+    said = []
+    for name, figure in sheet.parameters.items():
+        measured = found.get(name)
+        printed_too = figure in reading.figures and figure not in reading.derived
+        if measured is None or not measured.origin.endswith(" test") or not printed_too:
+            continue
+        printed = reading.figures[figure]
+        off = printed / measured.value - 1.0 if measured.value else float("inf")
+        if abs(off) > 0.1 and abs(printed - measured.value) > 3.0 * (measured.deviation or 0.0):
+            unit = unit_of(name)
+            said.append(
+                f"{figure} is {printed:.4g} {unit} by the datasheet, but the {measured.origin} gives "
+                f"{measured.value:.4g} {unit}: {off:+.1%}"
+            )
+    return said
+
+
+def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mapping[str, object]:
+    """Write the [plant] table; ends that the project names already stay."""
+    part = project.plant
+    entries: dict[str, object] = {}
+    for name in sheet.parameters:
+        if name in found:
+            entry: dict[str, object] = {"value": found[name].value, "free": found[name].value > 0.0}
+            deviation = found[name].deviation
+            if deviation:
+                reach = 1.959963984540054 * deviation
+                entry["ci95"] = [float(f"{found[name].value + sign * reach:.6g}") for sign in (-1, 1)]
+            entries[name] = entry
+    table: dict[str, object] = {
+        "kind": sheet.kind,
+        "input": part.input if part else "voltage_V",
+        "outputs": list(part.outputs) if part else ["speed_rad_s"],
+        "parameters": entries,
+    }
+    if "coulomb_N_m" in found and found["coulomb_N_m"].value > 0.0:
+        table["effects"] = [{"name": "coulomb_friction", "torque_N_m": found["coulomb_N_m"].value}]
+    return table
+
+
+def _lines(
+    sheet: Sheet,
+    reading: Reading,
+    found: Mapping[str, Found],
+    forms: Mapping[str, MotorForm],
+    told: list[str],
+    missing: list[str],
+) -> list[str]:
+    lines = [f"{sheet.kind} by its datasheet and tests"]
+    lines += table([(name, _figure(name, one), one.origin) for name, one in found.items()])
+    for order, form in forms.items():
+        above, below = _polynomial(form.numerator), _polynomial(form.denominator)
+        lines.append(f"  {order}: speed/voltage = {above} / ({below}), states {', '.join(form.states)}")
+        lines.append(f"    a = {_matrix(form.a)}, b = {_matrix(form.b)}, c = {_matrix(form.c)}")
+    lines += [f"  CONTRADICTION: {sentence}" for sentence in told]
+    if missing:
+        ways = "; ".join(f"{name}: give {_ways(sheet, name)}" for name in missing)
+        lines.append(f"  no project.toml was written, for the figures do not lead to {', '.join(missing)} ({ways})")
+    return lines
+
+
+def _ways(sheet: Sheet, name: str) -> str:
+    figure = sheet.parameters[name]
+    others = [" and ".join(r.needs) for r in sheet.relations if r.figure == figure]
+    return " or ".join([figure, *others])
+
+
+def _figure(name: str, one: Found) -> str:
+    half = 1.96 * (one.deviation or 0.0)
+    figure = f"{rounded_to(one.value, half)} ± {half:.2g}" if half and one.value else f"{one.value:.4g}"
+    return in_unit(figure, unit_of(name))
+
+
+def _polynomial(coefficients: tuple[float, ...]) -> str:
+    powers = {0: "", 1: " s"}
+    last = len(coefficients) - 1
+    return " + ".join(f"{c:.4g}{powers.get(last - k, f' s^{last - k}')}" for k, c in enumerate(coefficients))
+
+
+def _matrix(matrix: object) -> str:
+    rows = np.atleast_2d(np.asarray(matrix))
+    return "[" + "; ".join(" ".join(f"{value:.4g}" for value in row) for row in rows) + "]"
+
+
+def _document(
+    sheet: Sheet, reading: Reading, found: Mapping[str, Found], forms: Mapping[str, MotorForm], told: list[str]
+) -> dict[str, object]:
+    return {
+        "plant": sheet.kind,
+        "figures": {
+            name: {"value": value, "unit": sheet.figures.get(name, ""), "derived": name in reading.derived}
+            for name, value in reading.figures.items()
+        },
+        "parameters": {
+            name: {"value": one.value, "unit": unit_of(name), "deviation": one.deviation, "origin": one.origin}
+            for name, one in found.items()
+        },
+        "forms": {
+            order: {
+                "numerator": list(form.numerator),
+                "denominator": list(form.denominator),
+                "states": list(form.states),
+                **{key: np.asarray(getattr(form, key)).tolist() for key in "abc"},
+            }
+            for order, form in forms.items()
+        },
+        "contradictions": [_contradiction(entry) for entry in reading.contradictions],
+        "said": told,
+    }
+
+
+def _contradiction(entry: Contradiction) -> dict[str, object]:
+    return {
+        "figure": entry.figure,
+        "printed": entry.printed,
+        "computed": entry.computed,
+        "share": entry.share,
+        "from": list(entry.others),
+        "formula": entry.relation.says,
+        "source": entry.relation.source,
+    }

@@ -1,0 +1,212 @@
+"""`firmloop examine`: how far a fit can be trusted, by more than one way."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from codegen.bundle import write_files
+from firmloop.console import Console, progress, table
+from firmloop.documents import fields_document, finite, fit_document
+from firmloop.output import results_folder
+from firmloop.pipeline import Data, conditioning_of, located, plant_of, read_data
+from firmloop.pipeline import identify as identify_stage
+from firmloop.project import Project, require
+from firmloop.project_text import fitted_text
+from firmloop.saturation import refuse_saturated
+from firmloop.words import about_fit, in_unit, rounded_to
+from identify.condition import NONE
+from identify.fit import Fit, fit, interval95
+from identify.plant import IdentifyError, Parameter
+from identify.recording import column
+from identify.redraw import Redrawn, blocks, left_over, redraw, white
+from identify.residual_tests import ResidualTests, residual_tests
+from identify.sensitivity import FIGURES, Sensitivity, sensitivity
+
+MOST_BOOTSTRAPS = 2000  # more change the third digit of an interval's end only
+TITLES = {
+    "final": "final value",
+    "rise_s": "rise time",
+    "settling_2_s": "settling 2 %",
+    "overshoot_percent": "overshoot",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """Everything that was found out about one fit."""
+
+    fit: Fit
+    monte_carlo: Redrawn
+    bootstrap: Redrawn
+    residuals: Mapping[str, Mapping[str, ResidualTests]]  # by recording, then output
+    sensitivity: Sensitivity | None
+    insensitive: str  # why there is no sensitivity
+    unconditioned: Fit | None
+
+
+def examine(project: Project, out: Path, draws: int, seed: int, console: Console) -> int:
+    """Fit, draw the data anew, test the residuals, vary the parameters; OUT/examination.json."""
+    require(project, "plant", "recordings")
+    data = read_data(project)
+    refuse_saturated(project, data.train)
+    with results_folder(out, ()) as folder:
+        with progress("examining the fit") as bar:
+            found = examination(project, data, draws, seed, bar)
+        document = _document(found)
+        files = {
+            "examination.json": json.dumps({"schema": 1, **document}, indent=1) + "\n",
+            "project.toml": fitted_text(project, found.fit.plant, out),
+        }
+        write_files(files, folder)
+    console.lines(about_fit(found.fit))
+    console.lines(about_examination(found))
+    for key, value in document.items():
+        console.result(key, value)
+    console.lines([f"written: {out / 'project.toml'}"])
+    console.result("written", [str(out / name) for name in files])
+    return 0
+
+
+def examination(project: Project, data: Data, draws: int, seed: int, report: object) -> Examination:
+    """Run every examination on the project's fit."""
+    assert callable(report)
+    conditioning = conditioning_of(project)
+    fitted = identify_stage(project, data, lambda share, doing: report(0.1 * share, doing))
+    with located(project):
+        drawn = redraw(fitted, data.train, conditioning, white, draws, seed, lambda s, d: report(0.1 + 0.6 * s, d))
+        fewer = min(draws, MOST_BOOTSTRAPS)
+        again = redraw(fitted, data.train, conditioning, blocks, fewer, seed, lambda s, d: report(0.7 + 0.1 * s, d))
+        bare = None
+        if conditioning != NONE:
+            bare = fit(plant_of(project), data.train, (), NONE, lambda share, doing: report(0.8 + 0.1 * share, doing))
+        varied, why = None, ""
+        level = float(max((column(one, fitted.plant.inputs[0].name) for one in data.train), key=np.ptp).max())
+        try:
+            report(0.9, "varying the parameters")
+            varied = sensitivity(fitted.plant, level or 1.0, seed)
+        except IdentifyError as error:
+            why = str(error)
+    tests = {
+        recording.source: {
+            output.name: residual_tests(left[:, k], drive[:, 0]) for k, output in enumerate(fitted.plant.outputs)
+        }
+        for recording, (left, drive) in zip(data.train, left_over(fitted, data.train, conditioning), strict=True)
+    }
+    return Examination(fitted, drawn, again, tests, varied, why, bare)
+
+
+def about_examination(found: Examination) -> list[str]:
+    """Intervals of three kinds, residual tests, sensitivities, and what conditioning changed."""
+    drawn, again = found.monte_carlo, found.bootstrap
+    free = [parameter for parameter in found.fit.plant.parameters if parameter.name in drawn.names]
+    rows: list[tuple[str, ...]] = [
+        ("", "covariance", f"Monte Carlo ({len(drawn.draws)})", f"bootstrap ({len(again.draws)})")
+    ]
+    for parameter in free:
+        ends = (interval95(parameter), drawn.interval95(parameter.name), again.interval95(parameter.name))
+        rows.append((parameter.name, *(_interval(end, parameter.unit) for end in ends)))
+    lines = ["95 % intervals", *table(rows), "residuals (chance that it is so where the model is right)"]
+    tests = [
+        (
+            source,
+            output,
+            f"white {test.whiteness:.2g}",
+            f"independent of the input {test.independence:.2g}",
+            f"mean 0 {test.bias:.2g}",
+            "" if test.white and test.independent else "NOT all explained",
+        )
+        for source, outputs in found.residuals.items()
+        for output, test in outputs.items()
+    ]
+    lines += table(tests)
+    if any(not test.white for outputs in found.residuals.values() for test in outputs.values()):
+        lines.append(
+            "  note: the residuals have a memory, which Monte Carlo's white noise has not: take the wider interval"
+        )
+    if found.sensitivity is None:
+        lines.append(f"no sensitivities: {found.insensitive}")
+    else:
+        lines += _about_sensitivity(found.sensitivity)
+    if found.unconditioned is not None:
+        lines += _about_conditioning(found.fit, found.unconditioned)
+    return lines
+
+
+def _interval(ends: tuple[float, float] | None, unit: str) -> str:
+    if ends is None:
+        return "unknown"
+    half = (ends[1] - ends[0]) / 2
+    return in_unit(f"{rounded_to(ends[0], half)} to {rounded_to(ends[1], half)}" if half else f"{ends[0]:.4g}", unit)
+
+
+def _about_sensitivity(found: Sensitivity) -> list[str]:
+    lines = ["step response: change in % per % of a parameter (share of the variance: alone, in all)"]
+    rows: list[tuple[str, ...]] = [("", *(TITLES[figure] for figure in FIGURES))]
+    for name in found.ranges:
+        words = []
+        for figure in FIGURES:
+            alone, whole = found.first[figure][name], found.total[figure][name]
+            shares = f"({max(alone, 0):.0%}, {max(whole, 0):.0%})" if alone == alone else "(does not vary)"
+            words.append(f"{found.local[figure][name]:+.2f} {shares}")
+        rows.append((name, *words))
+    return lines + table(rows)
+
+
+def _about_conditioning(with_it: Fit, without: Fit) -> list[str]:
+    rows: list[tuple[str, ...]] = [("", "conditioned", "as recorded", "moved by")]
+    for one, other in _pairs(with_it, without):
+        rows.append((one.name, _estimate(one), _estimate(other), _moved(one, other)))
+    return ["effect of the conditioning on the estimate", *table(rows)]
+
+
+def _pairs(one: Fit, other: Fit) -> Sequence[tuple[Parameter, Parameter]]:
+    return [(a, b) for a, b in zip(one.plant.parameters, other.plant.parameters, strict=True) if a.free]
+
+
+def _estimate(parameter: Parameter) -> str:
+    half = 1.96 * (parameter.deviation or 0.0)
+    return f"{rounded_to(parameter.value, half)} ± {half:.2g}" if half else f"{parameter.value:.4g}"
+
+
+def _moved(one: Parameter, other: Parameter) -> str:
+    if not other.deviation:
+        return "unknown"
+    return f"{(one.value - other.value) / other.deviation:+.2f} standard deviations"
+
+
+def _document(found: Examination) -> dict[str, object]:
+    drawn, again = found.monte_carlo, found.bootstrap
+    conditioned = {}
+    if found.unconditioned is not None:
+        conditioned = {
+            a.name: {"conditioned": a.value, "as_recorded": b.value, "deviation": b.deviation}
+            for a, b in _pairs(found.fit, found.unconditioned)
+        }
+    return {
+        "plant": fit_document(found.fit),
+        "monte_carlo": {"draws": len(drawn.draws), "failed": drawn.failed, "ci95": _ends(drawn)},
+        "bootstrap": {"draws": len(again.draws), "failed": again.failed, "ci95": _ends(again)},
+        "residuals": {
+            source: {output: fields_document(test) for output, test in outputs.items()}
+            for source, outputs in found.residuals.items()
+        },
+        "sensitivity": None if found.sensitivity is None else _sensitivity(found.sensitivity),
+        "conditioning": conditioned,
+    }
+
+
+def _ends(drawn: Redrawn) -> dict[str, list[float]]:
+    return {name: list(drawn.interval95(name)) for name in drawn.names}
+
+
+def _sensitivity(found: Sensitivity) -> dict[str, object]:
+    parts = {"local": found.local, "first_order": found.first, "total_order": found.total}
+    named: dict[str, object] = {"ranges": {name: list(ends) for name, ends in found.ranges.items()}}
+    for title, values in parts.items():
+        named[title] = {figure: {name: finite(value) for name, value in row.items()} for figure, row in values.items()}
+    return named

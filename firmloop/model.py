@@ -1,0 +1,193 @@
+"""`firmloop model`: a linear model from data alone, written as equations that every other verb takes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from codegen.bundle import write_files
+from firmloop.console import Console, progress, table
+from firmloop.documents import finite
+from firmloop.output import results_folder
+from firmloop.pipeline import conditioning_of, located, read_data
+from firmloop.project import Project, require
+from firmloop.project_text import made_text
+from firmloop.saturation import refuse_saturated
+from firmloop.table import Table
+from identify.blackbox import EVEN, STRUCTURES, Continuous, Record, Sampled, check_records, continuous
+from identify.condition import NONE, condition_input, condition_output
+from identify.fit import fit_start
+from identify.plant import IdentifyError
+from identify.plant_table import plant_from_table
+from identify.recording import Recording, column
+from identify.residual_tests import residual_tests
+from identify.scores import scores
+from identify.simulate import simulate
+
+MOST_ORDER = 12
+
+
+def model(project: Project, out: Path, console: Console) -> int:
+    """Fit `[model]` to the train recordings; OUT/project.toml holds it as an ode, OUT/model.json all figures."""
+    require(project, "plant", "recordings")
+    assert project.plant is not None
+    asked = project.document.table("model")
+    asked.only(("structure", "order", "delay_samples"))
+    structure = asked.text("structure", 'structure = "oe"') if "structure" in asked.values else "oe"
+    if structure not in STRUCTURES:
+        raise asked.wrong("structure", f"is no model structure; known: {', '.join(STRUCTURES)}")
+    order, late = _whole(asked, "order", 2, 1, MOST_ORDER), _whole(asked, "delay_samples", 0, 0, 10_000)
+    data = read_data(project)
+    refuse_saturated(project, data.train)
+    with results_folder(out, ()) as folder, located(project):
+        with progress(f"fitting {structure}"):
+            period = _period(data.train)
+            records = [_record(project, recording) for recording in data.train]
+            check_records(records, order, late)
+            sampled = STRUCTURES[structure](records, order, late)
+            made = continuous(sampled, period)
+        plant = _ode(project, made)
+        judged = {
+            role: [_judge(project, plant, recording) for recording in recordings]
+            for role, recordings in (("train", data.train), ("test", data.test))
+        }
+        result = _document(structure, period, sampled, made, judged)
+        files = {
+            "model.json": json.dumps({"schema": 1, **result}, indent=1) + "\n",
+            "project.toml": made_text(project, plant, "model", out),
+        }
+        write_files(files, folder)
+    console.lines(_lines(structure, made, judged))
+    console.result("model", result)
+    console.lines([f"written: {out / 'project.toml'}"])
+    console.result("written", [str(out / name) for name in files])
+    return 0
+
+
+def _whole(part: Table, key: str, default: int, low: int, high: int) -> int:
+    value = part.values.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise part.wrong(key, f"must be a whole number from {low} to {high}")
+    return value
+
+
+def _period(recordings: Sequence[Recording]) -> float:
+    """Return the one sampling time of all recordings, s."""
+    steps = [np.diff(recording.time) for recording in recordings]
+    period = float(np.median(steps[0]))
+    for recording, step in zip(recordings, steps, strict=True):
+        if recording.hold != "zero_order":
+            raise IdentifyError(
+                f"recordings.hold is {recording.hold!r}; a black-box model takes its input as held between rows: leave "
+                "it out, or fit a plant with physics"
+            )
+        if np.abs(step - period).max() > EVEN * period + 1e-12:
+            raise IdentifyError(
+                f"{recording.source}: rows are {step.min():g} to {step.max():g} s apart, and a black-box model needs "
+                f"one distance, here {period:g} s; resample the file, or fit a plant with physics, which takes it as "
+                "it is"
+            )
+    return period
+
+
+def _record(project: Project, recording: Recording) -> Record:
+    assert project.plant is not None
+    conditioning, drive, output = conditioning_of(project), project.plant.input, project.plant.outputs[0]
+    u = condition_input(conditioning, drive, column(recording, drive))
+    y = column(recording, output)
+    if conditioning != NONE and not conditioning.resample_s:
+        y = condition_output(conditioning, output, recording.time, y)
+    return Record(recording.source, u, y)
+
+
+def _ode(project: Project, made: Continuous) -> Mapping[str, object]:
+    """Write the model as an `ode` plant of the contract; its whole samples of delay are an effect."""
+    assert project.plant is not None
+    drive, output = project.plant.input, project.plant.outputs[0]
+    states = [f"x{k}" for k in range(1, len(made.a) + 1)]
+    derivatives = {name: _sum([*made.a[k], made.b[k]], [*states, drive]) for k, name in enumerate(states)}
+    plant: dict[str, object] = {
+        "kind": "ode",
+        "states": states,
+        "inputs": [drive],
+        "outputs": {output: _sum(made.c, states)},
+        "derivatives": derivatives,
+    }
+    if made.delay > 0.0:
+        plant["effects"] = [{"name": "input_delay", "delay_s": made.delay}]
+    return plant
+
+
+def _sum(factors: Sequence[float] | np.ndarray, names: Sequence[str]) -> str:
+    words = [f"({float(factor)!r})*{name}" for factor, name in zip(factors, names, strict=True) if factor != 0.0]
+    return " + ".join(words) or "0.0"
+
+
+def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Recording) -> Mapping[str, object]:
+    """Simulate a recording from the start that fits best; score the whole of it and test what is left."""
+    plant, conditioning = plant_from_table(table_of_plant), conditioning_of(project)
+    assert project.plant is not None
+    drive, output = project.plant.input, project.plant.outputs[0]
+    simulated = simulate(plant, recording, fit_start(plant, recording, conditioning))[:, 0]
+    measured = column(recording, output)
+    if output in conditioning.remove_offset:
+        measured, simulated = measured - measured.mean(), simulated - simulated.mean()
+    found, tests = scores(measured, simulated), residual_tests(measured - simulated, column(recording, drive))
+    return {
+        "recording": recording.source,
+        "fit_percent": finite(found.fit_percent),
+        "rmse": found.rmse,
+        "r2": finite(found.r2),
+        "whiteness": tests.whiteness,
+        "independence": tests.independence,
+    }
+
+
+def _lines(structure: str, made: Continuous, judged: Mapping[str, Sequence[Mapping[str, object]]]) -> list[str]:
+    poles = np.sort_complex(np.linalg.eigvals(made.a))
+    words = [f"{p.real:.3g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.3g}{p.imag:+.3g}j" for p in poles]
+    lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s, poles {', '.join(words)} rad/s"]
+    lines.append(f"  gain at rest {_gain(made):.3g}")
+    rows = [
+        (
+            f"{role} {entry['recording']}",
+            f"fit {entry['fit_percent']:.1f} %",
+            f"rmse {entry['rmse']:.3g}",
+            f"white {entry['whiteness']:.2g}",
+            f"independent of the input {entry['independence']:.2g}",
+        )
+        for role, entries in judged.items()
+        for entry in entries
+    ]
+    return lines + table(rows)
+
+
+def _gain(made: Continuous) -> float:
+    try:
+        return float(-made.c @ np.linalg.solve(made.a, made.b))
+    except np.linalg.LinAlgError:
+        return float("inf")
+
+
+def _document(
+    structure: str,
+    period: float,
+    sampled: Sampled,
+    made: Continuous,
+    judged: Mapping[str, Sequence[Mapping[str, object]]],
+) -> dict[str, object]:
+    poles = np.linalg.eigvals(made.a)
+    return {
+        "structure": structure,
+        "order": len(made.a),
+        "period_s": period,
+        "delay_s": made.delay,
+        "discrete": {"a": sampled.a.tolist(), "b": sampled.b.tolist(), "c": sampled.c.tolist()},
+        "continuous": {"a": made.a.tolist(), "b": made.b.tolist(), "c": made.c.tolist()},
+        "poles_rad_s": [[float(pole.real), float(pole.imag)] for pole in poles],
+        "gain": finite(_gain(made)),
+        **judged,
+    }

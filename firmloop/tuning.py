@@ -1,0 +1,128 @@
+"""`firmloop tune`: every tuning rule on one plant, in one table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from codegen.bundle import write_files
+from design.contest import Entry, contest
+from design.kinds import Request
+from design.tuning import rules
+from firmloop.console import Console, progress, table
+from firmloop.documents import fields_document, finite
+from firmloop.output import results_folder
+from firmloop.pipeline import located, plant_of
+from firmloop.project import Project, require
+from firmloop.words import quantity
+from identify.plant import Plant
+
+HEAD = (
+    *("", "kp", "ki", "kd", "Ms", "gain margin", "phase margin", "rise", "settling 2 %", "overshoot"),
+    *("load peak", "load IAE", "noise gain"),
+)
+MARGINS = ("sensitivity_peak", "gain_margin_db", "phase_margin_deg")
+COLUMNS = (
+    *("rule", "kp", "ki", "kd", "ms", "gain_margin_dB", "phase_margin_deg", "rise_s", "settling_2_s"),
+    *("overshoot_percent", "step_iae", "load_peak", "load_recovery_s", "load_iae", "noise_gain", "refused"),
+)
+
+
+def tune(project: Project, out: Path, console: Console) -> int:
+    """Compare the rules; OUT/tuning.json and tuning.csv hold the table."""
+    require(project, "plant", "controller", "signals")
+    with results_folder(out, ()) as folder:
+        with progress("tuning by every rule"):
+            entries = compare(project, plant_of(project))
+        document = {"schema": 1, "rules": [_document(entry) for entry in entries]}
+        write_files({"tuning.json": json.dumps(document, indent=1) + "\n", "tuning.csv": _csv(entries)}, folder)
+    console.lines(about_contest(entries))
+    console.result("tuning", document["rules"])
+    console.lines([f"written: {out / 'tuning.csv'}"])
+    console.result("written", [str(out / "tuning.json"), str(out / "tuning.csv")])
+    return 0
+
+
+def compare(project: Project, plant: Plant) -> tuple[Entry, ...]:
+    """Tune the project's loop by every rule that `[tuning]` names, all where it names none."""
+    part, asked = project.controller, project.document.table("tuning")
+    assert part is not None, "require() has seen to it"
+    asked.only(("rules", *rules()))
+    names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(rules())
+    for name in names:
+        if name not in rules():
+            raise asked.wrong("rules", f"{name!r} is no tuning rule; known: {', '.join(rules())}")
+    own: dict[str, Mapping[str, object]] = {}
+    for name in names:
+        keys = asked.table(name)
+        keys.only(rules()[name].keys)
+        own[name] = keys.values
+    request = Request(
+        project.name, part.settings, part.period, project.controller_inputs, project.controller_outputs, plant
+    )
+    with located(project):
+        return contest(request, names, own)
+
+
+def about_contest(entries: Sequence[Entry]) -> list[str]:
+    """One line a rule; below, what the rules that do not fit say."""
+    refused = [f"  {entry.rule}: {entry.refused}" for entry in entries if entry.refused]
+    rows = [HEAD, *(_row(entry) for entry in entries if not entry.refused)]
+    return ["tuning rules on one plant", *table(rows), *(["not for this plant:", *refused] if refused else [])]
+
+
+def _row(entry: Entry) -> tuple[str, ...]:
+    assert entry.design is not None and entry.margins is not None
+    gains = tuple(f"{entry.design.gains[name]:.4g}" for name in ("kp", "ki", "kd"))
+    if entry.step is None or entry.load is None:
+        return (entry.rule, *gains, "UNSTABLE")
+    found = entry.margins
+    return (
+        entry.rule,
+        *gains,
+        quantity(found.sensitivity_peak, ""),
+        quantity(found.gain_margin_db, "dB"),
+        quantity(found.phase_margin_deg, "deg"),
+        quantity(entry.step.rise_s, "s"),
+        quantity(entry.step.settling_2_s, "s"),
+        quantity(entry.step.overshoot_percent, "%"),
+        quantity(entry.load.peak, ""),
+        quantity(entry.load.iae, ""),
+        quantity(entry.noise_gain, ""),
+    )
+
+
+def _document(entry: Entry) -> dict[str, object]:
+    if entry.design is None:
+        return {"rule": entry.rule, "refused": entry.refused}
+    return {
+        "rule": entry.rule,
+        "gains": dict(entry.design.gains),
+        "margins": None if entry.margins is None else fields_document(entry.margins),
+        "step": None if entry.step is None else fields_document(entry.step),
+        "load": None if entry.load is None else fields_document(entry.load),
+        "noise_gain": finite(entry.noise_gain),
+    }
+
+
+def _csv(entries: Sequence[Entry]) -> str:
+    """Write the table in full precision; empty cells where a rule gives nothing."""
+    stream = io.StringIO()
+    rows = csv.writer(stream, lineterminator="\n")
+    rows.writerow(COLUMNS)
+    for entry in entries:
+        made, margins, step, load = entry.design, entry.margins, entry.step, entry.load
+        rows.writerow(
+            [
+                entry.rule,
+                *([made.gains[name] for name in ("kp", "ki", "kd")] if made else [""] * 3),
+                *([getattr(margins, name) for name in MARGINS] if margins else [""] * 3),
+                *([step.rise_s, step.settling_2_s, step.overshoot_percent, step.iae] if step else [""] * 4),
+                *([load.peak, load.recovery_s, load.iae, entry.noise_gain] if load else [""] * 4),
+                entry.refused,
+            ]
+        )
+    return stream.getvalue()

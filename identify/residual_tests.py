@@ -1,0 +1,75 @@
+"""Test what a fit leaves over: whether it is white, and whether the input has nothing more to say about it.
+
+L. Ljung, System Identification (1999), section 16.6. With N residuals e and their autocorrelation r(k): Ljung and Box's
+Q = N (N + 2) sum r(k)^2/(N - k) is chi-squared with as many degrees as lags where e is white (Biometrika 65 (1978)
+297-303). The cross-correlation of e with the input u at lag k has the variance sum R_e(j) R_u(j)/N where the two are
+independent; its largest value over the lags is judged at 5 % in all (Sidak's correction).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MOST_LAGS = 25
+CERTAIN = 0.05  # a test fails where so small a chance would have to be believed in
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualTests:
+    """`whiteness` and `independence` are the chances of residuals at least so regular where the model is right."""
+
+    lags: int
+    whiteness: float
+    independence: float
+    bias: float  # chance of a mean at least so far from 0
+    worst_lag: int  # samples by which the input comes before what it still explains
+
+    @property
+    def white(self) -> bool:
+        """Whether nothing is left in the residual's own past."""
+        return self.whiteness >= CERTAIN
+
+    @property
+    def independent(self) -> bool:
+        """Whether nothing of the input is left."""
+        return self.independence >= CERTAIN
+
+
+def residual_tests(residual: Array, drive: Array) -> ResidualTests:
+    """Test residuals (n,) against the input (n,) of the same rows."""
+    e, u = residual - residual.mean(), drive - drive.mean()
+    rows = len(e)
+    lags = max(1, min(MOST_LAGS, rows // 4))
+    power = float(e @ e)
+    if power == 0.0:
+        return ResidualTests(lags, 1.0, 1.0, 1.0, 0)
+    own = np.array([float(e[k:] @ e[: rows - k]) / power for k in range(1, lags + 1)])
+    q = rows * (rows + 2) * float(np.sum(own**2 / (rows - np.arange(1, lags + 1))))
+    whiteness = float(scipy.stats.chi2.sf(q, lags))
+    spread = float(residual.std(ddof=1)) / math.sqrt(rows)
+    long_run = spread * math.sqrt(max(1.0 + 2.0 * float(np.sum(own)), 0.1))
+    bias = float(2 * scipy.stats.norm.sf(abs(float(residual.mean())) / long_run))
+    independence, worst = _independence(e, u, lags)
+    return ResidualTests(lags, whiteness, independence, bias, worst)
+
+
+def _independence(e: Array, u: Array, lags: int) -> tuple[float, int]:
+    """Chance of the largest cross-correlation for lags 0 to `lags`, and that lag."""
+    rows = len(e)
+    if not np.any(u):
+        return 1.0, 0
+    reach = min(4 * lags, rows // 4)
+    own = [(float(e[k:] @ e[: rows - k]) / rows, float(u[k:] @ u[: rows - k]) / rows) for k in range(reach + 1)]
+    variance = own[0][0] * own[0][1] + 2 * sum(a * b for a, b in own[1:])
+    variance = max(variance, 0.05 * own[0][0] * own[0][1]) / rows
+    cross = np.array([float(e[k:] @ u[: rows - k]) / rows for k in range(lags + 1)]) / math.sqrt(variance)
+    worst = int(np.argmax(np.abs(cross)))
+    single = float(2 * scipy.stats.norm.sf(abs(cross[worst])))
+    return 1.0 - (1.0 - single) ** (lags + 1), worst

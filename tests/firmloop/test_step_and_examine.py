@@ -1,0 +1,107 @@
+"""`firmloop step` and `firmloop examine` on repeated trials of one step."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.cli import main
+
+PROJECT = """\
+schema = 1
+name = "drum"
+[recordings]
+train = ["trial1.csv", "trial2.csv", "trial3.csv"]
+[plant]
+kind = "first_order"
+input = "voltage_V"
+outputs = ["speed_rad_s"]
+[plant.parameters]
+gain = 1.5
+time_constant_s = 0.3
+delay_s = { value = 0.0, free = false }
+"""
+
+
+@pytest.fixture
+def trials(tmp_path: Path) -> Path:
+    folder = tmp_path / "bench"
+    folder.mkdir()
+    for trial in (1, 2, 3):
+        random = np.random.default_rng(trial)
+        lines = ["time_s,voltage_V,speed_rad_s"]
+        for row in range(400):
+            time = row * 0.005
+            speed = 18.0 * (1 - np.exp(-max(time - 0.1, 0) / 0.2)) + random.normal(0, 0.1)
+            lines.append(f"{time:.3f},{12 if time >= 0.0999 else 0},{speed:.5f}")
+        (folder / f"trial{trial}.csv").write_text("\n".join(lines) + "\n")
+    path = folder / "drum.toml"
+    path.write_text(PROJECT)
+    return path
+
+
+def test_step_says_figures_with_intervals(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["step", str(trials), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "3 trials" in said and "±" in said and "Sundaresan-Krishnaswamy" in said and "no overshoot" in said
+    document = json.loads((tmp_path / "out" / "step.json").read_text())
+    assert len(document["trials"]) == 3
+    rise = document["over_trials"]["rise_s"]
+    assert abs(rise["mean"] - 0.2 * np.log(9)) < max(3 * rise["ci95_half"], 0.01)
+    assert document["trials"][0]["models"]["two points"]["time_constant_s"] == pytest.approx(0.2, rel=0.05)
+    error = document["over_trials"]["steady_state_error"]  # a gain of 1.5 times 12 V is 18 rad/s
+    assert abs(error["mean"]) < 0.05
+
+
+def test_one_trial_has_no_interval(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trials.write_text(PROJECT.replace('["trial1.csv", "trial2.csv", "trial3.csv"]', '["trial1.csv"]'))
+    assert main(["step", str(trials), "--out", str(tmp_path / "out")]) == 0
+    assert "no intervals; they need at least 3 trials" in capsys.readouterr().out
+
+
+def test_a_step_that_never_comes(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = trials.parent / "trial1.csv"
+    first.write_text(first.read_text().replace(",12,", ",0,"))
+    assert main(["step", str(trials), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "trial1.csv: the step never comes" in said and len(said.splitlines()) == 1
+
+
+def test_examine_says_how_far_to_trust(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trials.write_text(PROJECT.replace("[plant]\n", "[recordings.conditioning]\nsavgol_window = 7\n[plant]\n"))
+    assert main(["examine", str(trials), "--out", str(tmp_path / "out"), "--draws", "200"]) == 0
+    said = capsys.readouterr().out
+    for words in ("Monte Carlo (200)", "bootstrap (200)", "white", "share of the variance", "moved by"):
+        assert words in said
+    document = json.loads((tmp_path / "out" / "examination.json").read_text())
+    low, high = document["monte_carlo"]["ci95"]["time_constant_s"]
+    assert low < 0.2 < high
+    assert document["sensitivity"]["local"]["final"]["gain"] == pytest.approx(1.0, abs=0.02)
+    assert set(document["conditioning"]) == {"gain", "time_constant_s"}
+    assert (tmp_path / "out" / "project.toml").is_file()
+
+
+@pytest.mark.parametrize("verb", ["step", "examine"])
+def test_an_input_that_saturates_is_said(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    trials.write_text(PROJECT + '[signals]\noutput = { unit = "V", low = -10, high = 10 }\n')
+    assert main([verb, str(trials), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "voltage_V of trial1.csv goes to 12 V, but signals.output ends at -10 and 10" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_negative_gain_is_a_gain(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in trials.parent.glob("trial*.csv"):
+        lines = path.read_text().splitlines()
+        turned = [",".join([*line.split(",")[:2], str(-float(line.split(",")[2]))]) for line in lines[1:]]
+        path.write_text("\n".join([lines[0], *turned]) + "\n")
+    assert main(["step", str(trials), "--out", str(tmp_path / "out")]) == 0
+    document = json.loads((tmp_path / "out" / "step.json").read_text())
+    assert document["trials"][0]["figures"]["gain"] == pytest.approx(-1.5, rel=0.01)
+    assert document["trials"][0]["models"]["63 %"]["time_constant_s"] == pytest.approx(0.2, rel=0.05)
+    capsys.readouterr()

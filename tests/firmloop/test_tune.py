@@ -1,0 +1,54 @@
+"""`firmloop tune` compares the rules that the project asks for, and says which do not fit."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from firmloop.cli import main
+
+
+def test_tune_leaves_a_table(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project.write_text(
+        project.read_text().replace("delay_s = { value = 0.0", "delay_s = { value = 0.3")
+        + '\n[tuning]\nrules = ["simc", "amigo", "lqr"]\n[tuning.simc]\ntau_c_s = 0.7\n[tuning.lqr]\nterms = "pid"\n'
+    )
+    assert main(["tune", str(project), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "simc" in said and "amigo" in said and "not for this plant" in said and "single lag" in said
+    with (tmp_path / "out" / "tuning.csv").open() as stream:
+        rows = {row["rule"]: row for row in csv.DictReader(stream)}
+    assert list(rows) == ["simc", "amigo", "lqr"]
+    theta = 0.3 + 0.025
+    assert float(rows["simc"]["kp"]) == pytest.approx(1.0 / (0.7 + theta))
+    assert 1.2 < float(rows["amigo"]["ms"]) < 1.6
+    document = json.loads((tmp_path / "out" / "tuning.json").read_text())
+    assert document["rules"][0]["margins"]["stable"] is True
+
+
+@pytest.mark.parametrize(
+    ("added", "words"),
+    [
+        ('[tuning]\nrules = ["zigler"]\n', "no tuning rule"),
+        ("[tuning.simc]\ntau = 1\n", "did you mean 'tau_c_s'"),
+        ("[tuning.simc]\ntau_c_s = -1\n", "above 0"),
+        ('[tuning]\nrule = ["simc"]\n', "did you mean 'rules'"),
+    ],
+)
+def test_tune_refuses(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], added: str, words: str
+) -> None:
+    project.write_text(project.read_text() + "\n" + added)
+    assert main(["tune", str(project), "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_design_takes_every_rule_by_its_name(project: Path, tmp_path: Path) -> None:
+    text = project.read_text().replace("kp = 0.8\nki = 0.5", 'tune = "amigo"')
+    project.write_text(text)
+    assert main(["design", str(project), "--out", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out" / "design.json").read_text())["tuned_by"] == "amigo"
