@@ -162,7 +162,7 @@ def _line(op: Op, program: Program) -> dict[str, str]:
         q = f"Q{number.fraction}, " if number.kind == "fixed" else ""
         unit = f"{op.result.unit}, " if op.result.unit else ""
         note = f"{unit}{q}{low:.6g} to {high:.6g}"
-    kind = operation.record or ("int32_t" if number.kind == "fixed" else c_type(number))
+    kind = operation.record or c_type(number)
     expression = re.sub(
         r"(?<=, )\((-[^()]+)\)(?=[,)])|(?<=\()\((-[^()]+)\)(?=[,)])",
         r"\1\2",

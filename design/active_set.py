@@ -15,7 +15,7 @@ stands in `value` is m of a row in the active set and y of any other; both chang
 which is taken from the gram's column through the pivots so far (product form: Dantzig and Orchard-Hays, 1954).
 
 `fl_qp.h` is the same in C, operation by operation: every product is rounded before it is added. What the two share
-beyond the arithmetic: the first of equal candidates is taken.
+beyond the arithmetic: the first of equal candidates is taken, and a row that is no number is never violated.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
     value = rows.slope[:, 0] * parameters[:, :1]
     for k in range(1, rows.slope.shape[1]):
         value = value + rows.slope[:, k] * parameters[:, k : k + 1]
-    excess = np.maximum(value - rows.high, rows.low - value)
+    excess = _excess(rows, value)
     broken = np.flatnonzero(excess.max(axis=1) > rows.tolerance)
     status, work = np.zeros(len(value), np.int64), np.zeros(len(value), np.int64)
     side = np.zeros(value.shape, np.int64)
@@ -129,6 +129,11 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
         found = search.status == SOLVED
         moves[broken[found]] = ends[found, : len(rows.scale)]
     return Solution(moves * rows.scale, status, work, side)
+
+
+def _excess(rows: Rows, value: Raw) -> Raw:
+    """Return by how much each row is violated, -1 or more; a row that is no number is not."""
+    return np.fmax(np.maximum(value - rows.high, rows.low - value), -1)
 
 
 class _Search:
@@ -289,8 +294,6 @@ class _Search:
 
     def _select(self, lanes: NDArray[np.int64]) -> None:
         """Find the most violated row outside the active set; where none is, the lane is solved."""
-        value = self.value[lanes]
-        excess = np.maximum(value - self.rows.high, self.rows.low - value)
-        excess = np.where(self.side[lanes] == 0, excess, -1)
+        excess = np.where(self.side[lanes] == 0, _excess(self.rows, self.value[lanes]), -1)
         self.entering[lanes] = excess.argmax(axis=1)
         self.status[lanes[~(excess.max(axis=1) > self.tolerance[lanes])]] = SOLVED

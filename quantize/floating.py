@@ -132,7 +132,7 @@ class FloatBuilder:
         ends = (self._up(low.value, a.number), -self._up(-high.value, a.number))
         inner = max(abs(ends[0] - low.value), abs(ends[1] - high.value))
         error = self._before(a, ends)
-        if function == "clamp" and not math.isfinite(error):  # both the program's value and the law's are within
+        if function == "clamp" and not error <= high.value - low.value:  # both values are within
             error = high.value - low.value
         return self.ops.emit(function, (a, *ends), a.number, max(error, inner))
 

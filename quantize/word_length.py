@@ -48,7 +48,12 @@ def lower_within(law: Law, arithmetics: Sequence[str], allowed: Sequence[Allowed
 
 
 def _useless(law: Law, program: Program) -> str | None:
-    """Say which output may be wrong by a large part of its range: its gain leaves no digits for it."""
+    """Say which output may be wrong by a large part of its range: its gain leaves no digits for it.
+
+    The bound of a law that solves says nothing about its digits: how a solution is rounded is not followed.
+    """
+    if law.solve is not None:
+        return None
     for signal, rounding in zip(law.outputs, program.rounding, strict=True):
         if rounding.bound > SHARE * (signal.high - signal.low) and math.isfinite(rounding.bound):
             return f"may put {rounding.output} {rounding.bound:.3g} {rounding.unit} off, more than a tenth of its range"

@@ -9,6 +9,7 @@ integrator keeps what it rounded until feedback or a limit removes it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,12 +81,17 @@ def _apart(
 def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:
     """Tell where the controller itself finds that it stands before its first sample, or has to start afresh."""
     unset = (f"self.{program.unset}", LEAST)
-    asks = [op for op in program.body if op.function == "lost" or (op.function == "eq" and op.arguments == unset)]
+    asks = [
+        k
+        for k, op in enumerate(program.body)
+        if op.function == "lost" or (op.function == "eq" and op.arguments == unset)
+    ]
     if not asks:
         return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)
-    machine, kind = Machine(program), working_type(program)
+    asking = replace(program, body=program.body[: asks[0] + 1], next_state=(), results=(), status=())
+    machine, kind = Machine(asking), working_type(program)
     slots = machine.step([x.astype(kind) for x in raw], [x.astype(kind) for x in held])
-    return np.asarray(machine.named(slots)[asks[0].result.name], dtype=bool)
+    return np.asarray(machine.named(slots)[asking.body[-1].result.name], dtype=bool)
 
 
 def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
