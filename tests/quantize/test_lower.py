@@ -2,13 +2,20 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
+from codegen.emit import emit
+from codegen.target import load_target
+from design.law import Flag, Law, Scalar
 from identify.signal import Signal
 from quantize.lower import ARITHMETICS, lower
 from quantize.program import Program, QuantizeError
 from tests.laws import FULL, SPEED, TABLES, VOLTS, pid, random_law
+from verify.compare import compare
+from verify.host import build_host
+from verify.links.library import LibraryLink
 from verify.reference import Machine, run, set_parameter, start_state, working_type
 from verify.rounding import measure_rounding
 from verify.stimuli import Block, stimuli
@@ -124,3 +131,27 @@ def test_limits_are_never_exceeded_even_by_a_rounding(arithmetic: str) -> None:
     for block in stimuli(program, [], 30_000, 6):
         got = run(program, block.inputs).outputs.astype(float) * scale
         assert got.min() >= -3.3 and got.max() <= 11.7
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_a_state_that_takes_anothers_old_value_takes_it_before_that_is_written(arithmetic: str) -> None:
+    x, z = ca.SX.sym("x", 3), ca.SX.sym("z", 1)
+    stage = ca.Function("law", [x, z], [ca.vertcat(z, x[0], x[1]), x[2], z > 0.5, ca.SX(0, 1)])
+    law = Law(
+        name="delay",
+        says="three samples late",
+        period=0.01,
+        inputs=(Signal("now", "V", -1.0, 1.0),),
+        outputs=(Signal("late", "V", -1.0, 1.0),),
+        state=tuple(Signal(f"past_{k}", "V", -1.0, 1.0) for k in (1, 2, 3)),
+        start=(0.0, 0.0, 0.0),
+        why=("an input of before",) * 3,
+        flags=(Flag("much", "more than half a volt now"),),
+        stages=(Scalar(stage, ()),),
+    )
+    program = lower(law, arithmetic)
+    blocks = stimuli(program, [], 2_000, 5)
+    traces = [run(program, b.inputs) for b in blocks]
+    library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), load_target("host")), program)
+    done = compare(program, library, blocks, traces, lambda part, label: None)
+    assert (done.steps, done.differences) == (2_000, 0)

@@ -22,8 +22,9 @@ from verify.compare import compare
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.reference import run
-from verify.stimuli import stimuli
+from verify.stimuli import Block, stimuli
 
+HOST = load_target("host")
 HARD = {"x_min": [-3.0, -15.0], "x_max": [3.0, 15.0]}
 
 
@@ -41,7 +42,7 @@ def differences(program: Program, steps: int) -> tuple[int, set[int]]:
     """How many steps differ between C and reference, and which status words the reference gave."""
     blocks = stimuli(program, [], steps, 3)
     traces = [run(program, block.inputs) for block in blocks]
-    library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), load_target("host")), program)
+    library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), HOST), program)
     done = compare(program, library, blocks, traces, lambda part, label: None)
     return done.differences, {int(word) & 3 for trace in traces for word in trace.status.ravel()}
 
@@ -110,3 +111,27 @@ def test_c_is_the_reference(case: str, arithmetic: str) -> None:
 def test_c_is_the_reference_where_the_search_is_cut_short() -> None:
     wrong, words = differences(lower(law_of(**HARD, budget=30), "float32"), 2000)
     assert wrong == 0 and words >= {0, CAPPED, INFEASIBLE}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_no_number_gives_an_output_within_limits_and_is_forgotten(case: str) -> None:
+    """Each input in turn is NaN, infinite or huge for one sample; the state starts afresh in the next one or soon."""
+    inputs, keys = CASES[case]
+    program = lower(law_of(inputs, **keys), "float32")
+    worst = (np.nan, np.inf, -np.inf, np.finfo(np.float32).max)
+    random = np.random.default_rng(4)
+    ends = [(wire.low, wire.high) for wire in program.inputs]
+    lanes = np.stack([random.uniform(low, high, (len(worst) * len(ends), 40)) for low, high in ends], axis=-1)
+    lanes = (0.2 * lanes).astype(np.float32)
+    for lane in range(len(lanes)):
+        lanes[lane, 5, lane % len(ends)] = worst[lane // len(ends)]
+    trace = run(program, lanes)
+    (output,) = program.outputs
+    assert np.all((trace.outputs >= output.low) & (trace.outputs <= output.high))
+    assert np.all(np.isfinite(trace.state[:, 12:]))
+    fresh = run(program, lanes[:, 6:])
+    asked = (len(worst) - 1) * len(ends)  # a huge number is one: the observer forgets it in its own time
+    np.testing.assert_allclose(trace.outputs[:asked, -1], fresh.outputs[:asked, -1], rtol=0, atol=1e-4)
+    blocks, library = [Block("no number", lanes)], build_host(emit(program, "firmloop generate x.toml"), HOST)
+    done = compare(program, LibraryLink(library, program), blocks, [trace], lambda part, label: None)
+    assert (done.steps, done.differences) == (lanes.shape[0] * lanes.shape[1], 0)
