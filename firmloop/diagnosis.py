@@ -6,6 +6,8 @@ import json
 import math
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from codegen.bundle import write_files
 from diagnose.run import Diagnosis, diagnose
 from firmloop.console import Console, progress
@@ -25,7 +27,8 @@ def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
         plant = plant_of(project)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
-        return diagnose(plant, data.train, data.test, report)
+        with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
+            return diagnose(plant, data.train, data.test, report)
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:
