@@ -181,10 +181,18 @@ def _search(
 
     Single faults first; then every gain at once, beside each of the few that help most without a fitted figure.
     """
-    quick = [_try(controller, loop, base, spread, fault, ()) for fault in faults(controller, loop, base.guess)]
-    ranked = sorted((each for each in quick if each is not None), key=lambda each: each.match.misfit)
     states = felt(controller, loop, base.guess, base.start)
-    tried = [_try(controller, loop, base, spread, each.fault, states) for each in ranked[:_FINAL]]
+    # A first state that was fitted without the fault is wrong where the recording begins with init().
+    bases = [base, *([replace(base, start=controller.start)] if np.any(base.start != controller.start) else [])]
+    quick = [
+        (found, at)
+        for fault in faults(controller, loop, base.guess)
+        for at in bases
+        if (found := _try(controller, loop, at, spread, fault, ())) is not None
+    ]
+    quick.sort(key=lambda each: each[0].match.misfit)
+    ranked = [found for found, _ in quick]
+    tried = [_try(controller, loop, at, spread, found.fault, states) for found, at in quick[:_FINAL]]
     single = [each for each in tried if each is not None]
     if not single:
         return (), ()
@@ -198,7 +206,7 @@ def _search(
         return (chosen,), _distinct(others)
     fixed = _distinct([each for each in ranked if not each.fault.fitted])[:_BESIDE]
     several = [
-        _several(controller, loop, base, spread, beside, alone, states)
+        _several(controller, loop, bases[-1], spread, beside, alone, states)
         for beside in (None, *fixed)
         for alone in ((True, False) if controller.defaults else (True,))
     ]

@@ -41,7 +41,7 @@ def record(rows: int, seed: int, made: Firmware, digits: int = 6, step: float = 
     reference = np.repeat(stairs, 250)[: rows + skip]
     p = {**GAINS, **made.gains}
     h = PERIOD
-    tt = max(np.sqrt(p["kd"] / p["ki"]), h)
+    tt = max(np.sqrt(p["kd"] / p["ki"]) if p["kd"] else p["kp"] / p["ki"], h)
     resistance, inductance, ke, kt, inertia, viscous = MOTOR.values()
     a = np.zeros((4, 4))  # current, speed, voltage, torque
     a[0, :3] = np.array([-resistance, -ke, 1.0]) / inductance
