@@ -16,6 +16,7 @@ from identify.recording import make_recording, write_recording
 
 Array = NDArray[np.float64]
 STEP, ROWS = 1e-3, 5000
+TAIL = 200  # rows that the truth goes on, for a clock that is fast
 EXCITATIONS = ("steps", "prbs", "triangle", "chirp", "staircase", "mixed")
 COLUMN = {
     True: {"current": "current_A", "speed": "speed_rad_s", "position": "position_rad"},
@@ -160,15 +161,16 @@ def _write_recording(
         reach = machine.speed if machine.motor else machine.speed * 0.5
         stiff = machine.top / reach * 2.0
         gains, command = np.array([stiff, stiff * 8.0, machine.top]), drive * reach * 0.7
-    torque = np.zeros(ROWS)
+    command = np.concatenate([command, np.full(TAIL, command[-1])])
+    torque = np.zeros(ROWS + TAIL)
     if case.colored:
         keep = np.exp(-STEP / 0.05)
-        steps = rng.normal(0.0, 0.004 * machine.effort * np.sqrt(1.0 - keep**2), ROWS)
-        for k in range(1, ROWS):
+        steps = rng.normal(0.0, 0.004 * machine.effort * np.sqrt(1.0 - keep**2), ROWS + TAIL)
+        for k in range(1, ROWS + TAIL):
             torque[k] = keep * torque[k - 1] + steps[k]
     applied, fine = run(truth, command, STEP, gains, torque)
-    _, still = run(truth, applied, STEP, None, np.zeros(ROWS))
-    columns, clean = {_input(machine): applied}, {_input(machine): applied}
+    _, still = run(truth, applied, STEP, None, np.zeros(ROWS + TAIL))
+    columns, clean = {_input(machine): applied[:ROWS]}, {_input(machine): applied[:ROWS]}
     for quantity in case.sensors:
         name = COLUMN[machine.motor][quantity]
         faults = [each.sensor[1] for each in case.hidden if each.sensor and each.sensor[0] == quantity]

@@ -73,7 +73,7 @@ def run(
 def read(quantity: str, fine: Mapping[str, Array], step: float, rows: int, fault: Sensor | None, skew: float) -> Array:
     """Return one output (n,) at the rows, through its fault, without noise and without rounding."""
     h = step / FINE
-    grid = np.arange(rows * FINE) * h
+    grid = np.arange(len(fine[quantity])) * h
     moments = np.arange(rows) * step * (1.0 + skew)
     values = fine[quantity]
     name, size = (fault.fault, fault.size) if fault is not None else ("", {})

@@ -22,6 +22,7 @@ _CALM = 0.2  # of the range: a reading that usually moves more from row to row c
 _UNLIKE = 0.05  # of the range, by which wraps differ
 _FEWEST = 2  # jumps in all recordings
 _COARSE = 0.004  # of the range: finer steps are what any sensor has
+_TURN = 2.0 * np.pi / 200.0  # rad: no encoder has fewer steps a turn unless it is a coarse one
 _OWN = 0.45  # residual rms over step up to which the steps, and not noise, are what is left
 _EVEN = 1e-3  # of a step, by which a multiple may be off
 
@@ -91,7 +92,8 @@ def coarse(plant: Plant, train: Sequence[Recording], left: Sequence[float]) -> t
     for signal, rms in zip(plant.outputs, left, strict=True):
         values = np.concatenate([recording.columns[signal.name] for recording in train])
         step = _step(values)
-        if step is not None and step > _COARSE * float(np.ptp(values)) and rms < _OWN * step:
+        least = _TURN if signal.unit == "rad" else _COARSE * float(np.ptp(values))
+        if step is not None and step > least and rms < _OWN * step:
             found.append(Direct("sensor_quantization", signal.name, (step,), (_EVEN * step,)))
     return tuple(found)
 

@@ -20,6 +20,7 @@ from identify.superset import Superset, inertia_parameter, starts_of, superset
 
 Array = NDArray[np.float64]
 
+_COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
 _LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
 
@@ -104,6 +105,8 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
     """List every cause the plant can have, and where a fit of each begins."""
     train, test, direct = unwrapped(plant, train, test)
     engine = superset(plant)
+    engine.hasten(_COARSE)
+    engine.follow(True)
     causes = []
     for use in all_uses(plant):
         if use.name in DIRECT:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
 from diagnose.noise import white
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.refit import Fitted, evidence, fit, noises_of, residual_of
 from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import enriched, reduced, swapped
@@ -42,6 +42,7 @@ _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
+_FOLD = 0.03  # of the largest reading: noise of one that is never negative
 _GIVEN = 3  # causes tried beside the parameters as given
 _SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
@@ -198,7 +199,9 @@ def _gain(screened: Screened | None) -> float:
 
 def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
     """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
-    if all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal):
+    folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
+    calm = all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal)
+    if calm and not folded:
         return ()
     flat = [white(noise.rms) for noise in nominal.noises]
     begin = first_point(scene, scene.train)
@@ -206,10 +209,25 @@ def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
     under = [ground(scene, scene.train, given, flat)]
     (screened,) = screen(scene, scene.train, given, scene.causes, under, best_orders(scene, given, under))
     found = []
-    for each in screened[:_GIVEN]:
+    for each in [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]:
         causes, point = _extended(given, each, each.start)
         found.append(fit(scene, scene.train, causes, point, flat, 2 * _SHORT))
     return tuple(found)
+
+
+def _folded(scene: Scene, cause: Cause) -> bool:
+    """Tell whether a reading is never negative where the plant as given would go both ways."""
+    if cause.effect.name != "sensor_rectified" or cause.output is None:
+        return False
+    index = [signal.name for signal in scene.plant.outputs].index(cause.output)
+    begin = first_point(scene, scene.train)
+    for k, recording in enumerate(scene.train):
+        values = recording.columns[cause.output]
+        ours = values - residual_of(scene, recording, begin, k)[:, index]
+        top = float(values.max())
+        if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
+            return False
+    return True
 
 
 def _ran_away(scene: Scene, nominal: Rival) -> bool:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 TIE = 10.0  # explanations closer than this in BIC are not told apart
 RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
-MINOR = 0.008  # of what the others explain: less may be the trace of how a model simplifies them
+MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 
 # What contains what: the first has the second as a special case.

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from codegen.bundle import write_files
+from diagnose.cut import cut
+from diagnose.halves import with_controller
 from diagnose.run import Diagnosis, diagnose
 from firmloop.console import Console, progress
 from firmloop.diagnosis_report import diagnosis_report
 from firmloop.output import results_folder
-from firmloop.pipeline import Data, Report, command_of, identify, located, plant_of, read_data
+from firmloop.pipeline import Data, Report, command_of, controller_of, identify, located, plant_of, read_data
 from firmloop.project import Project, require
 from firmloop.project_text import diagnosed_text
 
@@ -25,7 +30,11 @@ def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
         plant = plant_of(project)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
-        return diagnose(plant, data.train, data.test, report)
+        with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
+            made = diagnose(plant, data.train, data.test, report)
+        controller = controller_of(project)
+        replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
+        return replace(made, finding=with_controller(made.finding, replayed))
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +18,11 @@ from codegen.package import package
 from codegen.target import load_target
 from design.kinds import Design
 from design.kinds import design as design_law
-from design.law import DesignError
+from design.law import DesignError, Law
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
 from design.roles import reference_and_measurement
 from firmloop.project import Campaign, Project, check_units
+from firmloop.project_text import settled
 from identify.compiler import ToolError
 from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
@@ -37,6 +38,7 @@ from verify.checker import Checked, ProofError, check_proof
 from verify.closed_loop import PlantLoop, SteppedPlant
 from verify.limit_cycles import ZeroInput, zero_input
 from verify.links import LinkError
+from verify.replay import Controller
 from verify.run import verify
 from verify.vectors import golden
 from verify.verdict import Verdict
@@ -262,6 +264,49 @@ def recorded_inputs(project: Project, data: Data, most: int) -> tuple[Mapping[st
         if signals:
             played.append(signals)
     return tuple(played)
+
+
+def controller_of(project: Project) -> Controller | None:
+    """Return the project's controller, to be played again on what a recording says it was given; None without one.
+
+    A controller that cannot be designed is none: to diagnose a plant needs no controller.
+    """
+    part = project.controller
+    if part is None or not project.signals or len(project.controller_outputs) == 0:
+        return None
+    plant = plant_of(project) if project.plant else None
+
+    def made(table: Mapping[str, object], period: float, limits: tuple[float, float] | None) -> Design | None:
+        outputs = project.controller_outputs
+        if limits is not None:
+            outputs = (replace(outputs[0], low=limits[0], high=limits[1]), *outputs[1:])
+        try:
+            return design_law(part.kind, project.name, table, period, project.controller_inputs, outputs, plant)
+        except DesignError:
+            return None
+
+    designed = made(part.settings, part.period, None)
+    if designed is None or len(designed.law.stages) != 1:
+        return None
+    try:
+        program = lower(designed.law, project.arithmetic or "float32")
+        wires = reference_and_measurement(designed.law.inputs)
+    except (QuantizeError, DesignError):
+        return None
+    told = settled(part.settings, designed)
+    found = [key for key in told if key not in part.settings]
+    defaults = []
+    for key in found:
+        other = made({name: value for name, value in told.items() if name != key}, part.period, None)
+        if other is not None and other.gains.get(key) == designed.gains.get(key):
+            defaults.append(key)
+    tuned = tuple(key for key in found if key not in defaults)
+
+    def rebuild(table: Mapping[str, object], period: float, limits: tuple[float, float] | None) -> Law | None:
+        changed = made(table, period, limits)
+        return changed.law if changed is not None and len(changed.law.stages) == 1 else None
+
+    return Controller(designed.law, program, told, tuple(defaults), tuned, wires, rebuild)
 
 
 def available_data(project: Project) -> Data:

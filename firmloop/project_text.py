@@ -67,10 +67,15 @@ def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> s
 def designed_text(project: Project, design: Design, folder: Path) -> str:
     """Return the project with the gains of `design` instead of the rule that found them, to be kept in `folder`."""
     document = _moved(project, folder)
-    rule = ("tune", *rules()[design.tuned_by].keys) if design.tuned_by else ()
-    told = {key: value for key, value in _table(document["controller"]).items() if key not in rule}
-    gains = {**told, **(design.gains if design.settings is None else design.settings)}
+    gains = settled(_table(document["controller"]), design)
     return _text({**document, "controller": gains}, f"controller designed by: firmloop design {project.path.name}")
+
+
+def settled(table: Mapping[str, object], design: Design) -> dict[str, object]:
+    """Return a [controller] table with the gains of `design` instead of the rule that found them."""
+    rule = ("tune", *rules()[design.tuned_by].keys) if design.tuned_by else ()
+    told = {key: value for key, value in table.items() if key not in rule}
+    return {**told, **(design.gains if design.settings is None else design.settings)}
 
 
 def _entry(parameter: Parameter, given: object) -> Mapping[str, object]:

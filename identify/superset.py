@@ -22,17 +22,13 @@ from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
-_COARSE = (
-    1.0  # changes the trace of an effect by less than a thousandth, and is several times as fast as the usual step
-)
-
 
 @dataclass(slots=True)
 class Superset:
     """A plant with all its candidates; `neutral` holds the values at which it is the plant itself.
 
-    Waves per turn follow the recorded angle where there is one and `recorded` is set (after many turns under a
-    disturbance a simulated angle has lost count), else the simulated one.
+    Waves per turn follow the simulated angle; where `recorded` is set, the recorded one, if there is one: after many
+    turns under a disturbance a simulated angle has lost count. `longest_change` is that of Course.
     """
 
     plant: Plant
@@ -41,7 +37,8 @@ class Superset:
     states: tuple[str, ...]
     engine: EffectSimulator
     courses: dict[int, tuple[Recording, Course]]
-    recorded: bool = True
+    recorded: bool = False
+    longest_change: float = 0.3
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
@@ -73,6 +70,11 @@ class Superset:
             return rest
         return np.concatenate([start, rest[len(start) :]])
 
+    def hasten(self, longest_change: float) -> None:
+        """Take longer steps from now on."""
+        self.longest_change = longest_change
+        self.courses.clear()
+
     def follow(self, recorded: bool) -> None:
         """Let waves per turn follow the recorded or the simulated angle from now on."""
         if recorded != self.recorded:
@@ -88,7 +90,7 @@ class Superset:
             course = replace(
                 course_of(self.plant, recording),
                 turn=travelled(recording) if self.recorded else None,
-                longest_change=_COARSE,
+                longest_change=self.longest_change,
             )
             found = self.courses[id(recording)] = (recording, course)
         return found[1]

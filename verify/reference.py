@@ -6,7 +6,7 @@ are proven to fit 32 bits, products 64), floating point in its own type.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,10 +117,11 @@ class Machine:
         return {name: values[slot] for name, slot in self.slots.items() if not name.startswith("#")}
 
 
-def run(program: Program, inputs: Raw, settings: Raw | None = None) -> Trace:
-    """Run `program` from its start on raw `inputs` (lanes, steps, m), each lane a controller of its own.
+def run(program: Program, inputs: Raw, settings: Raw | None = None, start: Sequence[Raw] | None = None) -> Trace:
+    """Run `program` on raw `inputs` (lanes, steps, m), each lane a controller of its own.
 
     `settings` (lanes, steps, k) is what the setter of each parameter is called with before each step; None: none is.
+    `start` is the state, one array (lanes,) per variable; None is the one that init() sets.
     """
     lanes, steps, width = inputs.shape
     if not program.state and steps > 1:  # no step knows of another: all at once
@@ -135,7 +136,7 @@ def run(program: Program, inputs: Raw, settings: Raw | None = None) -> Trace:
     first = len(program.state) - len(program.tunable)
     asked = np.zeros((0,)) if settings is None else np.moveaxis(settings, (1, 2), (0, 1)).astype(kind)
     columns = np.ascontiguousarray(np.moveaxis(inputs, (1, 2), (0, 1))).astype(kind)  # (steps, m, lanes)
-    state = start_state(program, lanes)
+    state = start_state(program, lanes) if start is None else [x.astype(kind) for x in start]
     outputs = np.empty((steps, len(program.outputs), lanes), dtype=kind)
     before = np.empty((steps, len(program.state), lanes), dtype=kind)
     status = np.zeros((steps, lanes), dtype=np.int64)
