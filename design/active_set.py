@@ -133,7 +133,8 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
 
 def _excess(rows: Rows, value: Raw) -> Raw:
     """Return by how much each row is violated, -1 or more; a row that is no number is not."""
-    return np.fmax(np.maximum(value - rows.high, rows.low - value), -1)
+    least: Raw = np.fmax(np.maximum(value - rows.high, rows.low - value), -1)
+    return least
 
 
 class _Search:
