@@ -142,7 +142,8 @@ def _seen(controller: Controller, loop: Loop, notes: list[str]) -> tuple[Match, 
     found = _rated(loop, given, start, rest, spread)
     if found.misfit <= AGREES:
         return found, spread, wide
-    moved = match(controller, loop, spread, lambda _: given, (), start, felt(controller, loop, given, start))
+    later = controller.running
+    moved = match(controller, loop, spread, lambda _: given, (), later, felt(controller, loop, given, later))
     if moved is not None and moved.misfit <= 0.9 * found.misfit:
         found = _rated(loop, given, moved.start, _exact(controller, loop, given, moved.start), spread)
     return found, spread, wide
@@ -151,7 +152,7 @@ def _seen(controller: Controller, loop: Loop, notes: list[str]) -> tuple[Match, 
 def _exact(controller: Controller, loop: Loop, given: Guess, start: Array) -> Array:
     """Return recorded - replayed (n,), bit for bit."""
     rows = np.arange(given.phase, len(loop.time), given.stride)
-    answer = play_exactly(controller.program, loop.inputs[rows], start)
+    answer = play_exactly(controller, loop.inputs[rows], start)
     whole = np.full(len(loop.time), np.nan)
     whole[given.phase :] = np.repeat(answer, given.stride)[: len(whole) - given.phase]
     left: Array = loop.command - whole
@@ -181,9 +182,9 @@ def _search(
 
     Single faults first; then every gain at once, beside each of the few that help most without a fitted figure.
     """
-    states = felt(controller, loop, base.guess, base.start)
-    # A first state that was fitted without the fault is wrong where the recording begins with init().
-    bases = [base, *([replace(base, start=controller.start)] if np.any(base.start != controller.start) else [])]
+    # A first state that was fitted without the fault is a bad one: the recording may begin with init() or later.
+    begins = [base.start, controller.start, controller.running]
+    bases = [replace(base, start=np.array(begin)) for begin in sorted({tuple(begin) for begin in begins})]
     quick = [
         (found, at)
         for fault in faults(controller, loop, base.guess)
@@ -192,7 +193,10 @@ def _search(
     ]
     quick.sort(key=lambda each: each[0].match.misfit)
     ranked = [found for found, _ in quick]
-    tried = [_try(controller, loop, at, spread, found.fault, states) for found, at in quick[:_FINAL]]
+    tried = [
+        _try(controller, loop, at, spread, found.fault, felt(controller, loop, base.guess, at.start))
+        for found, at in quick[:_FINAL]
+    ]
     single = [each for each in tried if each is not None]
     if not single:
         return (), ()
@@ -205,8 +209,10 @@ def _search(
     if chosen.match.misfit <= AGREES:
         return (chosen,), _distinct(others)
     fixed = _distinct([each for each in ranked if not each.fault.fitted])[:_BESIDE]
+    at = quick[0][1]
+    states = felt(controller, loop, base.guess, at.start)
     several = [
-        _several(controller, loop, bases[-1], spread, beside, alone, states)
+        _several(controller, loop, at, spread, beside, alone, states)
         for beside in (None, *fixed)
         for alone in ((True, False) if controller.defaults else (True,))
     ]

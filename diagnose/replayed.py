@@ -139,6 +139,8 @@ def felt(controller: Controller, loop: Loop, guess: Guess, start: Array) -> tupl
     seen = []
     base = played(controller, loop, guess, start)
     for k, signal in enumerate(controller.law.state):
+        if signal.name in (*controller.law.tunable, controller.law.opening):
+            continue  # a figure, and a flag: nothing that could have any value
         moved = start.copy()
         moved[k] += _NUDGE * min(signal.high - signal.low, 1e6)
         other = played(controller, loop, guess, moved)

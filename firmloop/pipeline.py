@@ -18,7 +18,7 @@ from codegen.package import package
 from codegen.target import load_target
 from design.kinds import Design
 from design.kinds import design as design_law
-from design.law import DesignError, Law
+from design.law import DesignError, Law, Scalar
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
 from design.roles import reference_and_measurement
 from firmloop.project import Campaign, Project, check_units
@@ -177,14 +177,19 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
     """Turn the law into exact arithmetic and that into C."""
     assert project.arithmetic is not None, "require() has seen to it"
     with located(project):
-        formats = ("fixed16", "fixed32") if project.arithmetic == "fixed" else (project.arithmetic,)
-        program = lower_within(designed.law, formats, project.allowed)
+        program = lower_within(designed.law, _formats(project), project.allowed)
         bundle = emit(program, command)
         still = zero_input(program)
         ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
         inputs, settings, trace = golden(program)
         extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
         return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)
+
+
+def _formats(project: Project) -> tuple[str, ...]:
+    """Return the number formats that may be taken, the narrowest first."""
+    arithmetic = project.arithmetic or "float32"
+    return ("fixed16", "fixed32") if arithmetic == "fixed" else (arithmetic,)
 
 
 def verify_target(
@@ -286,10 +291,10 @@ def controller_of(project: Project) -> Controller | None:
             return None
 
     designed = made(part.settings, part.period, None)
-    if designed is None or len(designed.law.stages) != 1:
+    if designed is None or not _plain(designed.law):
         return None
     try:
-        program = lower(designed.law, project.arithmetic or "float32")
+        program = lower_within(designed.law, _formats(project), project.allowed)
         wires = reference_and_measurement(designed.law.inputs)
     except (QuantizeError, DesignError):
         return None
@@ -304,9 +309,14 @@ def controller_of(project: Project) -> Controller | None:
 
     def rebuild(table: Mapping[str, object], period: float, limits: tuple[float, float] | None) -> Law | None:
         changed = made(table, period, limits)
-        return changed.law if changed is not None and len(changed.law.stages) == 1 else None
+        return changed.law if changed is not None and _plain(changed.law) else None
 
     return Controller(designed.law, program, told, tuple(defaults), tuned, wires, rebuild)
+
+
+def _plain(law: Law) -> bool:
+    """Whether a law is one stage of straight arithmetic, which can be played fast."""
+    return len(law.stages) == 1 and isinstance(law.stages[0], Scalar)
 
 
 def available_data(project: Project) -> Data:

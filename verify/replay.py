@@ -59,6 +59,12 @@ class Controller:
         """State (s,) that init() sets."""
         return np.array(self.law.start, dtype=np.float64)
 
+    @property
+    def running(self) -> Array:
+        """State (s,) in the middle of a run, as far as it is known: the first sample is over."""
+        names = [signal.name for signal in self.law.state]
+        return np.where([name == self.law.opening for name in names], 1.0, self.start)
+
 
 def play(law: Law, inputs: Array, start: Array) -> Array:
     """Return the first output (n,) of a law, in float64, for inputs (n, m) from state `start` (s,)."""
@@ -75,12 +81,21 @@ def play_unlimited(law: Law, inputs: Array, start: Array) -> Array | None:
     return free
 
 
-def play_exactly(program: Program, inputs: Array, start: Array) -> Array:
-    """Return the first output (n,) of a program, bit for bit, for inputs (n, m) from state `start` (s,)."""
+def play_exactly(controller: Controller, inputs: Array, start: Array) -> Array:
+    """Return the first output (n,) of the program, bit for bit, for inputs (n, m) from the law's state `start` (s,).
+
+    From init() where that is the start. The program holds no other state before its first sample, so that anywhere else
+    the law answers the first row.
+    """
+    law, program = controller.law, controller.program
     raw = np.stack([to_raw(value, column) for value, column in zip(program.inputs, inputs.T, strict=True)], axis=-1)
-    begin = [to_raw(value, np.array([x])) for value, x in zip(program.state, start, strict=True)]
-    trace = run(program, raw[None], begin)
-    return to_physical(program.outputs[0], trace.outputs[0, :, 0])
+    if np.array_equal(start, controller.start):
+        return to_physical(program.outputs[0], run(program, raw[None]).outputs[0, :, 0])
+    after, first = _course(law, inputs[:1], start)[:2]
+    held = dict(zip((signal.name for signal in law.state), np.asarray(after, dtype=np.float64)[:, 0], strict=True))
+    begin = [to_raw(value, held[value.name][None]) for value in program.state]
+    rest = run(program, raw[None, 1:], None, begin).outputs[0, :, 0]
+    return np.concatenate([np.asarray(first, dtype=np.float64)[0], to_physical(program.outputs[0], rest)])
 
 
 def _course(law: Law, inputs: Array, start: Array) -> list[object]:
