@@ -74,7 +74,7 @@ def play(law: Law, inputs: Array, start: Array) -> Array:
 
 def play_unlimited(law: Law, inputs: Array, start: Array) -> Array | None:
     """Return what the first output (n,) is before its limits; None where the law does not tell."""
-    names = [signal.name for signal in law.stages[0].named]
+    names = [signal.name for signal in law.last.named]
     if _UNLIMITED not in names:
         return None
     free: Array = np.asarray(_course(law, inputs, start)[3], dtype=np.float64)[names.index(_UNLIMITED)]
@@ -100,4 +100,4 @@ def play_exactly(controller: Controller, inputs: Array, start: Array) -> Array:
 
 def _course(law: Law, inputs: Array, start: Array) -> list[object]:
     assert len(law.stages) == 1
-    return list(law.stages[0].function.mapaccum("course", len(inputs))(start, inputs.T))
+    return list(law.last.function.mapaccum("course", len(inputs))(start, inputs.T))
