@@ -8,6 +8,7 @@ integrator keeps what it rounded until feedback or a limit removes it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -108,7 +109,7 @@ def _searched(law: Law, program: Program, graph: Graph) -> Array:
     worst = np.zeros(len(program.outputs))
     if not all(np.isfinite(v.low) and np.isfinite(v.high) for v in values):
         return worst
-    low, high = (np.array([getattr(v, end) for v in values], dtype=np.float64)[:, None] for end in ("low", "high"))
+    low, high = np.transpose([_drawn(law, v) for v in values])[:, :, None]
     for j in range(len(program.outputs)):
         points = low + (high - low) * random.random((len(values), count))
         points[:, : count // 2] *= 10.0 ** random.uniform(-3, 0, size=count // 2)
@@ -127,6 +128,19 @@ def _searched(law: Law, program: Program, graph: Graph) -> Array:
             moves = random.normal(size=again.shape) * 10.0 ** random.uniform(-8, -0.5, size=(1, count))
             points = again + (high - low) * moves * (random.random(again.shape) < 0.5)
     return worst
+
+
+def _drawn(law: Law, value: Value) -> tuple[float, float]:
+    """Return the raw range in which a value is sought: of a state, what the law proves, though its word holds more.
+
+    The program saturates at a power of two above that; a state that no step leaves, such as an output of the sample
+    before that is beyond its limits, is not compared. What a trace has reached is, wherever it is.
+    """
+    proven = next((s for s in law.state if s.name == value.name and s.name not in law.tunable), None)
+    if proven is None or value.number.kind == "float":
+        return value.low, value.high
+    scale = 2.0**value.number.fraction
+    return max(value.low, math.ceil(proven.low * scale)), min(value.high, math.floor(proven.high * scale))
 
 
 def _whole(value: Value, x: Array) -> Raw:
