@@ -131,7 +131,7 @@ class FloatBuilder:
         assert isinstance(a, Term) and isinstance(low, Constant) and isinstance(high, Constant)
         ends = (self._up(low.value, a.number), -self._up(-high.value, a.number))
         inner = max(abs(ends[0] - low.value), abs(ends[1] - high.value))
-        error = self._before(a, ends)
+        error = self._within(a, max(abs(low.value), abs(high.value)))
         if function == "clamp" and not error <= high.value - low.value:  # both values are within
             error = high.value - low.value
         return self.ops.emit(function, (a, *ends), a.number, max(error, inner))
@@ -168,18 +168,6 @@ class FloatBuilder:
             value = self.literal(a.value, number)
             return self.ops.emit("copy", (value,), number, abs(value - a.value))
         return a
-
-    def _before(self, a: Term, ends: tuple[float, float]) -> float:
-        """Return how far `a` can be off where it lies between `ends`.
-
-        Rounding keeps the order of numbers: what is beyond a limit before it is rounded is not inside after it. So the
-        last rounding counts for values up to the larger limit only.
-        """
-        last = self.ops.body[-1] if self.ops.body else None
-        if last is None or last.result.name != a.name or last.function not in ("add", "sub", "mul"):
-            return a.error
-        size = max(abs(a.low), abs(a.high)) / (1 + 4 * self._unit)  # as it was before it was widened, or less
-        return a.error - self._half(size) + self._half(max(abs(ends[0]), abs(ends[1])))
 
     # -- bounds ---------------------------------------------------------------------------------------------------
 
@@ -221,6 +209,17 @@ class FloatBuilder:
         inherited = self.inherited[term.name] = self.inherited[x.name]
         error = inherited + self._own(_size(term) + x.error, inherited)
         return self.ops.widen(term, 0.0, min(term.error, max(error, limit_error)))
+
+    def _within(self, a: Term, size: float) -> float:
+        """Return how far `a` can be off where it is limited to magnitude `size`.
+
+        Rounding keeps the order of numbers: what is beyond a limit before it is rounded is not inside after it. So the
+        last rounding counts only for values within the limits, and beyond them only what the operands bring.
+        """
+        if a.name not in self.inherited:
+            return a.error
+        inherited = self.inherited[a.name]
+        return min(a.error, inherited + self._own(size, inherited))
 
     def _up(self, value: float, number: Number) -> float:
         """Return the smallest representable number not below `value`."""
