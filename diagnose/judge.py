@@ -118,7 +118,7 @@ def _rivals(search: Search) -> tuple[Rival, ...]:
     found = []
     for rival in (each for turn in search.rounds for each in turn):
         names = set(rival.fitted.names)
-        if len(rival.fitted.causes) != count or rival.fitted.causes == search.best.fitted.causes:
+        if len(rival.fitted.causes) != count or set(rival.fitted.causes) == set(search.best.fitted.causes):
             continue
         ours, theirs = mine - names, names - mine
         if any(other in CONTAINS.get(name, ()) for name in theirs for other in ours):
