@@ -49,16 +49,17 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
                 f"what was fitted cannot judge the fit, so record another one"
             )
     for recording in (*train, *test):
-        _check_rows(plant, recording)
+        check_rows(plant, recording)
         notes += _clock(recording)
         notes += _kinematics(recording)
-    for recording in train:
+    for recording in (*train, *test):
         _check_units(plant, recording)
     floors = _floors(plant, train)
     return Preflight(tuple(notes), floors, _untestable(plant, train))
 
 
-def _check_rows(plant: Plant, recording: Recording) -> None:
+def check_rows(plant: Plant, recording: Recording) -> None:
+    """Refuse a recording that is short, jumps, or in which something never changes."""
     rows = len(recording.time)
     if rows < FEWEST_ROWS:
         raise IdentifyError(

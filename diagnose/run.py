@@ -14,6 +14,7 @@ from diagnose.prepare import prepared
 from diagnose.rank import Progress, Search, search
 from diagnose.rival import Rival
 from diagnose.shape import Shape, best_shape
+from diagnose.sound import check_sound
 from identify.plant import Plant
 from identify.recording import Recording
 
@@ -42,6 +43,7 @@ class Diagnosis:
 def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress) -> Diagnosis:
     """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell."""
     progress(0.02, "checking the recordings")
+    check_sound(plant, (*train, *test))
     train, test = prepared(plant, train, test)
     checks = preflight(plant, train, test)
     scene = make_scene(plant, train, test, checks.floors)

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from codegen.bundle import write_files
 from diagnose.cut import cut
+from diagnose.doubt import with_doubt
 from diagnose.halves import with_controller
 from diagnose.run import Diagnosis, diagnose
 from firmloop.console import Console, progress
@@ -34,7 +35,7 @@ def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
             made = diagnose(plant, data.train, data.test, report)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
-        return replace(made, finding=with_controller(made.finding, replayed))
+        return replace(made, finding=with_controller(with_doubt(made.finding), replayed))
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -147,6 +148,8 @@ def test_the_command_line_blames_the_controller(tmp_path: Path, capsys: pytest.C
     file = project(tmp_path, Firmware(gains={"kp": 0.06}), rows=800)
     assert main(["diagnose", str(file), "--out", str(tmp_path / "out")]) == 1
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    schema = Path(__file__).parents[1] / "schema" / "diagnosis.schema.json"
+    jsonschema.validate(said, json.loads(schema.read_text(encoding="utf-8")))
     assert said["verdict"] == "explained" and said["half"] == "controller"
     assert said["location"]["equation"] == "controller" and said["location"]["output"] == "voltage_V"
     (effect,) = said["effects"]

@@ -1,0 +1,90 @@
+"""Channels that no plant could have produced are refused; recordings that contradict each other name nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from firmloop.cli import main
+from identify.recording import make_recording, read_recording, write_recording
+from tests.diagnose.cases import concealed
+
+Columns = dict[str, NDArray[np.float64]]
+
+
+def _spoiled(folder: Path, role: str, change: Callable[[Columns], None]) -> Path:
+    """Conceal nothing, then change the columns of one recording."""
+    file = concealed(folder, "", 1.0, False)
+    path = file.parent / f"{role}.csv"
+    recording = read_recording(path, {})
+    columns = {name: np.array(values) for name, values in recording.columns.items()}
+    change(columns)
+    write_recording(make_recording(recording.time, columns, path.name, ""), path)
+    return file
+
+
+def _zero(columns: Columns) -> None:
+    columns["speed_rad_s"][:] = 0.0
+
+
+def _wild(columns: Columns) -> None:
+    columns["current_A"][1234] = 900.0
+
+
+def _dead(columns: Columns) -> None:
+    columns["speed_rad_s"][2500:] = 0.0
+
+
+def _stuck(columns: Columns) -> None:
+    columns["speed_rad_s"][2500:] = columns["speed_rad_s"][2500]
+
+
+def _swapped(columns: Columns) -> None:
+    columns["speed_rad_s"], columns["current_A"] = columns["current_A"], columns["speed_rad_s"]
+
+
+def _rpm(columns: Columns) -> None:
+    columns["speed_rad_s"] *= 60.0 / (2.0 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("role", "change", "words"),
+    [
+        ("train", _zero, ["speed_rad_s is 0 in every row"]),
+        ("train", _wild, ["current_A is 900", "1.234 s"]),
+        ("train", _dead, ["speed_rad_s stands at 0", "2.5 s"]),
+        ("test", _stuck, ["test.csv", "speed_rad_s stands at"]),
+        ("test", _swapped, ["test.csv", "swapped"]),
+        ("test", _rpm, ["test.csv", "rpm"]),
+    ],
+)
+def test_it_is_refused_with_a_sentence(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    role: str,
+    change: Callable[[Columns], None],
+    words: list[str],
+) -> None:
+    file = _spoiled(tmp_path, role, change)
+    assert main(["diagnose", str(file), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in words), said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_recordings_of_two_motors_name_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def other(columns: Columns) -> None:
+        columns["speed_rad_s"] *= 0.6  # its constants are others
+        columns["current_A"] = np.roll(columns["current_A"], 40)
+
+    file = _spoiled(tmp_path, "test", other)
+    assert main(["diagnose", str(file), "--out", str(tmp_path / "out")]) == 1
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert said["verdict"] == "unknown_physics" and said["effects"] == []
+    assert "all recordings are of one plant" in capsys.readouterr().out
