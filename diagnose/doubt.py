@@ -18,9 +18,9 @@ def with_doubt(finding: Finding) -> Finding:
     if test.after < FAR or test.after < WORSE * train.after:
         return finding
     said = (
-        f"The test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is left "
-        f"there, {train.after:.3g} times here. Another machine, unit or regime: nothing is named on such ground, so check "
-        "that all recordings are of one plant."
+        f"The test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is "
+        f"left there, {train.after:.3g} times here. Another machine, unit or regime: nothing is named on such ground, "
+        "so check that all recordings are of one plant."
     )
     figures = tuple(line for line in finding.says if line.startswith("Residual over noise"))
     return replace(finding, verdict="unknown_physics", half="plant", effects=(), alternatives=(), says=(said, *figures))
