@@ -20,8 +20,9 @@ from diagnose.swap import enriched, reduced, swapped
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-THRESHOLD = 20.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
-SLOW_THRESHOLD = 45.0  # the same for effects that look like a slow disturbance, where there is one
+THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
+COLORED_THRESHOLD = 36.0  # the same where there is a slow disturbance
+SLOW_THRESHOLD = 48.0  # and there for effects that look like one
 SLOW = (
     "load_torque",
     "load_step",
@@ -142,7 +143,8 @@ def _bar(rival: Rival) -> float:
     slow = rival.fitted.causes[-1].effect.name in SLOW
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)
-    return (SLOW_THRESHOLD if slow and colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
+    least = SLOW_THRESHOLD if slow else COLORED_THRESHOLD
+    return (least if colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
 
 
 def _nominal(scene: Scene) -> Rival:
