@@ -18,6 +18,7 @@ def test_planted_faults_are_found(name: str, arithmetic: str) -> None:
     assert missed == []
 
 
+@pytest.mark.slow
 def test_no_fault_that_is_found_is_called_equivalent() -> None:
     judge = bench(example_law(), "fixed32", 30_000, 1)
     found = mutants(judge.bundle)[::23]
