@@ -18,7 +18,7 @@ from diagnose.noise import Noise
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, Progress, Search
 from diagnose.refit import Fitted, fit
-from diagnose.rival import CONTAINS, Rival, unseen_residuals
+from diagnose.rival import Rival, joined, unseen_residuals
 from diagnose.screen import Screened, ground, screen
 from identify.linear import linearize
 
@@ -133,10 +133,8 @@ def _round(scene: Scene, base: Fitted, screened: Sequence[Screened], noises: Seq
 
 def _extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
     """Add a cause; a simpler one that it contains gives way."""
-    kept = tuple(each for each in base.causes if each.effect.name not in CONTAINS.get(cause.effect.name, ()))
-    gone = {key for each in base.causes if each not in kept for key in each.keys}
-    values = {key: value for key, value in base.point.values.items() if key not in gone}
-    return (*kept, cause), Point({**values, **start}, base.point.starts)
+    causes, values = joined(base, cause)
+    return causes, Point({**values, **start}, base.point.starts)
 
 
 def _rated(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Rival:

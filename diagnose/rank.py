@@ -13,7 +13,7 @@ from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
 from diagnose.noise import white
 from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, noises_of, residual_of
-from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, larger, rated, simplest
+from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, joined, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import enriched, reduced, swapped
 
@@ -283,11 +283,8 @@ def _round(
 
 def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
     """Add a cause to a hypothesis; a simpler one that it contains gives way."""
-    simpler = CONTAINS.get(screened.cause.effect.name, ())
-    kept = tuple(cause for cause in base.causes if cause.effect.name not in simpler)
-    gone = {key for cause in base.causes if cause not in kept for key in cause.keys}
-    values = {key: value for key, value in base.point.values.items() if key not in gone}
-    return (*kept, screened.cause), Point(entered(values, screened.cause, start), base.point.starts)
+    causes, values = joined(base, screened.cause)
+    return causes, Point(entered(values, screened.cause, start), base.point.starts)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:

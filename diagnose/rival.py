@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Point, Scene, full_start
+from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.noise import Noise
 from diagnose.refit import Fitted, evidence, fit_starts, noises_of, residual_of
 
@@ -77,6 +77,15 @@ def larger(rival: Rival, base: Rival) -> bool:
     """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction."""
     sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
     return bool(np.min(sizes[0] / sizes[1]) > _WIDER)
+
+
+def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:
+    """Return the causes of a hypothesis with one more and the values they keep; a simpler one gives way."""
+    simpler = CONTAINS.get(cause.effect.name, ())
+    kept = tuple(each for each in base.causes if each.effect.name not in simpler)
+    gone = {key for each in base.causes if each not in kept for key in each.keys}
+    values = {key: value for key, value in base.point.values.items() if key not in gone}
+    return (*kept, cause), values
 
 
 def containing(name: str) -> tuple[str, ...]:
