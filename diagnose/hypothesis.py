@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.direct import DIRECT, Direct, unwrapped
+from diagnose.direct import DIRECT, Direct
+from diagnose.wrap import unwrapped
 from identify.attach import all_uses, label_of, parameters_of, site_of
 from identify.effect import Effect, EffectParameter
 from identify.effects import find_effect

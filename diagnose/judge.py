@@ -27,7 +27,7 @@ from identify.plant import EffectUse, Parameter, Plant
 Array = NDArray[np.float64]
 
 NORMAL_95 = 1.959963984540054
-SHAPE_GAIN = 60.0  # drop of the whitened sum of squares from which a nameless shape counts as a mismatch
+SHAPE_GAIN = 40.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 _LAGS = 20
@@ -101,7 +101,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
 
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
-    left = 0.0 if shape is None else shape.gain - 10.0 * shape.unknowns
+    left = 0.0 if shape is None else shape.gain
     if not search.best.fitted.causes:
         return ("unknown_physics" if left > SHAPE_GAIN else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score

@@ -15,7 +15,7 @@ from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, noises_of, residual_of
 from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, joined, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
-from diagnose.swap import enriched, reduced, swapped
+from diagnose.swap import enriched, merged, reduced, swapped
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -98,10 +98,30 @@ def search(scene: Scene, progress: Progress) -> Search:
     if not gains:
         nominal = best
     else:
-        best = _pruned(scene, best)
-        best, tried = swapped(scene, best, sum(gains))
+        best, tried = _settled(scene, best, gains)
         rounds.append(tried)
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+
+
+def further(found: Search) -> Search | None:
+    """Look for one more effect, however little beside what the others explain; None where there is none."""
+    scene, base = found.scene, found.best
+    rivals = _round(scene, base, _screened(scene, base), (), _WORTH)
+    if not rivals:
+        return None
+    chosen = simplest(rivals, base.score)
+    gain = base.score - chosen.score
+    if gain < _bar(chosen) or larger(chosen, base):
+        return None
+    gains = (*found.gains, gain)
+    best, tried = _settled(scene, _refollowed(scene, chosen), gains)
+    return replace(found, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
+
+
+def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
+    """Drop what is not needed, and put what is mistaken for an effect in its place; the best and all that was tried."""
+    best, tried = swapped(scene, _pruned(scene, best), sum(gains))
+    return merged(scene, best), tried
 
 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:

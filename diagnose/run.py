@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from diagnose.finding import Finding
+from diagnose.further import completed
 from diagnose.hypothesis import make_scene
 from diagnose.judge import improved_plant, judge
-from diagnose.plain import believed
 from diagnose.preflight import preflight
 from diagnose.prepare import prepared
 from diagnose.rank import Progress, Search, search
 from diagnose.rival import Rival
-from diagnose.shape import Shape, best_shape
+from diagnose.shape import Shape
 from diagnose.sound import check_sound
 from identify.plant import Plant
 from identify.recording import Recording
@@ -47,9 +47,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     train, test = prepared(plant, train, test)
     checks = preflight(plant, train, test)
     scene = make_scene(plant, train, test, checks.floors)
-    found = believed(search(scene, progress), progress)
-    progress(0.9, "looking for what has no name")
-    shape = best_shape(found, found.best)
+    found, shape = completed(search(scene, progress), progress)
     finding = judge(found, checks, shape)
     shown = found.best if finding.verdict in ("explained", "ambiguous") else found.nominal
     return Diagnosis(finding, found, shape, improved_plant(found, shown))

@@ -1,38 +1,39 @@
-"""Test what is left for a shape: a torque or voltage that follows some coordinate, whatever its name may be."""
+"""Weigh what has no name: a term that follows some coordinate, by how likely it makes all recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
-from diagnose.locate import Latent, latent, nominal_plant
+from diagnose.hypothesis import Point, full_start, outputs_of
+from diagnose.locate import latent, nominal_plant
+from diagnose.noise import Noise, white
 from diagnose.rank import Search
-from diagnose.refit import slopes_of, whitened
-from diagnose.response import disturbed
+from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
 from diagnose.rival import Rival
 from diagnose.screen import orthogonal
-from identify.linear import linearize
+from diagnose.terms import Term, terms
+from identify.least_squares import triangle
 from identify.plant import Plant
 from identify.recording import Recording
-from identify.simulate import course_of
-from identify.superset import travelled
 
 Array = NDArray[np.float64]
 
-_HATS = 10
-_HARMONICS = 4
+_TRIED = 3  # terms weighed in full, of each noise model's order
+_ROUNDS = 2  # of fitting with the noise that the last fit left over
+_LIVE = 1e-4  # of a column, which the base's own unknowns cannot imitate
+_DETERMINED = 1e-3  # least singular value of what a fit may move, of the largest
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A term of one balance that follows one coordinate.
+    """A term of one balance, or of one reading, that follows one coordinate.
 
-    `gain` is the drop of the whitened sum of squares by `unknowns` hats or waves; `points` (b, 2) are the coordinate
-    and the term there, in SI units.
+    `gain` is the drop of BIC by `unknowns` hats or waves, on train and test; `points` (b, 2) are the coordinate and
+    the term there, in SI units; `train` and `test` the residuals (n, r) it leaves.
     """
 
     balance: str
@@ -40,107 +41,156 @@ class Shape:
     unknowns: int
     gain: float
     points: Array
+    train: tuple[Array, ...]
+    test: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Base:
+    """An explanation that terms are added to, on the recordings of train and then of test.
+
+    `own` are the slopes (n, r, k + s) of what may move along: its parameters, and the recording's initial state.
+    """
+
+    search: Search
+    rival: Rival
+    plant: Plant
+    recordings: tuple[Recording, ...]
+    residuals: tuple[Array, ...]
+    own: tuple[Array, ...]
+
+    @property
+    def train(self) -> int:
+        """How many recordings are of train."""
+        return len(self.search.scene.train)
 
 
 def best_shape(search: Search, rival: Rival) -> Shape | None:
-    """Return the shape that explains most of what an explanation leaves over."""
-    plant = nominal_plant(search, rival)
-    seen = [latent(plant, recording, [noise.rms for noise in rival.noises]) for recording in search.scene.train]
-    if any(each is None for each in seen):
+    """Return the term that makes the recordings most likely beside an explanation; None where none can be tested."""
+    base = _base(search, rival)
+    sizes = [noise.rms for noise in rival.noises]
+    seen = [latent(base.plant, recording, sizes) for recording in base.recordings]
+    found = [each for each in seen if each is not None]
+    if len(found) < len(seen) or not all(np.all(np.isfinite(left)) for left in base.residuals):
         return None
-    found: list[Shape] = []
-    basis, left = _complement(search, rival)
-    kinds = seen[0].kinds if seen[0] is not None else ()
-    for number, kind in enumerate(kinds):
-        regressors = [
-            _regressors(plant, recording, each)
-            for recording, each in zip(search.scene.train, seen, strict=True)
-            if each
-        ]
-        for name in regressors[0]:
-            stacked = np.concatenate([table[name][1] for table in regressors])
-            columns = []
-            for recording, table in zip(search.scene.train, regressors, strict=True):
-                term = _hats(table[name][1], stacked, table[name][0])
-                columns.append(whitened(disturbed(plant, {}, recording, term, number), rival.noises))
-            tall = np.concatenate(columns)
-            pure = tall - basis @ (basis.T @ tall)
-            live = np.linalg.norm(pure, axis=0) > 1e-4 * np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-            if not np.any(live):
-                continue
-            axis = orthogonal(pure[:, live])
-            gain = float(np.sum((axis.T @ left) ** 2))
-            answer = np.zeros(tall.shape[1])
-            answer[live] = np.linalg.lstsq(pure[:, live], left, rcond=1e-6)[0]
-            centres = _centres(stacked, table[name][0])
-            points = np.column_stack([centres, _hats(centres, stacked, table[name][0]) @ answer])
-            found.append(Shape(kind, name, int(live.sum()), gain, points))
-    return max(found, key=lambda each: each.gain - 10.0 * each.unknowns, default=None)
+    simulated = [
+        outputs_of(search.scene, each) - left for each, left in zip(base.recordings, base.residuals, strict=True)
+    ]
+    choices = terms(base.plant, base.recordings, found, simulated, base.residuals)
+    moved = [_moved(base, term, base.train) for term in choices]
+    picked: list[int] = []
+    for noises in (rival.noises, tuple(white(noise.rms) for noise in rival.noises)):
+        gains = _promised(base, moved, noises)
+        picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
+    without = min(_weighed(base, ())[0], rival.score)
+    shapes = [_shape(base, choices[place], without) for place in dict.fromkeys(picked)]
+    return max(shapes, key=lambda each: each.gain, default=None)
 
 
-def _complement(search: Search, rival: Rival) -> tuple[Array, Array]:
-    """Return the whitened slopes' basis, and the whitened residuals outside of it."""
-    parts, lefts = [], []
-    count, states = len(rival.fitted.coordinates), len(search.scene.engine.states)
-    lot = len(search.scene.train)
-    for k, recording in enumerate(search.scene.train):
-        at = rival.fitted
-        slopes = slopes_of(search.scene, recording, at.coordinates, at.point, k, at.residuals[k])
-        wide = np.zeros((*slopes.shape[:2], count + states * lot))
-        wide[..., :count] = slopes[..., :count]
-        wide[..., count + states * k : count + states * (k + 1)] = slopes[..., count:]
-        parts.append(whitened(wide, rival.noises))
-        lefts.append(whitened(rival.fitted.residuals[k], rival.noises))
-    basis = orthogonal(np.concatenate(parts))
-    left = np.concatenate(lefts)
-    return basis, left - basis @ (basis.T @ left)
+def _base(search: Search, rival: Rival) -> _Base:
+    scene, fitted = search.scene, rival.fitted
+    starts = tuple(full_start(scene, recording) for recording in scene.test)
+    unseen = fit_starts(scene, scene.test, Point(fitted.point.values, starts), rival.noises)
+    point = Point(fitted.point.values, (*fitted.point.starts, *unseen.starts))
+    recordings = (*scene.train, *scene.test)
+    left = tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(recordings))
+    own = [slopes_of(scene, each, fitted.coordinates, point, k, left[k]) for k, each in enumerate(recordings)]
+    return _Base(search, rival, nominal_plant(search, rival), recordings, left, tuple(own))
 
 
-def _regressors(plant: Plant, recording: Recording, seen: Latent) -> Mapping[str, tuple[bool, Array]]:
-    """Return coordinates a term could follow: (periodic, values (n,)) by name.
+def _moved(base: _Base, term: Term, count: int) -> tuple[Array, ...]:
+    """Return what a term does (n, r, b) to the first recordings."""
+    found = []
+    for k, recording in enumerate(base.recordings[:count]):
+        each = np.nan_to_num(term.moved(base.plant, recording, k, base.train), posinf=0.0, neginf=0.0)
+        if term.coordinate.pitch:  # of each recording's own size and phase
+            wide = np.zeros((*each.shape[:2], each.shape[2] * len(base.recordings)))
+            wide[..., k * each.shape[2] : (k + 1) * each.shape[2]] = each
+            each = wide
+        found.append(each)
+    return tuple(found)
 
-    Speeds and currents are simulated, not measured: the noise of a measured one would correlate with what is left.
-    A simulated position drifts, so that is smoothed.
+
+def _promised(base: _Base, moved: Sequence[Sequence[Array]], noises: Sequence[Noise]) -> Array:
+    """Return the drop (t,) of the whitened sum of squares by each term that nothing of the base can imitate."""
+    basis = orthogonal(_stacked([_wide(base, k) for k in range(base.train)], noises))
+    left = _stacked([each[..., None] for each in base.residuals[: base.train]], noises)[:, 0]
+    left = left - basis @ (basis.T @ left)
+    gains = []
+    for parts in moved:
+        tall = _stacked(parts, noises)
+        pure = tall - basis @ (basis.T @ tall)
+        live = np.linalg.norm(pure, axis=0) > _LIVE * np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+        gain = float(np.sum((orthogonal(pure[:, live]).T @ left) ** 2)) if np.any(live) else 0.0
+        gains.append(gain - float(np.sum(live)) * np.log(len(left)))
+    return np.array(gains)
+
+
+def _stacked(parts: Sequence[Array], noises: Sequence[Noise]) -> Array:
+    return np.concatenate([whitened(part, noises) for part in parts])
+
+
+def _wide(base: _Base, index: int) -> Array:
+    """Return the slopes of one recording of train, with a place for the initial state of each."""
+    count, states = len(base.rival.fitted.coordinates), len(base.search.scene.engine.states)
+    own = base.own[index]
+    wide = np.zeros((*own.shape[:2], count + states * base.train))
+    wide[..., :count] = own[..., :count]
+    wide[..., count + states * index : count + states * (index + 1)] = own[..., count:]
+    return wide
+
+
+def _weighed(base: _Base, moved: Sequence[Array], free: bool = False) -> tuple[float, Array, tuple[Array, ...]]:
+    """Return BIC with a term (none where `moved` is empty), its unknowns (b,), and what it leaves of each recording.
+
+    Its unknowns and the base's are fitted to train; on test only the initial states are, and what is `free`.
     """
-    rows = len(seen.time)
-    moved = _simulated_states(plant, recording)[:rows]
-    table: dict[str, tuple[bool, Array]] = {}
-    for index, signal in enumerate(plant.states):
-        place = signal.name.startswith("position_")
-        values = seen.states[:, index] if place else moved[:, index]
-        turning = signal.name == "position_rad"
-        table[f"{signal.name} (per turn)" if turning else signal.name] = (turning, values)
-    angle = travelled(recording)
-    if "position_rad" not in {signal.name for signal in plant.states} and angle is not None:
-        table["angle (per turn)"] = (True, angle[:rows])
-    table[plant.inputs[0].name] = (False, course_of(plant, recording).drive[:rows, 0])
-    return table
+    scene, count = base.search.scene, len(base.rival.fitted.coordinates)
+    nothing = [np.zeros((*each.shape, 0)) for each in base.residuals]
+    terms = list(moved) or nothing
+    noises, best = base.rival.noises, (np.inf, np.zeros(0), base.residuals)
+    for _ in range(_ROUNDS):
+        tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(base.train)]
+        answer = _solved(tall, base.residuals[: base.train], noises)
+        left = [residual - part @ answer for part, residual in zip(tall, base.residuals, strict=False)]
+        size = terms[0].shape[2]
+        shared = answer[: size + count]
+        noises = noises_of(scene, left)
+        for k in range(base.train, len(base.recordings)):
+            rest = base.residuals[k] - np.concatenate([terms[k], base.own[k][..., :count]], axis=2) @ shared
+            start = np.concatenate([base.own[k][..., count:], terms[k][..., : size if free else 0]], axis=2)
+            left.append(rest - start @ _solved([start], [rest], noises))
+        score = _score(base, left, size)
+        if score < best[0]:
+            best = (score, answer[:size], tuple(left))
+    return best
 
 
-def _simulated_states(plant: Plant, recording: Recording) -> Array:
-    """Return the states (n, s) of the linear plant from rest."""
-    course, bare = course_of(plant, recording), linearize(plant)
-    states, inputs = bare.b.shape
-    whole = np.zeros((states + inputs, states + inputs))
-    whole[:states, :states], whole[:states, states:] = bare.a, bare.b
-    moved = expm(whole * course.step)
-    step, pushed = moved[:states, :states], course.drive @ moved[:states, states:].T
-    found = np.zeros((len(pushed), states))
-    for row in range(len(pushed) - 1):
-        found[row + 1] = step @ found[row] + pushed[row]
-    return found
+def _solved(tall: Sequence[Array], residuals: Sequence[Array], noises: Sequence[Noise]) -> Array:
+    """Return the least squares answer (c,) to whitened residuals (n, r) by columns (n, r, c)."""
+    whole = [np.concatenate([part, left[..., None]], axis=2) for part, left in zip(tall, residuals, strict=True)]
+    small = triangle(_stacked(whole, noises))
+    sizes = np.linalg.norm(small[:, :-1], axis=0)
+    sizes[sizes == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(small[:, :-1] / sizes, small[:, -1], rcond=_DETERMINED)[0] / sizes)
 
 
-def _centres(values: Array, periodic: bool) -> Array:
-    if periodic:
-        return np.linspace(0.0, 2.0 * np.pi, 25)
-    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, _HATS)))
+def _score(base: _Base, left: Sequence[Array], unknowns: int) -> float:
+    """Return BIC on train, and -2 log likelihood on test, as a rival's score is made."""
+    scene, total = base.search.scene, 0.0
+    for parts in (left[: base.train], left[base.train :]):
+        rows = sum(len(part) for part in parts)
+        total += sum(2.0 * rows * float(np.log(noise.scale)) for noise in noises_of(scene, parts)) if parts else 0.0
+    rows = sum(part.size for part in left[: base.train])
+    return total + (len(base.rival.fitted.coordinates) + unknowns) * float(np.log(rows))
 
 
-def _hats(at: Array, values: Array, periodic: bool) -> Array:
-    """Return piecewise linear hats over the quantiles of `values`, or waves, at `at` (n,): (n, b)."""
-    if periodic:
-        waves = [wave(order * at) for order in range(1, _HARMONICS + 1) for wave in (np.sin, np.cos)]
-        return np.stack(waves, axis=1)
-    knots = _centres(values, False)
-    return np.stack([np.interp(at, knots, row) for row in np.eye(len(knots))], axis=1)
+def _shape(base: _Base, term: Term, without: float) -> Shape:
+    moved = _moved(base, term, len(base.recordings))
+    score, answer, left = _weighed(base, moved, term.coordinate.pitch > 0.0)
+    centres = term.coordinate.centres(base.train)
+    points = np.column_stack([centres, np.zeros(len(centres))])
+    if not (term.coordinate.memory or term.coordinate.pitch):
+        points[:, 1] = term.coordinate.shapes(centres, base.train) @ answer
+    train, test = left[: base.train], left[base.train :]
+    return Shape(term.kind, term.coordinate.name, len(answer), without - score, points, train, test)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
+import numpy as np
+
 from diagnose.hypothesis import Cause, Point, Scene, entered
 from diagnose.refit import fit
 from diagnose.rival import CONTAINS, TIE, Rival, containing, larger, rated, richer
@@ -35,6 +37,29 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
         if best.score - winner.score > (richer(gain) if held else TIE) and not larger(winner, best):
             return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))
+
+
+def merged(scene: Scene, best: Rival) -> Rival:
+    """Put one effect in the place of those whose sum it is, where that explains as much."""
+    for come in scene.causes:
+        parts = {name: shares for name, shares in come.effect.sum_of}
+        gone = [cause for cause in best.fitted.causes if cause.effect.name in parts]
+        if not parts or len(gone) < len(parts):
+            continue
+        values = best.fitted.point.values
+        sums = np.sum([np.multiply(parts[each.effect.name], values[each.keys[0]]) for each in gone], axis=0)
+        start = {
+            key: min(max(float(value), each.low), each.high)
+            for key, value, each in zip(come.keys, sums, come.parameters, strict=True)
+        }
+        lost = {key for each in gone for key in each.keys}
+        rest = {key: value for key, value in values.items() if key not in lost}
+        causes = (*(cause for cause in best.fitted.causes if cause not in gone), come)
+        begin = Point({**rest, **start}, best.fitted.point.starts)
+        one = rated(scene, fit(scene, scene.train, causes, begin, best.noises, _LONG))
+        if one.score - best.score < TIE:
+            return one
+    return best
 
 
 def reduced(scene: Scene, rich: Rival) -> list[Rival]:

@@ -121,6 +121,7 @@ class Effect:
     attach: Callable[[Assembly, Site, tuple[float, ...]], None]
     codes: tuple[tuple[str, str], ...]  # (name of the C function, its body)
     switches: tuple[int, ...] = (0,)  # parameters that are all neutral where the effect changes nothing
+    sum_of: tuple[tuple[str, tuple[float, ...]], ...] = ()  # effects it is the sum of: times each one's first parameter
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

@@ -41,4 +41,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0, 1),
+    sum_of=(("coulomb_friction", (1.0, 1.0)), ("load_torque", (1.0, -1.0))),
 )

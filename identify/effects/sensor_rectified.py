@@ -7,8 +7,8 @@ from identify.effect import Effect, EffectParameter, Scales, Site
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
-    """Name the constants."""
-    return (EffectParameter("share", "", 0.0, 1.0, 0.0, False, 1.0),)
+    """Name the constants; noise around zero makes a fitted share a little less than one."""
+    return (EffectParameter("share", "", 0.8, 1.0, 0.0, False, 1.0),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:

@@ -1,0 +1,179 @@
+"""Unroll readings that wrap around like an overflowing counter, and read their range off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.direct import Direct
+from identify.plant import IdentifyError, Plant
+from identify.recording import Recording
+from identify.simulate import measured, simulate
+
+Array = NDArray[np.float64]
+
+_JUMP = 0.5  # of the range: a change from row to row that only a wrap makes
+_EDGE = 0.25  # of the range: a wrap begins and ends this near to its ends
+_BACK = 0.08  # of the range: rows beside a wrap go against it, but for noise
+_CALM = 0.2  # of the range: a reading that usually moves more from row to row cannot be unrolled
+_UNLIKE = 0.05  # of the range, by which wraps differ
+_FEWEST = 2  # jumps in all recordings
+_REFINED = 3  # times a range is refined
+_RARE = 0.003  # share of readings that must be off by a range
+_MOST_TURNS = 3  # that a reading may be off
+_TELLING = 0.35  # of the residual without wraps
+_NEAR = 0.1  # of the range, by which the readings' span and their jumps may differ
+_STEP = 1e-4  # of a parameter's logarithm, for difference quotients
+_GIVEN = 0.3  # standard deviation of a given parameter, as a logarithm
+
+
+def unwrapped(
+    plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[Direct, ...]]:
+    """Return the recordings with every reading that wraps unrolled, and what was found."""
+    found = []
+    for signal in plant.outputs:
+        columns = [recording.columns[signal.name] for recording in train]
+        wrap = _wrap(columns)
+        if wrap is not None:
+            moved = [_unrolled(recording, signal.name, wrap[0]) for recording in (*train, *test)]
+        else:
+            wrap = _folded(columns, [_expected(plant, recording, signal.name) for recording in train])
+            if wrap is None:
+                continue
+            moved = [_unfolded(plant, recording, signal.name, wrap[0]) for recording in (*train, *test)]
+        turns = [
+            np.round((after.columns[signal.name] - before.columns[signal.name]) / wrap[0])
+            for before, after in zip((*train, *test), moved, strict=True)
+        ]
+        reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
+        low = wrap[1]
+        whole = [_shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
+        train, test = tuple(whole[: len(train)]), tuple(whole[len(train) :])
+        start = min(max(low / reach, -1.0), 0.0)
+        half = round(2.0 * start) / 2.0
+        start = half if abs(start - half) < 0.05 else start
+        found.append(Direct("sensor_wrap", signal.name, (reach, start), (deviation, 0.0)))
+    return tuple(train), tuple(test), tuple(found)
+
+
+def _wrap(columns: Sequence[Array]) -> tuple[float, float] | None:
+    """Return the range and the lowest reading; None where nothing wraps."""
+    low, high = min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
+    reach = high - low
+    sizes = []
+    for column in columns:
+        steps = np.diff(column)
+        if float(np.median(np.abs(steps))) > _CALM * reach:
+            return None
+        for row in np.flatnonzero(np.abs(steps) > _JUMP * reach):
+            begin, end, side = column[row], column[row + 1], float(np.sign(steps[row]))
+            if max(begin, end) < high - _EDGE * reach or min(begin, end) > low + _EDGE * reach:
+                return None
+            around = [steps[k] for k in (row - 1, row + 1) if 0 <= k < len(steps) and abs(steps[k]) <= _JUMP * reach]
+            if any(side * step > _BACK * reach for step in around):
+                return None  # a wrap goes against the motion around it
+            sizes.append(abs(float(steps[row])) - side * float(np.mean(around)) if around else reach)
+    usual = np.array(sizes)
+    if len(usual) < _FEWEST or float(np.std(usual)) > _UNLIKE * reach:
+        return None
+    return float(np.median(usual)), low
+
+
+def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float, float] | None:
+    """Return the same for a reading too quick to follow, from what the plant as given would show.
+
+    A reading that wraps uses its whole range, so that the range is what is seen of it; whole multiples of it bring the
+    readings to what is expected.
+    """
+    seen, wanted = np.concatenate(columns), np.concatenate(expected)
+    low, reach = float(seen.min()), float(np.ptp(seen))
+    if not reach > 0.0 or not np.all(np.isfinite(wanted)):
+        return None
+    for _ in range(_REFINED):
+        turns = np.round((wanted - seen) / reach)
+        moved = turns != 0.0
+        if np.mean(moved) < _RARE or np.max(np.abs(turns)) > _MOST_TURNS:
+            return None
+        table = np.column_stack([turns, wanted, np.ones(len(seen))])
+        answer = np.linalg.lstsq(table, seen, rcond=None)[0]
+        left = seen - table @ answer
+        plain = np.linalg.lstsq(table[:, 1:], seen, rcond=None)[0]
+        if np.std(left) > _TELLING * np.std(seen - table[:, 1:] @ plain) or abs(answer[0] / reach + 1.0) > _NEAR:
+            return None
+        reach = float(-answer[0])
+        wanted = wanted * answer[1] + answer[2]
+    return reach, low
+
+
+def _refined(
+    plant: Plant, recordings: Sequence[Recording], name: str, turns: Sequence[Array], reach: float
+) -> tuple[float, float]:
+    """Fit the range beside the free parameters, by Gauss-Newton on the unrolled readings; with its deviation."""
+    index = [signal.name for signal in plant.outputs].index(name)
+    free = [p.name for p in plant.parameters if p.free and p.value > 0.0]
+    logs, change, spread = np.zeros(len(free)), 0.0, 0.0
+    for _ in range(_REFINED):
+        base = _all_of(plant, recordings, free, logs)
+        if base is None:
+            return reach, spread
+        columns = []
+        for place in range(len(free)):
+            near = _all_of(plant, recordings, free, logs + _STEP * (np.arange(len(free)) == place))
+            columns.append(np.zeros_like(base) if near is None else (near - base) / _STEP)
+        steps = np.zeros_like(base)
+        steps[:, index] = np.concatenate(turns)
+        seen = np.concatenate([measured(plant, recording) for recording in recordings])
+        left = seen + change * steps - base
+        sizes = np.maximum(np.std(left, axis=0), 1e-12)
+        tall = np.stack([each / sizes for each in (*columns, -steps)], axis=2).reshape(-1, len(free) + 1)
+        prior = np.eye(len(free), len(free) + 1) / _GIVEN
+        whole = np.concatenate([tall, prior])
+        aim = np.concatenate([(left / sizes).ravel(), -logs / _GIVEN])
+        answer = np.linalg.lstsq(whole, aim, rcond=1e-9)[0]
+        logs, change = np.clip(logs + answer[:-1], -1.0, 1.0), change + float(answer[-1])
+        spread = float(np.sqrt(np.linalg.pinv(whole.T @ whole)[-1, -1]))
+    return (reach + change, spread) if abs(change) < _UNLIKE * reach else (reach, spread)
+
+
+def _all_of(plant: Plant, recordings: Sequence[Recording], free: Sequence[str], logs: Array) -> Array | None:
+    """Return the outputs (n, r) of all recordings with the free parameters moved; None where that diverges."""
+    factors = dict(zip(free, np.exp(logs), strict=True))
+    moved = tuple(replace(p, value=p.value * factors.get(p.name, 1.0)) for p in plant.parameters)
+    try:
+        parts = [simulate(replace(plant, parameters=moved), recording, None) for recording in recordings]
+    except IdentifyError:
+        return None
+    return np.concatenate(parts)
+
+
+def _shifted(recording: Recording, name: str, change: Array) -> Recording:
+    columns = {**recording.columns, name: np.ascontiguousarray(recording.columns[name] + change)}
+    return replace(recording, columns=MappingProxyType(columns))
+
+
+def _expected(plant: Plant, recording: Recording, name: str) -> Array:
+    """Return what the plant as given would show (n,); NaN where that cannot be computed."""
+    index = [signal.name for signal in plant.outputs].index(name)
+    try:
+        return simulate(plant, recording, None)[:, index]
+    except IdentifyError:
+        return np.full(len(recording.time), np.nan)
+
+
+def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Recording:
+    columns = dict(recording.columns)
+    seen = columns[name]
+    wanted = _expected(plant, recording, name)
+    columns[name] = np.ascontiguousarray(seen + reach * np.round(np.nan_to_num(wanted - seen) / reach))
+    return replace(recording, columns=MappingProxyType(columns))
+
+
+def _unrolled(recording: Recording, name: str, reach: float) -> Recording:
+    columns = dict(recording.columns)
+    columns[name] = np.ascontiguousarray(np.unwrap(columns[name], period=reach))
+    return replace(recording, columns=MappingProxyType(columns))

@@ -1,0 +1,57 @@
+"""Physics that no effect of the library holds is called unknown, and where it sits is said."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bench.blind_cases import single_case, write_case
+from firmloop.cli import main
+from tests.diagnose.cases import BY_NAME
+
+_DAMPING = "speed, by position_rad (per turn)"
+
+
+def _said(folder: Path, outside: str, sensors: tuple[str, ...], excitation: str, colored: bool) -> dict[str, object]:
+    case = replace(
+        single_case(5, "", BY_NAME["flat_motor"], sensors, excitation, colored, 1.0),
+        outside=outside,
+    )
+    write_case(case, folder / "case", folder / "labels")
+    assert main(["diagnose", str(folder / "case" / "project.toml"), "--out", str(folder / "out")]) == 1
+    said: dict[str, object] = json.loads((folder / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    return said
+
+
+@pytest.mark.parametrize(
+    ("outside", "sensors", "excitation", "colored", "equation", "coordinate"),
+    [
+        ("periodic_torque", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
+        ("one_sided_gain", ("speed",), "staircase", False, "torque", "voltage_V"),
+        (
+            "angle_dependent_damping",
+            ("position", "current"),
+            "steps",
+            False,
+            "torque",
+            "speed, by position_rad (per turn)",
+        ),
+    ],
+)
+def test_what_has_no_name_is_unknown(
+    tmp_path: Path,
+    outside: str,
+    sensors: tuple[str, ...],
+    excitation: str,
+    colored: bool,
+    equation: str,
+    coordinate: str,
+) -> None:
+    said = _said(tmp_path, outside, sensors, excitation, colored)
+    assert said["verdict"] == "unknown_physics" and said["effects"] == []
+    location = said["location"]
+    assert isinstance(location, dict)
+    assert (location["equation"], location["coordinate"]) == (equation, coordinate)
