@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 FEWEST_ROWS = 60
 _JUMP = 50.0  # rows; a gap longer than this is no jitter
+_SIGNLESS = 0.03  # of the largest reading: noise of one that has no sign
 _ALIKE = 0.85  # correlation from which a column is taken to follow the simulation of another
 _RPM = 60.0 / (2.0 * np.pi)
 _FACTORS = {
@@ -52,8 +53,9 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
         check_rows(plant, recording)
         notes += _clock(recording)
         notes += _kinematics(recording)
+    folded = _folded(plant, (*train, *test))
     for recording in (*train, *test):
-        _check_units(plant, recording)
+        _check_units(plant, recording, folded)
     floors = _floors(plant, train)
     return Preflight(tuple(notes), floors, _untestable(plant, train))
 
@@ -119,15 +121,36 @@ def _kinematics(recording: Recording) -> list[str]:
     return said
 
 
-def _check_units(plant: Plant, recording: Recording) -> None:
-    """Hold each output against the nominal simulation: a fixed factor or a swap is no physics."""
+def _nominal(plant: Plant, recording: Recording) -> Array | None:
+    """Return the outputs (n, r) of the plant as given; None where it has no values or grows without bound."""
     constants = np.array([p.value for p in plant.parameters])
     if np.any(np.isnan(constants)):
-        return
+        return None
     simulated = simulator(plant, recording.hold).run(
         course_of(plant, recording), constants, rest_start(plant, recording)
     )
-    if not np.all(np.isfinite(simulated)):
+    return simulated if np.all(np.isfinite(simulated)) else None
+
+
+def _folded(plant: Plant, recordings: Sequence[Recording]) -> frozenset[str]:
+    """Return the outputs that are never negative where the plant goes both ways: that is no wrong sign."""
+    models = [_nominal(plant, recording) for recording in recordings]
+    found = set()
+    for k, signal in enumerate(plant.outputs):
+        real = np.concatenate([recording.columns[signal.name] for recording in recordings])
+        model = np.concatenate([each[:, k] for each in models if each is not None] or [np.zeros(0)])
+        if len(model) < len(real) or np.min(real) < -_SIGNLESS * np.max(real):
+            continue
+        top = _SIGNLESS * float(np.max(np.abs(model)))
+        if np.max(model) > top and np.min(model) < -top and _alike(real, np.abs(model))[0] > _ALIKE:
+            found.add(signal.name)
+    return frozenset(found)
+
+
+def _check_units(plant: Plant, recording: Recording, folded: Collection[str]) -> None:
+    """Hold each output against the nominal simulation: a fixed factor or a swap is no physics."""
+    simulated = _nominal(plant, recording)
+    if simulated is None:
         return
     values = measured(plant, recording)
     moved = [np.diff(values[:, k], prepend=values[0, k]) for k in range(values.shape[1])]
@@ -146,7 +169,7 @@ def _check_units(plant: Plant, recording: Recording) -> None:
                         f"{recording.source}: columns {name} and {names[other]} look swapped (each follows the "
                         f"simulation of the other); map them in [recordings.rename]"
                     )
-        if alike < -_ALIKE:
+        if alike < -_ALIKE and name not in folded:
             raise IdentifyError(
                 f"{recording.source}: column {name} runs against the simulation (correlation {alike:.2f}); "
                 f"check the sign of the sensor or of the drive"

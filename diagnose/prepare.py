@@ -14,7 +14,6 @@ from identify.condition import NONE
 from identify.experiment import Experiment, best_start, experiments
 from identify.forms import form_writer
 from identify.hold import FINER, HOLDS
-from identify.least_squares import triangle
 from identify.plant import IdentifyError, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
 from identify.recording import Recording, make_recording
@@ -27,6 +26,7 @@ _BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
 _STEPS = 12  # of a fit of the nominal plant
 _LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
+_ALIKE = 1.15  # ratio of that share in the first and second halves of the recordings
 _WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
 _SMALLER = 0.98  # ratio of residual rms which that has to bring
 
@@ -76,7 +76,8 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
     if given != HOLDS[0] or not even or any(np.isnan(p.value) for p in plant.parameters):
         return given
     try:
-        if not _LIKE[0] < _share(plant, train) < _LIKE[1]:
+        shares = _shares(plant, train)
+        if not all(_LIKE[0] < share < _LIKE[1] for share in shares) or max(shares) > _ALIKE * min(shares):
             return given
         tried = {hold: _evidence(plant, [replace(each, hold=hold) for each in train]) for hold in HOLDS}
     except IdentifyError:
@@ -86,8 +87,12 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
     return best if clear else given
 
 
-def _share(plant: Plant, train: Sequence[Recording]) -> float:
-    """Return how much of what a straight-line hold would change stands in the residual of the fitted nominal plant."""
+def _shares(plant: Plant, train: Sequence[Recording]) -> tuple[float, ...]:
+    """Return how much of what a straight-line hold would change stands in the residual of the fitted nominal plant.
+
+    In all, in the first halves and in the second halves of the recordings: a hold does the same throughout, and a clock
+    that runs at another rate does not.
+    """
     problem, point, pairs = _fitted(plant, train)
     count = len(problem.free)
     lefts, talls, secants = [], [], []
@@ -105,10 +110,14 @@ def _share(plant: Plant, train: Sequence[Recording]) -> float:
         talls.append(wide)
     left, secant, tall = np.concatenate(lefts), np.concatenate(secants), np.concatenate(talls)
     if not (np.all(np.isfinite(secant)) and np.all(np.isfinite(tall))):
-        return 0.0
+        return (0.0,)
     norms = np.linalg.norm(tall, axis=0)
-    small = triangle(np.column_stack([tall[:, norms > 0.0] / norms[norms > 0.0], secant, left]))[-2:, -2:]
-    return float(small[0, 1] / small[0, 0]) if small[0, 0] != 0.0 else 0.0
+    basis, _ = np.linalg.qr(tall[:, norms > 0.0] / norms[norms > 0.0])
+    left, secant = (each - basis @ (basis.T @ each) for each in (left, secant))
+    early = np.concatenate([np.arange(len(each)) < len(each) // 2 for each in lefts])
+    parts = [secant * left, secant**2]
+    sums = [[float(np.sum(part[rows])) for part in parts] for rows in (np.full(len(left), True), early, ~early)]
+    return tuple(both / own if own > 0.0 else 0.0 for both, own in sums)
 
 
 def _evidence(plant: Plant, train: Sequence[Recording]) -> tuple[float, float]:

@@ -22,7 +22,7 @@ Progress = Callable[[float, str], None]
 
 THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
 COLORED_THRESHOLD = 36.0  # the same where there is a slow disturbance
-SLOW_THRESHOLD = 48.0  # and there for effects that look like one
+SLOW_THRESHOLD = 70.0  # and there for effects that look like one
 SLOW = (
     "load_torque",
     "load_step",
@@ -43,6 +43,7 @@ _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
+_FAR_OFF = 1.5  # factor on a nominal parameter that has run away
 _FOLD = 0.03  # of the largest reading: noise of one that is never negative
 _GIVEN = 3  # causes tried beside the parameters as given
 _SHARE = 0.08  # of the best screened drop
@@ -92,7 +93,7 @@ def search(scene: Scene, progress: Progress) -> Search:
             best = base
             break
         gains.append(gain)
-        best = _refollowed(scene, chosen)
+        best = _refollowed(scene, _unwhitened(scene, chosen))
         if turn == 0:
             nominal = base
     if not gains:
@@ -114,7 +115,7 @@ def further(found: Search) -> Search | None:
     if gain < _bar(chosen) or larger(chosen, base):
         return None
     gains = (*found.gains, gain)
-    best, tried = _settled(scene, _refollowed(scene, chosen), gains)
+    best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
     return replace(found, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
 
 
@@ -156,6 +157,28 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
         return other
     scene.engine.follow(now)
     return rival
+
+
+def _unwhitened(scene: Scene, rival: Rival) -> Rival:
+    """Fit once more as if all noise were white innovations, and then with what that leaves, if that explains more.
+
+    Whitened residuals show edges, where a wrong moment is a trap. Plain ones show the slow course, and most that of the
+    slowest output, which leads out. A nominal parameter that ran away in such a trap begins where it was given.
+    """
+    fitted = rival.fitted
+    runaways = {
+        p.name: p.value
+        for p in scene.plant.parameters
+        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < fitted.point.values[p.name] / p.value < _FAR_OFF
+    }
+    found = [rival]
+    if runaways or any(len(noise.coefficients) for noise in rival.noises):
+        flat = [white(noise.scale) for noise in rival.noises]
+        plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, _LONG)
+        noises = noises_of(scene, plain.residuals)
+        begin = Point({**plain.point.values, **runaways}, plain.point.starts)
+        found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, _LONG)))
+    return min(found, key=lambda each: each.score)
 
 
 def _bar(rival: Rival) -> float:

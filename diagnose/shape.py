@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.direct import coarse
 from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.noise import Noise, white
@@ -15,7 +16,7 @@ from diagnose.rank import Search
 from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
 from diagnose.rival import Rival
 from diagnose.screen import orthogonal
-from diagnose.terms import Term, terms
+from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
 from identify.plant import Plant
 from identify.recording import Recording
@@ -76,7 +77,12 @@ def best_shape(search: Search, rival: Rival) -> Shape | None:
     simulated = [
         outputs_of(search.scene, each) - left for each, left in zip(base.recordings, base.residuals, strict=True)
     ]
-    choices = terms(base.plant, base.recordings, found, simulated, base.residuals)
+    steps = {each.output for each in coarse(base.plant, search.scene.train, sizes)}
+    choices = [
+        term
+        for term in terms(base.plant, base.recordings, found, simulated, base.residuals)
+        if term.kind != SENSOR or base.plant.outputs[term.place].name not in steps
+    ]
     moved = [_moved(base, term, base.train) for term in choices]
     picked: list[int] = []
     for noises in (rival.noises, tuple(white(noise.rms) for noise in rival.noises)):
