@@ -32,6 +32,8 @@ SLOW = (
     "gravity_torque",
     "end_stop",
 )
+_MOMENTS = ("load_step.time_s",)
+_END = 0.02  # of a recording
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
@@ -76,10 +78,10 @@ def search(scene: Scene, progress: Progress) -> Search:
         if turn and time.process_time() - begun > _PATIENCE:
             break
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
-        screened = _screened(scene, best)
-        first = first or screened
+        table = screened(scene, best)
+        first = first or table
         worth = max(_WORTH, 0.5 * MINOR * sum(gains))
-        rivals = _round(scene, best, screened, _from_given(scene, nominal) if turn == 0 else (), worth)
+        rivals = _round(scene, best, table, _from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
             break
         base = best
@@ -89,7 +91,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base):
+        if gain < max(_bar(scene, chosen), MINOR * sum(gains)) or larger(chosen, base):
             best = base
             break
         gains.append(gain)
@@ -104,19 +106,23 @@ def search(scene: Scene, progress: Progress) -> Search:
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
 
 
-def further(found: Search) -> Search | None:
-    """Look for one more effect, however little beside what the others explain; None where there is none."""
+def further(found: Search, table: Sequence[Screened] | None = None) -> Search | None:
+    """Look for one more effect, however little beside what the others explain; None where there is none.
+
+    `table` are the causes as screened, best first; None screens them.
+    """
     scene, base = found.scene, found.best
-    rivals = _round(scene, base, _screened(scene, base), (), _WORTH)
+    rivals = _round(scene, base, screened(scene, base) if table is None else table, (), _WORTH)
     if not rivals:
         return None
     chosen = simplest(rivals, base.score)
     gain = base.score - chosen.score
-    if gain < _bar(chosen) or larger(chosen, base):
+    if gain < _bar(scene, chosen) or larger(chosen, base):
         return None
     gains = (*found.gains, gain)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
-    return replace(found, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
+    nominal = found.nominal if found.gains else base
+    return replace(found, nominal=nominal, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
 
 
 def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
@@ -178,11 +184,17 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
         noises = noises_of(scene, plain.residuals)
         begin = Point({**plain.point.values, **runaways}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, _LONG)))
-    return min(found, key=lambda each: each.score)
+    return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
 
 
-def _bar(rival: Rival) -> float:
-    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
+def _bar(scene: Scene, rival: Rival) -> float:
+    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
+
+    None is enough for what begins with the last rows: the ends of recordings are rarely what they seem.
+    """
+    moment = next((rival.fitted.point.values[key] for key in rival.fitted.causes[-1].keys if key in _MOMENTS), None)
+    if moment is not None and moment > (1.0 - _END) * max(float(recording.time[-1]) for recording in scene.train):
+        return np.inf
     slow = rival.fitted.causes[-1].effect.name in SLOW
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)
@@ -216,7 +228,7 @@ def _columns(scene: Scene) -> list[list[Array]]:
     return [[recording.columns[signal.name] for recording in scene.train] for signal in scene.plant.outputs]
 
 
-def _screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
+def screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     """Screen with the colored noise of what is left and with white noise: what is left may itself be the effect."""
     open_causes = [cause for cause in scene.causes if cause not in best.fitted.causes]
     flat = [white(noise.rms) for noise in best.noises]

@@ -98,12 +98,12 @@ def screen(
         for start in _promising(scene.starts[cause.label], orders.get(cause.effect.name, ())):
             if time.process_time() - begun > _PATIENCE:
                 break
-            secants = _secants(scene, recordings, base, cause, start)
+            traced = secants(scene, recordings, base, cause, start)
             for index, under in enumerate(grounds):
-                judged = _judge(cause, start, secants, under)
+                judged = _judge(cause, start, traced, under)
                 held = best[index]
                 if judged is not None and (held is None or judged.gain > held.gain):
-                    best[index], trace[index] = judged, secants
+                    best[index], trace[index] = judged, traced
         for index, each in enumerate(best):
             if each is not None:
                 found[index].append(
@@ -138,7 +138,7 @@ def _turn(tall: Array) -> Array:
     return whole
 
 
-def _secants(
+def secants(
     scene: Scene, recordings: Sequence[Recording], base: Fitted, cause: Cause, start: Mapping[str, float]
 ) -> tuple[tuple[Array, ...], ...]:
     """Return what the cause changes (n, r), per recording; a wave also a quarter turn on: phase needs no grid."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,10 @@ from diagnose.direct import coarse
 from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.noise import Noise, white
-from diagnose.rank import Search
+from diagnose.rank import Search, screened
 from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
 from diagnose.rival import Rival
-from diagnose.screen import orthogonal
+from diagnose.screen import Screened, orthogonal, secants
 from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
 from identify.plant import Plant
@@ -57,6 +57,7 @@ class _Base:
     rival: Rival
     plant: Plant
     recordings: tuple[Recording, ...]
+    point: Point
     residuals: tuple[Array, ...]
     own: tuple[Array, ...]
 
@@ -93,6 +94,23 @@ def best_shape(search: Search, rival: Rival) -> Shape | None:
     return max(shapes, key=lambda each: each.gain, default=None)
 
 
+def weighed(search: Search) -> tuple[Screened, ...]:
+    """Screen all causes beside the best explanation by how likely each makes all recordings, best first.
+
+    The noise is estimated anew twice, so that a cause is seen that the noise left over whitens away.
+    """
+    scene, base = search.scene, _base(search, search.best)
+    fitted = replace(search.best.fitted, point=base.point, residuals=base.residuals)
+    without = min(_weighed(base, ())[0], search.best.score)
+    found = []
+    for each in screened(scene, search.best):
+        parts = secants(scene, base.recordings, fitted, each.cause, each.start)
+        moved = [np.stack([part[k] for part in parts], axis=2) for k in range(len(base.recordings))]
+        if all(np.all(np.isfinite(part)) for part in moved):
+            found.append(replace(each, gain=max(without - _weighed(base, moved)[0], each.gain)))
+    return tuple(sorted(found, key=lambda each: -each.gain))
+
+
 def _base(search: Search, rival: Rival) -> _Base:
     scene, fitted = search.scene, rival.fitted
     starts = tuple(full_start(scene, recording) for recording in scene.test)
@@ -101,7 +119,7 @@ def _base(search: Search, rival: Rival) -> _Base:
     recordings = (*scene.train, *scene.test)
     left = tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(recordings))
     own = [slopes_of(scene, each, fitted.coordinates, point, k, left[k]) for k, each in enumerate(recordings)]
-    return _Base(search, rival, nominal_plant(search, rival), recordings, left, tuple(own))
+    return _Base(search, rival, nominal_plant(search, rival), recordings, point, left, tuple(own))
 
 
 def _moved(base: _Base, term: Term, count: int) -> tuple[Array, ...]:

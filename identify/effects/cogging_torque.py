@@ -7,12 +7,15 @@ import math
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, phase, shape, size
 
+_FEWEST = 1.5  # periods per turn
+
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
-    """Name the constants."""
+    """Name the constants; once per turn is gravity's."""
+    periods = EffectParameter("periods_per_rev", "", _FEWEST, math.inf, 1.0, True, None)
     return (
         size(f"amplitude_{site.effort}", site.force),
-        shape("periods_per_rev" if site.rotary else "periods_per_m", "" if site.rotary else "1/m", 1.0),
+        periods if site.rotary else shape("periods_per_m", "1/m", 1.0),
         phase("phase_rad"),
     )
 
