@@ -25,7 +25,8 @@ from diagnose.screen import Screened, ground, screen
 Array = NDArray[np.float64]
 
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
-_CLEAR = 0.6  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
+_CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
+_LEAP = 0.6  # ratio of residual rms, on train and test, that an effect has to bring to be added to the other search's
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
 _STARTS = 2  # points a fit begins from
@@ -76,7 +77,7 @@ def leap(found: Search, progress: Progress) -> Search | None:
         _size(one.residuals, best.fitted.residuals),
         _size(_unseen(scene, one), _unseen(scene, best.fitted)),
     ]
-    if max(ratios) > _CLEAR:
+    if max(ratios) > _LEAP:
         return None
     again = rated(scene, fit(scene, scene.train, one.causes, one.point, noises_of(scene, one.residuals), _LONG))
     gain = best.score - again.score
