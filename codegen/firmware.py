@@ -73,7 +73,7 @@ def live_firmware(program: Program, bundle: Bundle, target: Target, own: Mapping
         raise CodegenError("the file of yours is called live.c, as the image's own is: give it another name")
     if "uart" not in target.links:
         raise CodegenError(f"target {target.name} has no UART to watch it by; it has: {', '.join(target.links)}")
-    view = _heading(program, target) | _main_view(program, bundle, target) | _live_view(program, target)
+    view = _heading(program, target) | _main_view(program, bundle, target) | _live_view(program, bundle, target)
     sources = {"live.c": render("live.c.j2", view), **own}
     return _image(program, bundle, target, "uart", sources, {"live.h": render("live.h.j2", view)})
 
@@ -148,7 +148,7 @@ def _main_view(program: Program, bundle: Bundle, target: Target) -> dict[str, ob
     }
 
 
-def _live_view(program: Program, target: Target) -> dict[str, object]:
+def _live_view(program: Program, bundle: Bundle, target: Target) -> dict[str, object]:
     assert target.clock_hz is not None
     ticks = round(program.period * target.clock_hz)
     if not LEAST_TICKS <= ticks < 2**31:
@@ -156,15 +156,28 @@ def _live_view(program: Program, target: Target) -> dict[str, object]:
             f"target {target.name}: {program.period:g} s are {ticks} ticks of its clock; "
             f"it can time {LEAST_TICKS} to 2^31"
         )
+    parameters = [
+        {"number": str(k), "name": value.name, "member": f"set_{value.name}", "type": kind, "setter": setter}
+        for k, (value, (kind, setter)) in enumerate(zip(program.parameters, bundle.setters, strict=True))
+    ]
+    names = [value.name for value in (*program.inputs, *program.outputs, *program.parameters)]
+    for name in names:
+        if names.count(name) > 1:
+            raise CodegenError(f"two members of {program.name} are called {name!r}: rename one to watch them apart")
     members = [f"in.{value.name}" for value in program.inputs] + [f"out.{value.name}" for value in program.outputs]
+    members += [parameter["member"] for parameter in parameters]
     if len(members) + 1 > MEMBERS_MOST:
-        raise CodegenError(f"{program.name} has {len(members)} inputs and outputs; {MEMBERS_MOST - 1} can be watched")
-    sample = _bytes(program.inputs) + _bytes(program.outputs) + 8
+        raise CodegenError(
+            f"{program.name} has {len(members)} inputs, outputs and tunable parameters; "
+            f"{MEMBERS_MOST - 1} can be watched"
+        )
+    sample = _bytes(program.inputs) + _bytes(program.outputs) + _bytes(program.parameters) + 8
     ram = next(region.size for region in target.memory if region.name == "ram")
     return {
         "period_ticks": ticks,
         "members": [*members, "status"],
         "member_count": len(members) + 1,
+        "parameters": parameters,
         "samples": max(2 * LIVE_BATCH, min(LIVE_SAMPLES, ram // RAM_SHARE // sample)),
         "batch": LIVE_BATCH,
     }

@@ -26,6 +26,7 @@ from firmloop.table import ProjectError
 
 WRONG_FILE, NO_TOOL, OUR_FAULT, STOPPED, NO_READER = 2, 3, 70, 130, 141
 STEPS, MOST_STEPS = 100_000, 1_000_000_000
+MOST_VALUE = 1e300  # of a parameter; its range is narrower
 SEED = 1
 
 
@@ -93,7 +94,8 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
 
         name = campaign_targets(project, (arguments.target,))[0]
         names = tuple(part.strip() for part in arguments.signals.split(",") if part.strip())
-        watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds)
+        settings = tuple(arguments.settings)
+        watch = Watch(arguments.port, name, names, arguments.every, arguments.seconds, settings)
         return monitor(project, watch, arguments.out, console)
 
     if arguments.verb == "datasheet":
@@ -248,9 +250,20 @@ def _parser() -> argparse.ArgumentParser:
     watch.add_argument(
         "--port", required=True, metavar="URL", help="where it is: /dev/ttyACM0, COM3, socket://host:port"
     )
-    watch.add_argument("--signals", default="", metavar="A,B", help="inputs, outputs, status (default all but status)")
+    watch.add_argument(
+        "--signals", default="", metavar="A,B", help="inputs, outputs, parameters, status (default inputs, outputs)"
+    )
     watch.add_argument("--every", type=_steps, default=1, metavar="N", help="only every Nth step (default 1)")
     watch.add_argument("--seconds", type=_seconds, default=10.0, metavar="S", help="how long (default 10)")
+    watch.add_argument(
+        "--set",
+        dest="settings",
+        type=_setting,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE[@S]",
+        help="set a tunable parameter, S seconds after the first sample (default before it); may be repeated",
+    )
 
     for name, says in (
         ("targets", "what can be built for"),
@@ -301,6 +314,14 @@ def _percent(text: str) -> float:
 
 def _seconds(text: str) -> float:
     return _number(text, 0.001, 1e6)
+
+
+def _setting(text: str) -> tuple[str, float, float]:
+    name, equals, rest = text.partition("=")
+    value, at, seconds = rest.partition("@")
+    if not name.strip() or not equals or (at and not seconds):
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not like kp=1.2 or kp=1.2@5.0")
+    return name.strip(), _number(value, -MOST_VALUE, MOST_VALUE), _number(seconds, 0.0, 1e6) if at else 0.0
 
 
 def _number(text: str, low: float, high: float) -> float:

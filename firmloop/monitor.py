@@ -1,4 +1,8 @@
-"""Watch a running controller, and write what it does as a recording that `identify` and `diagnose` read as it is."""
+"""Watch a running controller and set its parameters; what it does becomes a recording that `identify` reads as it is.
+
+A parameter is set between two steps, once the sample of the asked time has come over the line: some milliseconds after
+it. Its column in the recording is what the controller held at each step, so it tells the very sample.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,8 @@ from identify.recording import make_recording, write_recording
 from quantize.program import Program
 from verify.links import LinkError
 from verify.links.live import STATUS, LiveLink, Samples, open_live_port, watchable
-from verify.stimuli import to_physical
+from verify.reference import Raw
+from verify.stimuli import to_physical, to_raw
 
 WAIT = 0.5  # s for samples before the clock is looked at again
 BARS = " .:-=+*#%@"  # of the terminal's plot, from low to high
@@ -37,6 +42,16 @@ class Watch:
     signals: tuple[str, ...]
     every: int
     seconds: float
+    settings: tuple[tuple[str, float, float], ...] = ()  # parameter, value in its unit, s after the first sample
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A parameter to be set to the raw `value` (1,) once `after` steps have been seen; before the first one if 0."""
+
+    name: str
+    value: Raw
+    after: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +61,7 @@ class Seen:
     rows: NDArray[np.void]
     lost_in_image: int
     lost_on_line: int
+    set_from: tuple[int, ...] = ()  # a setting each: the first step that it acted on
 
 
 def monitor(project: Project, watch: Watch, out: Path, console: Console) -> int:
@@ -53,12 +69,13 @@ def monitor(project: Project, watch: Watch, out: Path, console: Console) -> int:
     require(project, "controller", "signals", "arithmetic")
     plant = plant_of(project) if project.plant else None
     program = generate(project, design(project, plant), command_of("monitor", project.path)).program
-    names = _chosen(program, watch.signals)
+    settings = settings_of(program, watch)
+    names = _chosen(program, watch.signals, [setting.name for setting in settings])
     target: Target = load_target(watch.target)
     with results_file(out) as partial, open_live_port(target, watch.port, program) as link:
         before = link.state()
         with progress(f"watching {watch.port}") as bar:
-            seen = stream(link, names, watch.every, round(watch.seconds / program.period), bar)
+            seen = stream(link, names, watch.every, round(watch.seconds / program.period), bar, settings)
         after = link.state()
         columns = _columns(project, program, names, seen.rows)
         elapsed = (seen.rows["step"] - seen.rows["step"][0]).astype(np.float64) * program.period
@@ -66,6 +83,7 @@ def monitor(project: Project, watch: Watch, out: Path, console: Console) -> int:
     console.lines([f"{name:>24} |{_sparks(values)}|" for name, values in columns.items()])
     console.lines(
         [
+            *_about_settings(program, settings, seen),
             f"{len(seen.rows):,} samples of {', '.join(names)}, every {watch.every * program.period:g} s; "
             f"lost: {seen.lost_in_image} in the image, {seen.lost_on_line} on the line",
             f"the controller ran {after.steps - before.steps:,} steps, {after.late - before.late} of them late",
@@ -74,19 +92,31 @@ def monitor(project: Project, watch: Watch, out: Path, console: Console) -> int:
     )
     console.result("samples", len(seen.rows))
     console.result("lost", {"image": seen.lost_in_image, "line": seen.lost_on_line})
+    console.result("set", _set_document(program, settings, seen))
     console.result("late_steps", after.late - before.late)
     console.result("written", [str(out)])
     return 0
 
 
-def stream(link: LiveLink, names: Sequence[str], every: int, steps: int, report: object) -> Seen:
+def stream(
+    link: LiveLink,
+    names: Sequence[str],
+    every: int,
+    steps: int,
+    report: object,
+    settings: Sequence[Setting] = (),  # in the order of their time
+) -> Seen:
     """Take samples over `steps` steps of the controller; its step numbers tell which are missing.
 
     Raises
     ------
     LinkError
-        when none come.
+        when none come, or a value is refused.
     """
+    waiting = list(settings)
+    set_from = []
+    while waiting and waiting[0].after == 0:
+        set_from.append(link.set(waiting[0].name, waiting.pop(0).value))
     link.watch(tuple(names), every)
     parts: list[Samples] = []
     silent = time.monotonic()
@@ -98,6 +128,8 @@ def stream(link: LiveLink, names: Sequence[str], every: int, steps: int, report:
                 first = int(part.rows["step"][0]) if first < 0 else first
                 last = int(part.rows["step"][-1])
                 silent = time.monotonic()
+        while waiting and first >= 0 and last - first >= waiting[0].after:
+            set_from.append(link.set(waiting[0].name, waiting.pop(0).value))
         if time.monotonic() - silent > 4 * WAIT + 2 * every:
             raise LinkError("the controller sends no samples any more: was it reset?")
         if callable(report) and first >= 0:
@@ -106,22 +138,71 @@ def stream(link: LiveLink, names: Sequence[str], every: int, steps: int, report:
     rows = rows[rows["step"] < first + steps]
     missing = (int(rows["step"][-1]) - first) // every + 1 - len(rows)
     in_image = min(missing, parts[-1].lost)
-    return Seen(rows, in_image, missing - in_image)
+    return Seen(rows, in_image, missing - in_image, tuple(set_from))
 
 
-def _chosen(program: Program, asked: Sequence[str]) -> tuple[str, ...]:
+def settings_of(program: Program, watch: Watch) -> tuple[Setting, ...]:
+    """Return what is to be set, in the order of its time, as the controller holds it."""
+    parameters = {parameter.name: parameter for parameter in program.parameters}
+    found = []
+    for name, value, seconds in watch.settings:
+        if name not in parameters:
+            raise ProjectError(
+                f"--set {name}: is no tunable parameter of {program.name}; "
+                f"tunable: {', '.join(parameters) or 'none, see [controller] tunable'}"
+            )
+        parameter = parameters[name]
+        raw = to_raw(parameter, np.array([value]))
+        if not parameter.low <= raw[0] <= parameter.high:
+            low, high = to_physical(parameter, np.array([parameter.low, parameter.high]))
+            raise ProjectError(
+                f"--set {name}={value:g}: is beyond its proven range, {low:.6g} to {high:.6g} "
+                f"{parameter.unit or '1'}; to go there, widen controller.ranges.{name} and flash the program anew"
+            )
+        after = round(seconds / program.period)
+        if after >= max(1, round(watch.seconds / program.period) - watch.every):
+            raise ProjectError(
+                f"--set {name}={value:g}@{seconds:g}: comes after the last sample; watch for longer (--seconds)"
+            )
+        found.append(Setting(name, raw, after))
+    return tuple(sorted(found, key=lambda setting: setting.after))
+
+
+def _about_settings(program: Program, settings: Sequence[Setting], seen: Seen) -> list[str]:
+    units = {parameter.name: parameter.unit or "1" for parameter in program.parameters}
+    return [
+        f"{entry['name']} set to {entry['value']:.6g} {units[str(entry['name'])]} from {entry['time_s']:.6g} s on"
+        for entry in _set_document(program, settings, seen)
+    ]
+
+
+def _set_document(program: Program, settings: Sequence[Setting], seen: Seen) -> list[dict[str, str | float]]:
+    parameters = {parameter.name: parameter for parameter in program.parameters}
+    first = int(seen.rows["step"][0])
+    return [
+        {
+            "name": setting.name,
+            "value": float(to_physical(parameters[setting.name], setting.value)[0]),
+            "time_s": max(0, step - first) * program.period,
+        }
+        for setting, step in zip(settings, seen.set_from, strict=True)
+    ]
+
+
+def _chosen(program: Program, asked: Sequence[str], tuned: Sequence[str]) -> tuple[str, ...]:
     known = watchable(program)
+    wires = [value.name for value in (*program.inputs, *program.outputs)]
     for name in asked:
         if name not in known:
             raise ProjectError(f"--signals {name}: is no signal of {program.name}; known: {', '.join(known)}")
-    return tuple(name for name in known if name in asked) or tuple(name for name in known if name != STATUS)
+    return tuple(name for name in known if name in (asked or wires) or name in tuned)
 
 
 def _columns(
     project: Project, program: Program, names: Sequence[str], rows: NDArray[np.void]
 ) -> Mapping[str, NDArray[np.float64]]:
     """Return physical columns, named as recordings name them: the plant's own names where a wire is one of its ends."""
-    values = {value.name: value for value in (*program.inputs, *program.outputs)}
+    values = {value.name: value for value in (*program.inputs, *program.outputs, *program.parameters)}
     columns = {}
     for name in names:
         if name == STATUS:

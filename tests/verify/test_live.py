@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import time
 from pathlib import Path
@@ -15,11 +16,11 @@ from codegen.emit import emit
 from codegen.firmware import live_firmware
 from codegen.target import load_target, target_names
 from firmloop.cli import main
-from firmloop.monitor import Seen, stream
+from firmloop.monitor import Seen, Setting, Watch, settings_of, stream
 from firmloop.pipeline import design, generate, plant_of
 from firmloop.project import read_project
 from identify.recording import read_recording
-from quantize.lower import lower
+from quantize.lower import ARITHMETICS, lower
 from quantize.program import Program
 from tests.laws import FULL, pid
 from verify.build import build_image
@@ -178,6 +179,104 @@ def test_the_recording_is_one_that_identify_reads(
     parameters = {parameter.name: parameter.value for parameter in plant_of(fitted).parameters}
     assert parameters["gain"] == pytest.approx(40.0, rel=0.02)
     assert parameters["time_constant_s"] == pytest.approx(0.1, rel=0.03)
+
+
+@pytest.mark.qemu
+def test_a_parameter_is_set_between_two_steps() -> None:
+    """What the controller held is seen; with it, the bit-exact reference gives the outputs seen, over every change."""
+    program = lower(pid({"kp": 0.05, "tunable": ["kp"], "ranges": {"kp": [0.0, 0.2]}}), "float32")
+    (kp,) = program.parameters
+    low, high, middle, beyond = (np.array([x], dtype=np.float32) for x in (kp.low, kp.high, kp.high / 3, 0.25))
+    settings = [Setting("kp", high, 0), Setting("kp", middle, 100), Setting("kp", low, 200)]
+    with running(program) as port, open_live_port(TARGET, port, program) as link:
+        for _ in range(10):
+            seen = stream(link, (*SIGNALS, "kp"), 1, 400, None, settings)
+            if seen.lost_in_image + seen.lost_on_line == 0:
+                break
+        with pytest.raises(LinkError, match=r"the image refused kp = 0\.25: it is out of its proven range"):
+            link.set("kp", beyond)
+        state = link.state()
+    rows = seen.rows
+    assert (len(rows), state.late) == (400, 0)
+    steps = rows["step"]
+    for from_step, value, before in zip(seen.set_from[1:], (middle, low), (high, middle), strict=True):
+        assert rows["kp"][steps == from_step - 1] == before and rows["kp"][steps == from_step] == value
+    assert set(rows["kp"]) == {low[0], middle[0], high[0]} and rows["kp"][0] == high[0]
+    inputs = np.stack([rows["reference"], rows["measurement"]], axis=-1)
+    trace = run(program, inputs[None], rows["kp"][None, :, None])
+    np.testing.assert_array_equal(trace.outputs[0, :, 0], rows["output"])
+    np.testing.assert_array_equal(trace.status[0], rows["status"])
+
+
+TUNABLE = PROJECT.replace(
+    "ki = 0.4", 'ki = 0.4\ntunable = ["kp", "ki"]\n[controller.ranges]\nkp = [0.0, 0.2]\nki = [0.0, 5.0]'
+)
+
+
+@pytest.mark.qemu
+def test_the_recording_tells_when_a_parameter_was_set(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project.write_text(TUNABLE)
+    read = read_project(project)
+    program = generate(read, design(read, plant_of(read)), "test").program
+    with running(program) as port:
+        command = ["monitor", str(project), "--port", port, "--target", TARGET.name, "--seconds", "0.8", "--json"]
+        asked = ["--set", "ki=2.5@0.5", "--set", "kp=0.2", "--set", "ki=0@0.2"]
+        assert main([*command, "--out", str(tmp_path / "seen.csv"), *asked]) == 0
+        said = json.loads(capsys.readouterr().out)
+    assert [(entry["name"], entry["value"]) for entry in said["set"]] == [
+        ("kp", pytest.approx(0.2)),
+        ("ki", 0.0),
+        ("ki", 2.5),
+    ]
+    assert said["late_steps"] == 0
+    recording = read_recording(tmp_path / "seen.csv", {})
+    time, kp, ki = recording.time, recording.columns["kp_V_degC"], recording.columns["ki_V_degC_s"]
+    assert set(kp) == {said["set"][0]["value"]}
+    for entry, wanted in zip(said["set"][1:], (0.2, 0.5), strict=True):
+        assert entry["time_s"] > wanted
+        assert (ki == entry["value"])[(time > entry["time_s"] - 5e-4) & (time < entry["time_s"] + 0.1)].all()
+        assert (ki != entry["value"])[(time < entry["time_s"] - 5e-4) & (time > entry["time_s"] - 0.1)].all()
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (
+            "kp=0.201",
+            "--set kp=0.201: is beyond its proven range, 0 to 0.2 V/degC; to go there, widen controller.ranges",
+        ),
+        ("kp=nan", "'nan' is not a number"),
+        ("kd=0.1", "--set kd: is no tunable parameter of tank; tunable: kp, ki"),
+        ("kp=0.1@10", "--set kp=0.1@10: comes after the last sample; watch for longer (--seconds)"),
+        ("kp", "'kp' is not like kp=1.2 or kp=1.2@5.0"),
+        ("kp=0.1@", "'kp=0.1@' is not like"),
+        ("kp=0.1@-1", "'-1' is not a number from 0"),
+        ("=0.1", "'=0.1' is not like"),
+    ],
+)
+def test_what_cannot_be_set_is_told_before_the_line_is_opened(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: str, words: str
+) -> None:
+    project.write_text(TUNABLE)
+    command = ["monitor", str(project), "--port", "nowhere", "--target", TARGET.name, "--out", str(tmp_path / "a.csv")]
+    try:
+        status = main([*command, "--set", asked])
+    except SystemExit as stopped:
+        status = stopped.code
+    assert status == 2 and words in capsys.readouterr().err
+    assert not (tmp_path / "a.csv").exists()
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_both_ends_of_the_range_can_be_set(project: Path, arithmetic: str) -> None:
+    program = lower(
+        pid({**FULL, "tunable": ["kp", "ki"], "ranges": {"kp": [0.1 / 3, 0.7 / 3], "ki": [0, 5]}}), arithmetic
+    )
+    watch = Watch("", "", (), 1, 1.0, (("kp", 0.1 / 3, 0.0), ("kp", 0.7 / 3, 0.0)))
+    low, high = settings_of(program, watch)
+    assert (low.value[0], high.value[0]) == (program.parameters[0].low, program.parameters[0].high)
 
 
 @pytest.mark.qemu

@@ -1,13 +1,16 @@
-"""Watch a controller that runs by itself: ask for signals, take the samples as they come, count what was lost.
+"""Watch a controller that runs by itself: take samples as they come, count what was lost, set what can be tuned.
 
 request            payload                     reply type = request type | 0x80, same sequence
 HELLO 0x41         ticket u32                  ticket u32, protocol u32, steps u32, late steps u32, lost samples u32,
                                                members u32, program id (16 characters)
 WATCH 0x42         ticket u32, mask u32,       the same; from now on, every so many steps, the members of the mask
                    every u32
+SET   0x43         ticket u32, which u32,      ticket u32, step u32 it acts from, 1 if it was set or 0 u32
+                   value
 DATA  0x40         (comes unasked)             lost samples u32 since WATCH, steps u32, then per sample:
                                                step u32 and the members, packed, in order
 
+SET takes the number of the parameter and its value as the C holds it; the image sets it between two steps.
 Framing is that of verify/frame.py; the image's half is templates_c/live.c.j2. Requests may be repeated without harm.
 The host draws a ticket for every request. What is late is not mistaken: a reply repeats its request's ticket, and the
 CRC of DATA goes on from that of exchange 0 in a session that has the ticket of the WATCH in force as its number.
@@ -34,11 +37,13 @@ from verify.links.stream import Stream
 from verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
 from verify.reference import Raw, element_type
 
-DATA, HELLO, WATCH = 0x40, 0x41, 0x42
+DATA, HELLO, WATCH, SET = 0x40, 0x41, 0x42, 0x43
 PROTOCOL_VERSION = 2
 STATUS = "status"
 _HELLO = struct.Struct("<5I16s")
 _WATCH = struct.Struct("<2I")
+_WHICH = struct.Struct("<I")
+_SET = struct.Struct("<2I")
 _HEAD = struct.Struct("<2I")
 _TICKET = 4  # bytes
 
@@ -105,6 +110,15 @@ class LiveLink:
         fields = [(name, kind) for name, kind in members.items() if name in names]
         self._kind = np.dtype([("step", "<u4"), *fields])
 
+    def set(self, name: str, value: Raw) -> int:
+        """Set a parameter to the raw `value` (1,); return the number of the first step that it acts on."""
+        names = [parameter.name for parameter in self._program.parameters]
+        reply = self._ask(SET, _WHICH.pack(names.index(name)) + value.tobytes(), _SET.size)
+        step, done = _SET.unpack(reply)
+        if not done:
+            raise LinkError(f"{self._where}: the image refused {name} = {value[0]}: it is out of its proven range")
+        return int(step)
+
     def samples(self, timeout: float) -> Iterator[Samples]:
         """Yield what is there or comes within `timeout` seconds; a damaged message is missing, as its steps tell."""
         assert self._kind is not None, "watch() comes first"
@@ -169,7 +183,7 @@ class LiveLink:
 
 def watchable(program: Program) -> dict[str, np.dtype[np.generic]]:
     """Return the members of a step by name, in the order of the image's bits."""
-    values: tuple[Value, ...] = (*program.inputs, *program.outputs)
+    values: tuple[Value, ...] = (*program.inputs, *program.outputs, *program.parameters)
     return {**{value.name: element_type(value.number) for value in values}, STATUS: np.dtype("<u4")}
 
 
