@@ -16,9 +16,8 @@ from design.kinds import kinds
 from design.law import Law
 from quantize.lower import ARITHMETICS, lower
 from quantize.program import QuantizeError
-from verify.reference import run
 from verify.rounding import measure_rounding
-from verify.stimuli import adversarial, stimuli
+from verify.stimuli import adversarial, run_blocks, stimuli
 from verify.verdict import Rounded
 
 QUICK = 20
@@ -29,7 +28,7 @@ def worst(law: Law, arithmetic: str, steps: int) -> tuple[Rounded, ...]:
     """Return bound and worst of every output over `steps` steps, half of them adversarial."""
     program = lower(law, arithmetic)
     blocks = adversarial(program, steps // 2, SEED) + stimuli(program, [], steps // 2, SEED)
-    return measure_rounding(law, program, blocks, [run(program, b.inputs, b.settings) for b in blocks])
+    return measure_rounding(law, program, blocks, run_blocks(program, blocks))
 
 
 def main() -> int:

@@ -31,8 +31,7 @@ from verify.checker import check_proof
 from verify.compare import compare
 from verify.cost import instructions
 from verify.links.semihosting import open_semihosting
-from verify.reference import run
-from verify.stimuli import stimuli
+from verify.stimuli import run_blocks, stimuli
 
 STEPS = 20_000
 TARGET = "qemu_mps2_an386"
@@ -56,7 +55,7 @@ def counts(program: Program) -> tuple[int, int, int]:
     """Return the median and the most of a step's instructions, and the bytes of the controller's code."""
     target, bundle = load_target(TARGET), emit(program, "firmloop generate project.toml")
     blocks = stimuli(program, [], STEPS, 1)
-    traces = [run(program, block.inputs) for block in blocks]
+    traces = run_blocks(program, blocks)
     with tempfile.TemporaryDirectory() as name:
         image = build_image(firmware(program, bundle, target, "semihosting"), target, Path(name))
         with open_semihosting(target, image.elf, program.id) as link:

@@ -29,8 +29,8 @@ from quantize.program import Program
 from verify.compare import compare
 from verify.host import build_host
 from verify.links.library import LibraryLink
-from verify.reference import Trace, run
-from verify.stimuli import Block, stimuli
+from verify.reference import Trace
+from verify.stimuli import Block, run_blocks, stimuli
 
 STEPS = 60_000  # of the first campaign
 SAMPLE = 16  # mutants of one kind and format
@@ -153,7 +153,7 @@ def bench(law: Law, arithmetic: str, steps: int, seed: int) -> Bench:
         program,
         emit(program, "firmloop generate motor_pid.toml"),
         blocks,
-        [run(program, b.inputs, b.settings) for b in blocks],
+        run_blocks(program, blocks),
     )
 
 

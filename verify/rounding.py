@@ -19,7 +19,7 @@ from design.law import Law
 from quantize.graph import Graph, evaluate, law_graph
 from quantize.program import Program, Value
 from verify.reference import Machine, Raw, Trace, working_type
-from verify.stimuli import Block, to_physical
+from verify.stimuli import Block, by_length, side_by_side, to_physical
 from verify.verdict import Rounded
 
 Array = NDArray[np.float64]
@@ -35,6 +35,11 @@ def measure_rounding(
 ) -> tuple[Rounded, ...]:
     """Return the worst differences over all blocks, output by output."""
     graph = law_graph(law)
+    groups = by_length(blocks)
+    blocks, traces = (
+        [side_by_side([blocks[i] for i in group]) for group in groups],
+        [_all_of([traces[i] for i in group]) for group in groups],
+    )
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
         worst = _searched(law, program, graph)
@@ -55,6 +60,11 @@ def measure_rounding(
         Rounded(v.name, float(worst[j]), bounds[v.name].bound, v.unit, float(drift[j]))
         for j, v in enumerate(program.outputs)
     )
+
+
+def _all_of(traces: Sequence[Trace]) -> Trace:
+    """Return one trace with the lanes of all these, which have one length."""
+    return Trace(*(np.concatenate([getattr(t, name) for t in traces]) for name in ("outputs", "status", "state")))
 
 
 def _apart(

@@ -26,10 +26,10 @@ from verify.links.framed import FramedLink
 from verify.links.library import LibraryLink
 from verify.links.opener import openers
 from verify.links.uart import open_port
-from verify.reference import Trace, run
+from verify.reference import Trace
 from verify.rounding import measure_rounding
 from verify.settings import records
-from verify.stimuli import Block, stimuli, to_physical
+from verify.stimuli import Block, run_blocks, stimuli, to_physical
 from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Verdict, Worst
 
 Array = NDArray[np.float64]
@@ -69,10 +69,7 @@ def verify(
         when a compiler, the emulator, a port or a board is not there or fails.
     """
     blocks = stimuli(program, recorded, steps, seed)
-    traces = []
-    for k, block in enumerate(blocks):
-        progress(REFERENCE_SHARE * k / len(blocks), f"reference: {block.name}")
-        traces.append(run(program, block.inputs, block.settings))
+    traces = run_blocks(program, blocks, lambda share, doing: progress(REFERENCE_SHARE * share, doing))
     proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop)
     if "library" in target.links:
         comparison, details = proof.on_host()

@@ -17,9 +17,8 @@ from tests.quantize.test_lower import leaves_bounds
 from verify.compare import compare
 from verify.host import build_host
 from verify.links.library import LibraryLink
-from verify.reference import run
 from verify.rounding import measure_rounding
-from verify.stimuli import stimuli
+from verify.stimuli import run_blocks, stimuli
 
 HOST = load_target("host")
 EVERY = list(kinds().values())
@@ -93,7 +92,7 @@ def test_program_and_c(kind: Kind, arithmetic: str) -> None:
         return
     program = lower(law, arithmetic)
     blocks = stimuli(program, [], 6_000, 5)
-    traces = [run(program, block.inputs) for block in blocks]
+    traces = run_blocks(program, blocks)
     assert leaves_bounds(program, blocks) == []
     for rounded in measure_rounding(law, program, blocks, traces):
         assert rounded.worst <= rounded.bound < np.inf

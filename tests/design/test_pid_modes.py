@@ -18,9 +18,8 @@ from identify.signal import Signal
 from quantize.lower import ARITHMETICS, lower
 from tests.pid_formula import pid_steps
 from tests.quantize.test_lower import leaves_bounds
-from verify.reference import run
 from verify.rounding import measure_rounding
-from verify.stimuli import stimuli
+from verify.stimuli import run_blocks, stimuli
 
 R = Signal("reference", "rad/s", -100.0, 400.0)
 Y = Signal("measurement", "rad/s", -300.0, 350.0)
@@ -93,7 +92,7 @@ def test_programs_keep_bounds_and_distance(mode: str, arithmetic: str) -> None:
     program = lower(law, arithmetic)
     blocks = stimuli(program, [], 6000, 5)
     assert leaves_bounds(program, blocks) == []
-    for rounded in measure_rounding(law, program, blocks, [run(program, block.inputs) for block in blocks]):
+    for rounded in measure_rounding(law, program, blocks, run_blocks(program, blocks)):
         assert rounded.worst <= rounded.bound < math.inf
 
 

@@ -18,7 +18,7 @@ from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.reference import Machine, run, set_parameter, start_state, working_type
 from verify.rounding import measure_rounding
-from verify.stimuli import Block, stimuli
+from verify.stimuli import Block, run_blocks, stimuli
 
 
 def leaves_bounds(program: Program, blocks: list[Block]) -> list[str]:
@@ -64,7 +64,7 @@ def test_pid_keeps_bounds_and_distance(table: str, arithmetic: str) -> None:
     program = lower(law, arithmetic)
     blocks = stimuli(program, [], 20_000, 5)
     assert leaves_bounds(program, blocks) == []
-    (rounded,) = measure_rounding(law, program, blocks, [run(program, b.inputs) for b in blocks])
+    (rounded,) = measure_rounding(law, program, blocks, run_blocks(program, blocks))
     assert rounded.worst <= rounded.bound
     assert np.isfinite(rounded.bound) and rounded.bound < 0.05
 
@@ -76,7 +76,7 @@ def test_random_laws_keep_bounds_and_distance(arithmetic: str) -> None:
         program = lower(law, arithmetic)
         blocks = stimuli(program, [], 300, seed)
         assert leaves_bounds(program, blocks) == [], seed
-        for rounded in measure_rounding(law, program, blocks, [run(program, b.inputs) for b in blocks]):
+        for rounded in measure_rounding(law, program, blocks, run_blocks(program, blocks)):
             assert rounded.worst <= rounded.bound, seed
 
 
@@ -151,7 +151,7 @@ def test_a_state_that_takes_anothers_old_value_takes_it_before_that_is_written(a
     )
     program = lower(law, arithmetic)
     blocks = stimuli(program, [], 2_000, 5)
-    traces = [run(program, b.inputs) for b in blocks]
+    traces = run_blocks(program, blocks)
     library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), load_target("host")), program)
     done = compare(program, library, blocks, traces, lambda part, label: None)
     assert (done.steps, done.differences) == (2_000, 0)

@@ -22,7 +22,7 @@ from verify.compare import compare
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.reference import run
-from verify.stimuli import Block, stimuli
+from verify.stimuli import Block, run_blocks, stimuli
 
 HOST = load_target("host")
 HARD = {"x_min": [-3.0, -15.0], "x_max": [3.0, 15.0]}
@@ -41,7 +41,7 @@ def random_states(law: Law, count: int, seed: int = 1) -> np.ndarray:
 def differences(program: Program, steps: int) -> tuple[int, set[int]]:
     """How many steps differ between C and reference, and which status words the reference gave."""
     blocks = stimuli(program, [], steps, 3)
-    traces = [run(program, block.inputs) for block in blocks]
+    traces = run_blocks(program, blocks)
     library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), HOST), program)
     done = compare(program, library, blocks, traces, lambda part, label: None)
     return done.differences, {int(word) & 3 for trace in traces for word in trace.status.ravel()}

@@ -14,7 +14,7 @@ from verify.explain import explain
 from verify.host import build_host, run_sanitized
 from verify.links.library import LibraryLink
 from verify.reference import run
-from verify.stimuli import LANE_STEPS, stimuli
+from verify.stimuli import LANE_STEPS, run_blocks, stimuli
 
 HOST = load_target("host")
 
@@ -28,7 +28,7 @@ def agreement(law: object, arithmetic: str, steps: int) -> Comparison:
     bundle = emit(program, "firmloop generate test.toml")
     blocks = stimuli(program, [], steps, 1)
     link = LibraryLink(build_host(bundle, HOST), program)
-    return compare(program, link, blocks, [run(program, b.inputs) for b in blocks], quiet)
+    return compare(program, link, blocks, run_blocks(program, blocks), quiet)
 
 
 @pytest.mark.parametrize("arithmetic", ARITHMETICS)
@@ -69,7 +69,7 @@ def test_a_difference_is_explained_down_to_the_operation() -> None:
     wrong = replace(bundle, files={**bundle.files, "motor_pid.c": source.replace(good, bad)})
     blocks = stimuli(program, [], 20_000, 1)
     link = LibraryLink(build_host(wrong, HOST), program)
-    done = compare(program, link, blocks, [run(program, b.inputs) for b in blocks], quiet)
+    done = compare(program, link, blocks, run_blocks(program, blocks), quiet)
     assert done.first is not None and done.differences > 0
     lane = blocks[done.first.block].inputs[done.first.lane]
     words = explain(program, wrong, lane, done.first.step, done.first.output)

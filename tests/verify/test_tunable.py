@@ -27,7 +27,7 @@ from verify.links.library import LibraryLink
 from verify.reference import element_type, run, set_parameter
 from verify.rounding import measure_rounding
 from verify.run import verify
-from verify.stimuli import stimuli
+from verify.stimuli import run_blocks, stimuli
 
 RANGES = {"kp": [0.0, 0.2], "ki": [0.0, 5.0], "kd": [0.0, 0.001], "b": [0.0, 1.0], "c": [0.0, 1.0]}
 TUNABLE = {**FULL, "tunable": list(RANGES), "ranges": RANGES}
@@ -72,7 +72,7 @@ def test_every_value_and_change_keeps_bounds_and_agrees(arithmetic: str) -> None
         changes = sum(np.count_nonzero(part[:, 1:, j] != part[:, :-1, j]) for part in asked if part is not None)
         assert {value.low, value.high} <= set(seen) and np.nanmin(seen) < value.low and changes > 30
     assert leaves_bounds(program, blocks) == []
-    traces = [run(program, block.inputs, block.settings) for block in blocks]
+    traces = run_blocks(program, blocks)
     (rounded,) = measure_rounding(law, program, blocks, traces)
     assert rounded.worst <= rounded.bound < 0.05
     link = LibraryLink(build_host(emit(program, "firmloop generate test.toml"), load_target("host")), program)
