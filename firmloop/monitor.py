@@ -29,6 +29,7 @@ from verify.reference import Raw
 from verify.stimuli import to_physical, to_raw
 
 WAIT = 0.5  # s for samples before the clock is looked at again
+SILENCE = 10.0  # s without a sample, beside the time of two, after which the controller has stopped
 BARS = " .:-=+*#%@"  # of the terminal's plot, from low to high
 PLOT_WIDTH = 60
 
@@ -130,7 +131,7 @@ def stream(
                 silent = time.monotonic()
         while waiting and first >= 0 and last - first >= waiting[0].after:
             set_from.append(link.set(waiting[0].name, waiting.pop(0).value))
-        if time.monotonic() - silent > 4 * WAIT + 2 * every:
+        if time.monotonic() - silent > SILENCE + 2 * every * link.period:
             raise LinkError("the controller sends no samples any more: was it reset?")
         if callable(report) and first >= 0:
             report(min(1.0, (last - first) / max(1, steps)), f"{last - first:,} steps")

@@ -19,12 +19,12 @@ typedef struct {
     uint8_t decoded[RECEIVED_MOST];
 } exchange_t;
 
-long host_exchange(exchange_t *self, uint32_t head, uint32_t bound, const uint8_t *payload, size_t length);
+long host_exchange(exchange_t *self, uint32_t head, uint32_t bound, const uint8_t *payload, uint32_t length);
 
 /* `head` is type + 256 * sequence. Returns the length of the reply's payload, which is at decoded + FRAME_HEADER;
  * NOT_SENT if the request did not go out; -2 - n if the n bytes in `received` are what came instead of a whole reply.
  */
-long host_exchange(exchange_t *self, uint32_t head, uint32_t bound, const uint8_t *payload, size_t length) {
+long host_exchange(exchange_t *self, uint32_t head, uint32_t bound, const uint8_t *payload, uint32_t length) {
     uint8_t frame[FRAME_MOST];
     const size_t headroom = FRAME_HEADROOM(length);
     if (FRAME_ROOM(length) > FRAME_MOST) {

@@ -134,7 +134,7 @@ def emulator_of(folder: Path, deadline: float) -> int:
         for process in Path("/proc").iterdir():
             try:
                 name = process.name
-                if name.isdigit() and str(folder) in os.readlink(process / "cwd") and "to_host" in held(process):
+                if name.isdigit() and str(folder) in os.readlink(process / "cwd") and "pipe:" in held(process):
                     return int(name)
             except OSError:
                 continue

@@ -30,7 +30,7 @@ class Exchange:
         """Use two descriptors, of which `reader` blocks, or raise ToolError if there is no compiler."""
         self._call = _library().host_exchange
         self._state = _State(reader, writer)
-        self._address = ctypes.addressof(self._state)
+        self._address = ctypes.c_void_p(ctypes.addressof(self._state))
         self._received = memoryview(self._state.received)
         self._payload = memoryview(self._state.decoded)[_HEADER:]
 
@@ -47,6 +47,5 @@ def _library() -> ctypes.CDLL:
     files = {name: text_of(name) for name in (*_SOURCES, "support/frame.h")}
     library = ctypes.CDLL(str(shared_library(files, _SOURCES, ("-std=gnu99", "-O2", *WARNINGS))))
     function = library.host_exchange
-    function.restype = ctypes.c_long
-    function.argtypes = (ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_char_p, ctypes.c_size_t)
+    function.restype = ctypes.c_long  # no argtypes: to check them costs as much as all the rest of the call
     return library

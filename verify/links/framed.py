@@ -95,18 +95,17 @@ class FramedLink:
         if len(inputs) != count * hello.in_bytes:
             raise ValueError(f"{count} steps take {count * hello.in_bytes} bytes of inputs, not {len(inputs)}")
         if 0 < count <= hello.steps_max:
-            return self._steps(inputs, count)
+            results = self._exchange(STEP, inputs)
+            if len(results) != count * (hello.out_bytes + COST_BYTES):
+                raise LinkError(
+                    f"{self._where}: the reply to {count} steps has {len(results)} bytes: rebuild the image"
+                )
+            return results
         frame = hello.steps_max * hello.in_bytes
         return b"".join(
-            self._steps(inputs[at : at + frame], len(inputs[at : at + frame]) // hello.in_bytes)
+            self.step(inputs[at : at + frame], len(inputs[at : at + frame]) // hello.in_bytes)
             for at in range(0, len(inputs), frame)
         )
-
-    def _steps(self, inputs: bytes, count: int) -> bytes:
-        results = self._exchange(STEP, inputs)
-        if len(results) != count * (self._hello.out_bytes + COST_BYTES):
-            raise LinkError(f"{self._where}: the reply to {count} steps has {len(results)} bytes: rebuild the image")
-        return results
 
     def stack(self, inputs: bytes) -> int:
         """Return the deepest stack in bytes of one step, over packed input structs from a fresh start.

@@ -72,6 +72,7 @@ class LiveLink:
         """Greet the image and check that it runs `program`; close the stream if that fails."""
         self._stream, self._where, self._program = stream, where, program
         self._timeout, self._attempts = timeout, attempts
+        self.period = program.period  # s
         self._sequence = 0
         self._ticket = bytes(_TICKET)  # of the last request
         self._bound = 0  # CRC that DATA of the watch in force goes on from

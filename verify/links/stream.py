@@ -11,7 +11,6 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Protocol
 
 import serial
@@ -122,17 +121,16 @@ class PipeStream(DescriptorStream):
         reader: int,
         writer: int,
         timeout: float,
+        opening: float,
         fate: Callable[[], str],
         release: Callable[[], None],
-        own_input: Path,
     ) -> None:
-        """Take over the descriptors, as DescriptorStream does; `own_input` is the path of the pipe behind `reader`."""
+        """Take over the descriptors, as DescriptorStream does; `opening` s are given to the first bytes to come."""
         super().__init__(reader, writer, timeout, fate, release)
-        self._begun = False
+        self._patience = opening
         self._exchange: Exchange | None = None
         with suppress(ToolError):  # without a compiler it is slower, and that is all
             self._exchange = Exchange(reader, writer)
-        self._own_input = own_input
         self._due = math.inf  # when the alarm goes off, by time.monotonic()
         self._closed = threading.Event()
         self._alarm = threading.Thread(target=self._watch, name="firmloop alarm", daemon=True)
@@ -140,18 +138,12 @@ class PipeStream(DescriptorStream):
 
     def read(self, timeout: float) -> bytes:
         """Return the bytes that are there or come within `timeout` seconds and some; a zero byte if none came."""
-        if not self._begun:
-            # Until the far end has opened the pipe, a read that blocks would report its end.
-            first = super().read(timeout)
-            self._begun = bool(first)
-            os.set_blocking(self._reader, self._begun)
-            return first
-        self._due = time.monotonic() + timeout
+        self._due = time.monotonic() + max(timeout, self._patience)
         try:
             data = os.read(self._reader, CHUNK)
         except OSError:
             raise LinkError(self._fate()) from None
-        self._due = math.inf
+        self._due, self._patience = math.inf, 0.0
         if not data:
             raise LinkError(self._fate())
         return data
@@ -160,7 +152,7 @@ class PipeStream(DescriptorStream):
         self, kind: int, sequence: int, bound: int, payload: bytes, timeout: float
     ) -> tuple[bytes | None, bytes | None]:
         """Send one request and read its reply at once, as verify.links.exchange says; (None, None) if it cannot."""
-        if self._exchange is None or not self._begun:
+        if self._exchange is None:
             return None, None
         self._due = time.monotonic() + timeout
         found = self._exchange(kind, sequence, bound, payload)
@@ -178,7 +170,7 @@ class PipeStream(DescriptorStream):
     def _watch(self) -> None:
         while not self._closed.wait(ALARM_PERIOD):
             if time.monotonic() > self._due:
-                with suppress(OSError), self._own_input.open("wb", buffering=0) as pipe:
+                with suppress(OSError), open(f"/proc/self/fd/{self._reader}", "wb", buffering=0) as pipe:
                     pipe.write(b"\0")
 
 

@@ -14,7 +14,7 @@ from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import Stream, open_serial
 
-QEMU_TIMEOUT = 5.0  # s for the reply to one attempt; a dead QEMU is noticed at once
+QEMU_TIMEOUT = 30.0  # s for the reply to one attempt, on a busy machine; a dead QEMU is noticed at once
 QEMU_ATTEMPTS = 2
 PORT_TIMEOUT = 2.0  # s; a full frame at 115200 bit/s takes 0.3 s there and back
 PORT_ATTEMPTS = 4
