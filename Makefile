@@ -12,7 +12,7 @@ demo: setup
 	.venv/bin/firmloop run examples/wheel_speed/wheel_speed.toml --out out/wheel_speed
 
 test: lint
-	.venv/bin/python -m pytest -q -m "not slow"
+	.venv/bin/python -m pytest -q -m "not slow" -n auto --dist worksteal
 
 lint: setup
 	.venv/bin/ruff check .

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from firmloop import console
 
 PROJECT = """\
 schema = 1
@@ -53,6 +56,12 @@ def recording(seed: int) -> str:
         lines.append(f"{row * 0.05:.2f},{u:.6g},{state + random.normal(0, 0.02):.6g}")
         state += (1 - np.exp(-0.05 / 2.0)) * (3.0 * u - state)
     return "\n".join(lines) + "\n"
+
+
+@pytest.fixture(autouse=True)
+def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What takes long on a busy machine says so on stderr; tests that count lines there must not depend on it."""
+    monkeypatch.setattr(console, "QUIET", math.inf)
 
 
 @pytest.fixture(scope="session")
