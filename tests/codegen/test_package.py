@@ -37,7 +37,7 @@ def written(arithmetic: str, folder: Path) -> Program:
 def outcome(folder: Path) -> tuple[int, str]:
     sources = ["motor_pid.c", "motor_pid_test.c"]
     run_compiler(["gcc", *WARNINGS, "-O2", "-ffp-contract=off", "-o", "test", *sources], folder)
-    done = subprocess.run([str(folder / "test")], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([str(folder / "test")], capture_output=True, text=True, timeout=600, check=False)
     return done.returncode, done.stdout
 
 
@@ -89,6 +89,6 @@ def test_the_compilation_database_names_files_that_are_there(tmp_path: Path) -> 
 def test_cmake_builds_and_runs_it(tmp_path: Path) -> None:
     written("fixed16", tmp_path)
     for command in (["cmake", "-B", "build"], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
     assert "100% tests passed" in done.stdout

@@ -254,7 +254,7 @@ def test_unknown_target_on_the_command_line(project: Path, tmp_path: Path, capsy
 def _run(arguments: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
     kept = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
     command = [sys.executable, "-m", "firmloop", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=kept, timeout=300, check=False)
+    return subprocess.run(command, capture_output=True, text=True, env=kept, timeout=600, check=False)
 
 
 def test_as_a_program(project: Path, tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ def test_terminated_in_the_middle(project: Path, tmp_path: Path) -> None:
     assert process.stdout
     process.stdout.readline()  # the C is there, the verification has begun
     process.terminate()
-    _, said = process.communicate(timeout=300)
+    _, said = process.communicate(timeout=600)
     assert process.returncode == 130
     assert said.splitlines()[-1] == "firmloop: stopped; nothing was written"
     assert [path.name for path in tmp_path.iterdir()] == ["bench"]

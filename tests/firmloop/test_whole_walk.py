@@ -38,7 +38,7 @@ def _verdict(path: Path) -> dict[str, Any]:
 def _run(arguments: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
     kept = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
     command = [sys.executable, "-m", "firmloop", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=kept, timeout=120, check=False)
+    return subprocess.run(command, capture_output=True, text=True, env=kept, timeout=600, check=False)
 
 
 def test_run_on_the_host(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

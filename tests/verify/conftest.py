@@ -1,15 +1,23 @@
-"""Give ports in tests more time than on a desk: what answers at once may have to wait for a processor here."""
+"""Give far ends in tests more time than on a desk: what answers at once may have to wait for a processor here."""
 
 from __future__ import annotations
 
 import pytest
 
-from verify.links import live, uart
+from verify.links import live, pty, semihosting, uart
 
-PATIENCE = 30.0  # s
+PATIENCE = 300.0  # s
 
 
 @pytest.fixture(autouse=True)
-def patient_ports(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(uart, "PORT_TIMEOUT", PATIENCE)
-    monkeypatch.setattr(live, "PORT_TIMEOUT", PATIENCE)
+def patient_links(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module, name in (
+        (uart, "PORT_TIMEOUT"),
+        (live, "PORT_TIMEOUT"),
+        (uart, "QEMU_TIMEOUT"),
+        (pty, "QEMU_TIMEOUT"),
+        (semihosting, "TIMEOUT"),
+        (semihosting, "OPENING"),
+        (pty, "OPENING"),
+    ):
+        monkeypatch.setattr(module, name, PATIENCE)

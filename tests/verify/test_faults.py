@@ -25,7 +25,7 @@ from tests.verify.wild import WildLine, build_image_library
 from verify.links import LinkError, uart
 from verify.links.framed import FramedLink
 
-PATIENCE = 120.0  # s, for what takes a few on a machine with time to spare
+PATIENCE = 600.0  # s, for what takes a few on a machine with time to spare
 PROJECT = """\
 schema = 1
 name = "wheel"

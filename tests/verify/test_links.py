@@ -66,7 +66,7 @@ def overlong(data: bytes, dice: random.Random) -> bytes:
 DAMAGES: tuple[Damage, ...] = (flip, drop, double, cut, junk, lose, overlong)
 
 
-PATIENCE = 30.0  # s, for what comes at once on a machine with time to spare
+PATIENCE = 300.0  # s, for what comes at once on a machine with time to spare
 
 
 class BadLine:

@@ -30,7 +30,7 @@ from verify.links.uart import open_qemu_uart
 pytestmark = pytest.mark.qemu
 
 Opener = Callable[[Target, Path, str], FramedLink]
-PATIENCE = 60.0  # s, for what comes at once on a machine with time to spare
+PATIENCE = 300.0  # s, for what comes at once on a machine with time to spare
 OPENERS: dict[str, Opener] = {"semihosting": open_semihosting, "uart": open_qemu_uart}
 
 
