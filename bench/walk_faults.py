@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from codegen.firmware import firmware
@@ -36,6 +36,7 @@ class Desk:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.started: list[subprocess.Popen[str]] = []
         self.project = folder / "wheel.toml"
         self.project.write_text(PROJECT)
         self.other = folder / "other.toml"
@@ -44,13 +45,21 @@ class Desk:
     def start(self, steps: int, *more: str) -> subprocess.Popen[str]:
         """Start one verification."""
         command = [sys.executable, "-m", "firmloop", "verify", str(self.project), "--target", TARGET.name]
-        return subprocess.Popen(
+        started = subprocess.Popen(
             [*command, "--out", str(self.folder / "out"), "--steps", str(steps), *more],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             env={**os.environ, "TMPDIR": str(self.folder)},
         )
+        self.started.append(started)
+        return started
+
+    def end(self) -> None:
+        """End what was started and has not ended, because a row broke off."""
+        for command in self.started:
+            command.kill()
+            command.wait()
 
     def emulators(self) -> list[int]:
         """Processes that run in a temporary folder of this desk and are no compiler."""
@@ -173,8 +182,9 @@ ROWS: tuple[tuple[str, Callable[[Desk], subprocess.Popen[str]], int], ...] = (
 def main() -> int:
     wrong = 0
     for name, act, wanted in ROWS:
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as undo:
             desk = Desk(Path(folder))
+            undo.callback(desk.end)
             begin = time.monotonic()
             _, said = (command := act(desk)).communicate(timeout=PATIENCE)
             took = time.monotonic() - begin
