@@ -110,6 +110,10 @@ class FixedBuilder:
         if not whole and not constant and len(products) == 1:
             return self._product(products[0][1], Constant(float(products[0][0])), q)
         wish, self.ops.wish = self.ops.wish, ("", "")
+        moved = [self._moved(term, abs(float(weight)), q) for weight, term in products if _exactly(weight, term, q)]
+        if len(moved) == len(products):
+            signs = [Fraction(1 if weight > 0 else -1) for weight, _ in products]
+            whole, products = [*whole, *((s, t) for s, t in zip(signs, moved, strict=True) if t is not None)], []
         if not products:
             return self._plain(whole, constant, q, wish)
         shift, left = self._shift(products, whole, q)
@@ -188,7 +192,7 @@ class FixedBuilder:
 
     def _shift(self, products: Sequence[Part], whole: Sequence[Part], q: int) -> tuple[int, list[int]]:
         """Return by how much the sum is shifted at its end, and each value to the left before it is multiplied."""
-        room = [max(0, math.floor(math.log2(WORD / max(1, -term.low, term.high)))) for _, term in products]
+        room = [max(0, math.floor(math.log2(WORD / max(1, -term.low - 1, term.high)))) for _, term in products]
         needed = [_places(p, HIGH, q) - 31 for p in products]
         if all(n <= r for n, r in zip(needed, room, strict=True)):
             return HIGH, [max(0, n) for n in needed]
@@ -250,10 +254,10 @@ class FixedBuilder:
                 low, high = inner_low, inner_high
             inside = low <= (int(a.low) + half) >> shift and (int(a.high) + half) >> shift <= high
             self.ops.wish = wish if inside else ("", "")
-            rounded = a.error + 0.5 * 2.0**-number.fraction
-            near = a.high + half <= WORD  # else the rounding constant could overflow: take the 64-bit form
-            arguments = (a, shift) if near else (a, 1, shift)
-            a = self.ops.emit("shr" if near else "mul_shift", arguments, target, rounded)
+            if a.high + half <= WORD:
+                a = self.ops.emit("shr", (a, shift), target, a.error + 0.5 * 2.0**-number.fraction)
+            else:  # the rounding constant could overflow
+                a = self.ops.emit("asr", (a, shift), target, a.error + 2.0**-number.fraction)
         if low <= a.low and a.high <= high:
             return a
         self.ops.wish = wish
@@ -266,6 +270,9 @@ class FixedBuilder:
             a, b = b, a
         assert isinstance(a, Term)
         if isinstance(b, Constant):
+            moved = self._moved(a, b.value, q)
+            if moved is not None:
+                return moved
             shift, factor = _coefficient(b.value, a.number.fraction, q)
             error = _size(a, 0) * _literal_error(b.value, factor, q + shift - a.number.fraction)
             error += abs(b.value) * a.error
@@ -273,6 +280,19 @@ class FixedBuilder:
         shift = a.number.fraction + b.number.fraction - q
         error = _size(a, 0) * b.error + (_size(b, 0) + b.error) * a.error
         return self._scaled(a, b, shift, q, error)
+
+    def _moved(self, a: Term, value: float, q: int) -> Term | None:
+        """Return the same product by a shift alone, where the constant is a power of two and the shift is possible."""
+        mantissa, exponent = math.frexp(value)
+        shift = q - a.number.fraction + exponent - 1
+        if mantissa != 0.5 or not -30 <= shift <= 30:
+            return None
+        error = value * a.error
+        if shift >= 0:
+            return self.ops.emit("shl" if shift else "copy", (a, shift)[: 2 if shift else 1], _number(q), error)
+        if a.high + (1 << (-shift - 1)) > WORD:  # the rounding constant could overflow
+            return None
+        return self.ops.emit("shr", (a, -shift), _number(q), error + 0.5 * 2.0**-q)
 
     def _scaled(self, a: Term, b: Term | int, shift: int, q: int, error: float) -> Term:
         wish, self.ops.wish = self.ops.wish, ("", "")
@@ -348,6 +368,13 @@ def _split(parts: Sequence[Part], q: int) -> list[Part]:
         else:
             found.append((weight, term))
     return found
+
+
+def _exactly(weight: Fraction, term: Term, q: int) -> bool:
+    """Tell whether a product with a weight is a shift to the left, without any rounding."""
+    mantissa, exponent = math.frexp(abs(float(weight)))
+    shift = q - term.number.fraction + exponent - 1
+    return mantissa == 0.5 and 0 <= shift <= 30 and max(-term.low, term.high) * 2**shift <= WORD
 
 
 def _places(part: Part, shift: int, q: int) -> int:

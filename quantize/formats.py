@@ -105,17 +105,16 @@ class _Choice:
     ) -> None:
         self.law, self.graph, self.sums, self.spans, self.inputs = law, graph, sums, spans, inputs
         self.held = {k for k in range(len(graph.nodes)) if k in sums or not is_linear(graph, k)}
-        limits = {a for k, node in enumerate(graph.nodes) if k in self.held and k not in sums for a in node.arguments}
         constants = {k for k, node in enumerate(graph.nodes) if node.function == "constant"}
-        self.held -= constants - limits
+        self.held -= constants
         self.groups = _Groups(len(graph.nodes))
+        self.beside: list[tuple[int, float]] = []  # a value, and a constant that it meets; one constant may meet many
         for k, node in enumerate(graph.nodes):
-            if node.function in MEETING:
-                self.groups.join(*node.arguments)
-            if node.function in KEEPING:
-                self.groups.join(k, node.arguments[0])
-            if node.function in CHOOSING:
-                self.groups.join(k, *node.arguments[1:])
+            if node.function in (*MEETING, *KEEPING, *CHOOSING):
+                meeting = list(node.arguments[1:] if node.function in CHOOSING else node.arguments)
+                values = [a for a in meeting if a not in constants]
+                self.groups.join(*([k] if node.function not in TRUTH else []), *values)
+                self.beside += [(values[0] if values else k, graph.nodes[a].value) for a in meeting if a in constants]
         for k, total in sums.items():
             plain = [a for a, weight in total.terms.items() if abs(weight) == 1]
             self.groups.join(k, *(a for a in plain if not self._input(a)))
@@ -146,19 +145,24 @@ class _Choice:
         sizes: dict[int, float] = {}
         constants: dict[int, list[float]] = {}
         computed: set[int] = set()
+        made: set[int] = set()  # groups with a value that an operation or a state gives
+        read: dict[int, int] = {}  # groups with an input
+        for k, value in self.beside:
+            if k in self.held:
+                constants.setdefault(self.groups.of(k), []).append(value)
+        for group, values in constants.items():
+            sizes[group] = max(map(abs, values))
         for k, node in enumerate(self.graph.nodes):
             group = self.groups.of(k)
             if k not in self.held:
                 continue
-            if node.function in TRUTH or (node.function == "argument" and node.place[0] != 0):
-                computed.add(group)
-                low, high = (0.0, 0.0) if node.function in TRUTH else self.spans[k]
-            else:
-                low, high = self.spans[k]
+            low, high = (0.0, 0.0) if node.function in TRUTH else self.spans[k]
             sizes[group] = max(sizes.get(group, 0.0), abs(low), abs(high))
-            if node.function == "constant":
-                constants.setdefault(group, []).append(node.value)
-            elif (
+            if self._input(k):
+                read[group] = min(self.inputs[node.place[1]], read.get(group, FINEST))
+            else:
+                made.add(group)
+            if (
                 node.function == "argument"
                 and node.place[0] == 0
                 and self.law.state[node.place[1]].name not in self.law.tunable
@@ -169,6 +173,9 @@ class _Choice:
         fractions = {}
         for group, size in sizes.items():
             fraction = fit(-size * SPARE, size * SPARE, 32)
+            if group in read and group not in made:  # nothing is rounded: an input keeps its whole word
+                most = max((abs(value) for value in constants.get(group, ())), default=0.0)
+                fraction = min(read[group], fit(-most, most, 32) if most else FINEST)
             if group not in computed:  # nothing but constants: the coarsest format that holds them exactly
                 values = constants[group]
                 exact = [f for f in range(0, max(fraction, 0) + 1) if all((v * 2.0**f).is_integer() for v in values)]

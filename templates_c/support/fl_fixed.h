@@ -9,6 +9,15 @@
 
 /* The shifts below need an arithmetic right shift of negative numbers, which C99 leaves to the compiler. */
 typedef char fl_assert_arithmetic_shift[((-3) >> 1) == -2 ? 1 : -1];
+/* ... and the conversion below keeps the lower 32 bits, which C99 leaves to it too. */
+typedef char fl_assert_wrapping_conversion[(int32_t)0xFFFFFFFEU == -2 ? 1 : -1];
+
+/* x / 2^s, rounded down; s from 1 to 62, the result fits 32 bits. Up to 32 its bits are those of an unsigned shift,
+ * behind which a compiler still sees a 32-bit number: the next product is then one instruction, not three. */
+static inline int32_t fl_low_i32(int64_t x, uint32_t s)
+{
+    return (s <= 32U) ? (int32_t)(uint32_t)((uint64_t)x >> s) : (int32_t)(x >> s);
+}
 
 /* a * 2^s; s from 0 to 30, the result fits. */
 static inline int32_t fl_shl_i32(int32_t a, uint32_t s)
@@ -25,7 +34,7 @@ static inline int32_t fl_shr_i32(int32_t a, uint32_t s)
 /* a * b / 2^s in 64 bits, rounded to nearest, halves up; s from 1 to 62, the result fits 32 bits. */
 static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s)
 {
-    return (int32_t)(((int64_t)a * b + (int64_t)((uint64_t)1 << (s - 1U))) >> s);
+    return fl_low_i32((int64_t)a * b + (int64_t)((uint64_t)1 << (s - 1U)), s);
 }
 
 /* a / 2^s, rounded down; s from 1 to 31. */
@@ -51,7 +60,7 @@ static inline int64_t fl_mac_i64(int64_t acc, int32_t a, int32_t b)
 /* ... and sum / 2^s is its value, rounded to nearest, halves up; it fits 32 bits. */
 static inline int32_t fl_high_i32(int64_t acc, uint32_t s)
 {
-    return (int32_t)(acc >> s);
+    return fl_low_i32(acc, s);
 }
 
 static inline int32_t fl_min_i32(int32_t a, int32_t b)
