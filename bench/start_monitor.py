@@ -3,8 +3,9 @@
     python -m bench.start_monitor      100 healthy and 100 aged starts, in every number format; `--quick` takes a tenth
 
 Each start is simulated at 10 kHz with its own phase and size of the mains, load, inertia, winding temperature and
-capacitor, and sampled at 1 kHz with noise on all three signals. What runs is the bit-exact program. The start truly
-ends when the speed first passes that at which the centrifugal switch opens. Exit status 1 below the bars.
+capacitor, and sampled at 1 kHz with noise on all three signals. The monitor has watched the motor rest for up to half a
+second before, so that each start meets other random digits. What runs is the bit-exact program. The start truly ends
+when the speed first passes that at which the centrifugal switch opens. Exit status 1 below the bars.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from verify.stimuli import to_physical, to_raw
 Array = NDArray[np.float64]
 
 CASES = 100
-FINE, COARSE, SECONDS = 1e-4, 10, 1.2  # s, rows a sample, s
+FINE, COARSE, SECONDS, REST = 1e-4, 10, 1.2, 0.5  # s, rows a sample, s, s at most
 AGED = 0.9  # of the rated capacitance
 NOISE = (2.0, 0.3, 1.0)  # V, A, rad/s rms: about 1 % of the mains, of the start current, and of the speed
 ALLOWED = 0.020  # s
@@ -79,6 +80,10 @@ def start(random: np.random.Generator, share: float) -> Start:
     ended = float(time[int(np.argmax(speed > MOTOR["switch_open_rad_s"]))])
     # The voltage of a row is held until the next one: what drove the current read here is half a row old.
     rows = np.stack([voltage, current, speed], axis=1)[::COARSE]
+    most, rest = round(REST / FINE / COARSE), int(random.integers(REST / FINE / COARSE))
+    running = np.repeat([[0.0, 0.0, rows[-1, 2]]], most - rest, axis=0)  # so that all last equally long
+    rows = np.concatenate([np.zeros((rest, 3)), rows, running])
+    ended += rest * FINE * COARSE
     return Start(rows + random.normal(size=rows.shape) * NOISE, own["capacitance_F"], ended)
 
 

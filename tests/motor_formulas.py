@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import scipy.linalg
+from scipy.stats import t as student
 
 from design.kinds import Request
 
@@ -78,10 +79,10 @@ def self_tuning(request: Request, rows: np.ndarray) -> np.ndarray:
     table, h = request.table, request.period
     low, high = ends(request)
     wide, strong = 400.0, max(-low, high)
-    forget, cap = 0.995, 4.0
+    forget, cap = 0.995, 1.0
     a, pole = math.exp(-h / table["lag_s"]), math.exp(-h / table["time_constant_s"])
     b = b0 = table["gain"] * (1 - a) * strong / wide
-    c, p, f, integral, found = 1 / b, 2.0 * np.eye(2), np.zeros(2), 0.0, []
+    c, p, f, integral, found = 1 / b, 0.5 * np.eye(2), np.zeros(2), 0.0, []
     for r, y in rows / wide:
         g = p @ f / (forget + f @ p @ f)
         t = np.array([a, b]) + g * (y - f @ [a, b])
@@ -102,19 +103,19 @@ def start_monitor(request: Request, rows: np.ndarray) -> np.ndarray:
     n = n0 = 1 / math.sqrt(inductance * table["capacitance_F"])
     z = r / 2 * math.sqrt(table["capacitance_F"] / inductance)
     current = math.sqrt(2) * table["voltage_rms_V"] / abs(r + 1j * (w * inductance - 1 / (w * table["capacitance_F"])))
-    last, twin, spread, x, found = 0.0, 0.0, 0.0, 1, []
+    last, twin, spread, x, found = 0.0, 0.0, 0.0, 648_053, []
     for v, i, speed in rows:
         j = (i * math.cos(w * h) - last) / math.sin(w * h)
         e = v - w * inductance * j + n * (inductance / w * n * j - 2 * inductance * z * i)
-        x, carried = (2 * x) % 8179, 2 * x > 8179
+        x, positive = 1_048_573 - 2 * abs(x), x > 0
         twin, before = (1 - h / tau) * twin, twin
         if speed < table["speed_limit_rad_s"]:
             step = h / (tau * inductance / w * n0 * current**2) * e * j
             z = z + h / (tau * inductance * n0 * current**2) * e * i
             n = n - step
-            twin += step if carried else -step
-            spread += h / (4 * tau) * (1.959963984540054 * math.sqrt(math.pi / 2) * abs(before) - spread)
-        n, z = min(max(n, 400.0), 800.0), min(max(z, 0.05), 1.0)
+            twin += step if positive else -step
+            spread += h / (4 * tau) * (float(student.ppf(0.975, 9)) * math.sqrt(math.pi / 2) * abs(before) - spread)
+        n, z, spread = min(max(n, 400.0), 800.0), min(max(z, 0.05), 1.0), min(spread, 100.0)
         last = i
-        found.append([n, min(spread, 100.0), z])
+        found.append([n, spread, z])
     return np.array(found)

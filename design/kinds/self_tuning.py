@@ -11,11 +11,13 @@ Adaptive Control, 2nd ed., algorithm 3.2 with the indirect self-tuner of section
 which puts both poles of the loop at p = exp(-h/time_constant_s). P does not grow where nothing is learned: above the
 trace T it is not divided by l. a stays within 0 and 1, b within `spread` times and one `spread`-th of its start.
 
-There is no division: 1/d is five of Newton's steps x (2 - d x) from the best straight line, right to 1e-10, and c takes
-one of them a sample, c[k+1] = c (2 - b c), which follows b because b moves slowly.
+There is no division: 1/d is a few of Newton's steps x (2 - d x) from the best straight line, right to 1e-10, in
+Goldschmidt's form, x (1 + r) and then r = r^2 for r = 1 - d x, which passes no rounding back to d; and c takes one of
+Newton's steps a sample, c[k+1] = c (2 - b c), which follows b because b moves slowly.
 
 Keys: `gain` and `lag_s` (the plant as it is first taken to be), `time_constant_s` (of the loop), `forget` (default
-0.995), `spread` (default 4), `start_covariance` (default and most 2; T is twice that), `u_min`, `u_max`.
+0.995), `spread` (default 4), `start_covariance` (default 0.5, a deviation of 0.7 of an a within 0 and 1; most 2; T is
+twice that), `u_min`, `u_max`.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ from design.table import check_keys, limits, positive, real
 from identify.signal import Signal
 
 KEYS = ("gain", "lag_s", "time_constant_s", "forget", "spread", "start_covariance", "u_min", "u_max")
-TURNS = 5  # of Newton's reciprocal
+RIGHT = 1e-10  # of the reciprocal, relative
 NAMES = ("a", "b", "inverse", "p11", "p12", "p22", "y_last", "u_last", "integral")
 HELD_WHY = "limited to what it can be in exact arithmetic"
 ROOM = 1.05  # of the covariance, for one sample beyond its trace
@@ -52,7 +54,7 @@ def design(request: Request) -> Design:
         raise DesignError(f"controller.u_min = {low:g} and u_max = {high:g}: a self_tuning needs 0 between them")
     wide, strong = max(abs(measurement.low), abs(measurement.high)), max(abs(low), abs(high))
     forget = real(table, "forget", 0.995, 0.9, 1.0)
-    spread, size = real(table, "spread", 4.0, 1.01, 1e3), real(table, "start_covariance", 2.0, 1e-3, 2.0)
+    spread, size = real(table, "spread", 4.0, 1.01, 1e3), real(table, "start_covariance", 0.5, 1e-3, 2.0)
     a0 = math.exp(-h / positive(table, "lag_s", None))
     b0 = positive(table, "gain", None) * (1 - a0) * strong / wide
     pole = math.exp(-h / positive(table, "time_constant_s", None))
@@ -63,15 +65,20 @@ def design(request: Request) -> Design:
     error = (1 / wide) * (inputs[at_reference] - inputs[at_measurement])
     a, b, inverse, p11, p12, p22, y_last, u_last, integral = symbols(NAMES)
     most = 2 * size
-    seen = p11 * y_last + p12 * u_last, p12 * y_last + p22 * u_last
-    divisor = ca.fmin(ca.fmax(forget + (seen[0] * y_last + seen[1] * u_last), forget), forget + 2 * ROOM * most)
-    step = _reciprocal(divisor, forget, forget + 2 * ROOM * most)
+    # |P f| is at most the root of P_ii f' P f (Cauchy and Schwarz): a limit that only a rounded P can reach
+    top = ROOM * most / forget
+    far, widest = _eighths(math.sqrt(2 * ROOM * most * top)), _eighths(forget + 2 * ROOM * most)
+    seen = (
+        _held(p11 * y_last + p12 * u_last, -far, far),
+        _held(p12 * y_last + p22 * u_last, -far, far),
+    )
+    divisor = _held(forget + (seen[0] * y_last + seen[1] * u_last), forget, widest)
+    step = _reciprocal(divisor, forget, widest)
     surprise = y - (a * y_last + b * u_last)
     gain = seen[0] * step, seen[1] * step
     a_next = _held(a + gain[0] * surprise, 0.0, 1.0)
     b_next = _held(b + gain[1] * surprise, *ends)
     grown = 1.0 + ca.if_else(p11 + p22 < most, 1 / forget - 1, 0)
-    top = ROOM * most / forget
     p11_next = _held((p11 - gain[0] * seen[0]) * grown, 0.0, top)
     p12_next = _held((p12 - gain[0] * seen[1]) * grown, -top, top)
     p22_next = _held((p22 - gain[1] * seen[1]) * grown, 0.0, top)
@@ -104,11 +111,19 @@ def design(request: Request) -> Design:
 def _reciprocal(divisor: ca.SX, low: float, high: float) -> ca.SX:
     """Return 1/divisor for low <= divisor <= high; the start is the line whose 1 - d x has the smallest maximum."""
     middle = (high + low) / (high - low)
-    scale = 8 / ((high - low) ** 2 * (2 * middle**2 - 1))  # of Chebyshev's second polynomial, 1 at d = 0
+    most = 1 / (2 * middle**2 - 1)
+    scale = 8 * most / (high - low) ** 2  # of Chebyshev's second polynomial, 1 at d = 0
     x = scale * (high + low) - scale * divisor
-    for _ in range(TURNS):
-        x = ca.fmin(ca.fmax(x * (2.0 - divisor * x), 0.0), 1 / low)
+    left = _held(1.0 - divisor * x, -most, most)
+    for turn in range(math.ceil(math.log2(math.log(RIGHT) / math.log(most)))):
+        left = left * left if turn else left
+        x = x + x * left
     return x
+
+
+def _eighths(value: float) -> float:
+    """Return the next limit that every format holds as it is, so that it adds no rounding."""
+    return math.ceil(8 * value) / 8
 
 
 def _held(value: ca.SX, low: float, high: float) -> ca.SX:

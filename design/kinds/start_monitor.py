@@ -18,13 +18,16 @@ Interval: one Monte Carlo draw a sample in place of thousands at once. A twin es
 random weight of 0 or 2, as a half-sample bootstrap does; its distance d from n and the mean of that are all that has to
 be kept::
 
-    d[k+1] = (1 - h/tau) d + b g m_n e j,      s[k+1] = s + g h/tau (1.96 sqrt(pi/2) |d| - s)/4
+    d[k+1] = (1 - h/tau) d + b g m_n e j,      s[k+1] = s + g h/tau (2.26 sqrt(pi/2) |d| - s)/4
 
-s is the half width of the 95 % interval, for the mean distance of a normal variable is sqrt(2/pi) deviations.
+s is the half width of the 95 % interval, within the range of its signal: the mean distance of a normal variable is
+sqrt(2/pi) deviations, and 2.26 is Student's factor, for s averages |d|, which forgets in tau/2, over 4 tau: some
+2 x 4 + 1 = 9 distances.
 
-b = +-1 is the next binary digit of x/M, M a prime of which 2 is a primitive root: x[k+1] = 2 x mod M.
+b = +-1 is the sign of x, x[k+1] = M - 2 |x|: the tent map, which passes through half of all odd numbers below the prime
+M before it repeats, for 2 is a primitive root of M.
 
-Regime: the start lasts while the start circuit carries current, i[k]^2 + i[k-1]^2 above (threshold I)^2; when the
+Regime: the start lasts while the start circuit carries current, |i[k]| + |i[k-1]| above threshold I; when the
 centrifugal switch has opened it has ended, and `starting` falls. No time is preset. The capacitor is low where n is so
 high that C is below `flag_below` times its rated value.
 
@@ -50,10 +53,11 @@ KEYS = (
     *("frequency_hz", "voltage_rms_V", "resistance_ohm", "inductance_H", "capacitance_F"),
     *("speed_limit_rad_s", "settle_s", "flag_below", "threshold"),
 )
-PRIME = 8179  # the largest below 2^13 of which 2 is a primitive root
-SEED = 1.0
-NORMAL = 1.959963984540054 * math.sqrt(math.pi / 2)  # half width of 95 % over the mean distance of a normal variable
+PRIME = 1_048_573  # the largest below 2^20 of which 2 is a primitive root
+SEED = 648_053.0  # odd, PRIME over the golden ratio: far from what repeats early
 SLOWER = 4.0  # the mean distance follows that much more slowly than the estimates
+STUDENT = 2.2621571628540993  # half width of 95 % over the deviation, of 2 SLOWER + 1 distances
+HALF_WIDTH = STUDENT * math.sqrt(math.pi / 2)  # over the mean distance of a normal variable
 INPUT_UNITS = ("V", "A", "rad/s")
 OUTPUT_UNITS = ("rad/s", "rad/s", "1")
 
@@ -149,7 +153,7 @@ def _circuit(request: Request) -> Circuit:
 
 
 def _write(request: Request, circuit: Circuit) -> Law:
-    """Write the equations of the module docstring; j is kept times sin(w h), which the constants take up."""
+    """Write the equations of the module docstring, with w j for j."""
     h, omega, inductance = request.period, circuit.omega, circuit.inductance
     frequency, width, damping = request.outputs
     names = ("n", "z", "current_last", "twin", "spread", "draw")
@@ -158,34 +162,30 @@ def _write(request: Request, circuit: Circuit) -> Law:
 
     slow = speed < circuit.limit
     rate = h / (circuit.settle * inductance * circuit.natural * circuit.current**2)
-    gain = ca.if_else(slow, rate, 0)
-    scale = inductance / omega / math.sin(omega * h)
-    turned = scale * i
-    quarter = math.cos(omega * h) * turned - last
-    residual = v - omega**2 * quarter + n * (n * quarter - (2 * inductance) * (z * i))
-    push = gain * residual
-    step = (omega**2 / inductance) * (push * quarter)
+    scale = omega / math.sin(omega * h)
+    quarter = (math.cos(omega * h) * scale) * i - scale * last
+    residual = v - inductance * quarter + (inductance / omega**2) * (n * (n * quarter - (2 * omega**2) * (z * i)))
+    push = ca.if_else(slow, rate * residual, 0)
+    step = push * quarter
     n_next = _within(n - step, frequency)
     z_next = _within(z + push * i, damping)
 
-    double = draw + draw
-    carried = PRIME < double
-    forget, weighted = h / circuit.settle, ca.if_else(carried, step, 0)
-    twin_next = (1 - forget) * twin - step + weighted + weighted
-    change = (NORMAL * forget / SLOWER) * ca.fabs(twin) - (forget / SLOWER) * spread
-    spread_next = spread + ca.if_else(slow, change, 0)
+    forget = h / circuit.settle
+    twin_next = (1 - forget) * twin + ca.if_else(draw < 0, -step, step)
+    change = (HALF_WIDTH * forget / SLOWER) * ca.fabs(twin) - (forget / SLOWER) * spread
+    spread_next = _within(spread + ca.if_else(slow, change, 0), width)
 
-    starting = (circuit.threshold * circuit.current * scale) ** 2 < turned * turned + last * last
+    starting = circuit.threshold * circuit.current < ca.fabs(i) + ca.fabs(last)
     low = n_next > circuit.natural / math.sqrt(circuit.flag)
 
     check_names(request, [*names, "residual"])
-    nexts = (n_next, z_next, turned, twin_next, spread_next, double - ca.if_else(carried, PRIME, 0))
+    nexts = (n_next, z_next, i, twin_next, spread_next, PRIME - 2 * ca.fabs(draw))
     stage = ca.Function(
         "law",
         [ca.vertcat(n, z, last, twin, spread, draw), ca.vertcat(v, i, speed)],
         [
             ca.densify(ca.vertcat(*part))
-            for part in (nexts, (n_next, _within(spread_next, width), z_next), (starting, low), (residual,))
+            for part in (nexts, (n_next, spread_next, z_next), (starting, low), (residual,))
         ],
         ["x", "z"],
         ["x_next", "u", "flags", "named"],
@@ -194,14 +194,10 @@ def _write(request: Request, circuit: Circuit) -> Law:
     ranges: Mapping[str, tuple[Signal, float, str]] = {
         "n": (frequency, circuit.natural, "limited to the range of its output"),
         "z": (damping, circuit.damping, "limited to the range of its output"),
-        "current_last": (
-            Signal("", "V*s^2", scale * request.inputs[1].low, scale * request.inputs[1].high),
-            0.0,
-            "a constant times the current of the sample before",
-        ),
+        "current_last": (request.inputs[1], 0.0, "the current of the sample before"),
         "twin": (Signal("", "rad/s", -far, far), 0.0, "at most the largest step over the share forgotten a sample"),
-        "spread": (Signal("", "rad/s", 0.0, 1.01 * NORMAL * far), 0.0, "a convex mean of the twin's distances"),
-        "draw": (Signal("", "1", 0.0, float(PRIME)), SEED, "a remainder of the prime"),
+        "spread": (width, 0.0, "limited to the range of its output"),
+        "draw": (Signal("", "1", -float(PRIME), float(PRIME)), SEED, "the tent map leads from this range into it"),
     }
     return Law(
         name=request.name,
@@ -227,8 +223,8 @@ def _farthest(request: Request, circuit: Circuit, scale: float, rate: float) -> 
     volts, amperes, _ = (max(abs(wire.low), abs(wire.high)) for wire in request.inputs)
     quarter = 2 * scale * amperes
     n, z = request.outputs[0].high, request.outputs[2].high
-    residual = volts + (omega**2 + n**2) * quarter + 2 * inductance * n * z * amperes
-    return 1.01 * rate * omega**2 / inductance * residual * quarter / forget
+    residual = volts + inductance * (1 + (n / omega) ** 2) * quarter + 2 * inductance * n * z * amperes
+    return 1.01 * rate * residual * quarter / forget
 
 
 def _within(value: ca.SX, wire: Signal) -> ca.SX:

@@ -10,10 +10,15 @@ import numpy as np
 import pytest
 
 from bench import start_monitor as bench
+from bench import walks
+from codegen.emit import emit
+from codegen.target import load_target
 from design.kinds import Request, design, kinds
+from design.kinds.start_monitor import STUDENT
 from design.law import DesignError, Law
-from firmloop.cli import main
 from identify.signal import Signal
+from quantize.lower import lower
+from verify.run import verify
 
 SPEED = (Signal("reference", "rad/s", -400.0, 400.0), Signal("measurement", "rad/s", -400.0, 400.0))
 VOLTS = (Signal("output", "V", -12.0, 12.0),)
@@ -152,8 +157,57 @@ def test_what_is_wrong_is_said_in_one_sentence(kind: str, changed: dict[str, obj
     assert all(word in said for word in words), said
 
 
-@pytest.mark.slow
-def test_a_monitor_is_verified_through_the_command_line(tmp_path: Path) -> None:
-    example = Path(__file__).parents[2] / "examples" / "baldor_l3510" / "start_monitor.toml"
-    assert main(["verify", str(example), "--out", str(tmp_path), "--target", "host", "--steps", "200"]) == 0
-    assert '"verdict": "agrees"' in (tmp_path / "verdict.json").read_text(encoding="utf-8")
+def test_the_interval_on_line_is_that_of_a_bootstrap_off_line() -> None:
+    """A locked rotor in steady state: the mean half width against 400 half samples of all steps at once."""
+    table, h, count = kinds()["start_monitor"].example.table, 1e-3, 2000
+    w, inductance, r, c = 120 * math.pi, table["inductance_H"], table["resistance_ohm"], table["capacitance_F"]
+    k, random = np.arange(count), np.random.default_rng(11)
+    phasor = math.sqrt(2) * table["voltage_rms_V"] / (r + 1j * (w * inductance - 1 / (w * c)))
+    volts = math.sqrt(2) * table["voltage_rms_V"] * np.cos(w * h * k) + 2.0 * random.normal(size=count)
+    current = (phasor * np.exp(1j * w * h * k)).real + 0.3 * random.normal(size=count)
+    rows = np.stack([volts, current, np.zeros(count)], axis=1)
+    half = bench.watch("fixed32", [bench.Start(rows, c, 0.0)])[0][0, :, 1]
+
+    tau, n0, last = 0.012, 1 / math.sqrt(inductance * c), 0.0
+    weights = 2.0 * random.integers(0, 2, size=(count, 400))
+    rate = h / (tau * inductance * n0 * abs(phasor) ** 2)
+    n, z, drawn = np.full(400, n0), np.full(400, r / 2 * math.sqrt(c / inductance)), []
+    for v, i, weight in zip(volts, current, weights, strict=True):
+        j = (i * math.cos(w * h) - last) / math.sin(w * h)
+        e = v - w * inductance * j + n * (inductance / w * n * j - 2 * inductance * z * i)
+        n, z, last = n - weight * rate * w * e * j, z + weight * rate * e * i, i
+        drawn.append(n)
+    off_line = STUDENT * float(np.mean(np.std(drawn[500:], axis=1)))
+    assert float(half[500:].mean()) == pytest.approx(off_line, rel=0.15)
+
+
+@pytest.mark.qemu
+@pytest.mark.parametrize("arithmetic", ["float32", "fixed32", "fixed16"])
+def test_the_monitor_keeps_within_its_costs(arithmetic: str) -> None:
+    law = kinds()["start_monitor"].design(kinds()["start_monitor"].example).law
+    program = lower(law, arithmetic)
+    target = load_target("qemu_mps2_an386")
+    verdict = verify(law, program, emit(program, "test"), target, (), 2000, 1, None, lambda part, label: None)
+    assert verdict.differences == 0
+    assert verdict.cost.instructions_max is not None and verdict.cost.instructions_max <= 150
+    assert 4 * len(program.state) + 4 * len(program.inputs) + 4 * len(program.outputs) <= 128
+
+
+WALKED = (("fuzzy_pid", "fixed16"), ("self_tuning", "fixed32"), ("start_monitor", "fixed16"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "arithmetic"),
+    [
+        pytest.param(kind, arithmetic, marks=() if (kind, arithmetic) in WALKED else pytest.mark.slow)
+        for kind in MINE
+        for arithmetic in walks.FORMATS
+    ],
+)
+def test_each_kind_is_generated_and_verified_through_the_command_line(
+    kind: str, arithmetic: str, tmp_path: Path
+) -> None:
+    verdict, said = walks.walk(kind, arithmetic, "host", 200, tmp_path)
+    assert verdict, said
+    assert verdict["verdict"] == "agrees" and verdict["proven"] == verdict["operations"] > 10
+    assert all(one["worst"] <= one["bound"] for one in verdict["rounding"].values())
