@@ -25,6 +25,7 @@ from design.loop import (
     step_metrics,
     step_profile,
 )
+from design.table import real
 from design.tuning import rules
 from identify.linear import Linear, linearize
 
@@ -59,7 +60,8 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     """Tune `request`, a pid's, by each rule of `names`; `own` holds keys for single rules.
 
     Every loop is measured over the same stretch of time, that of the slowest stable one. The load is an eighth of the
-    output's range.
+    output's range. An output that cannot go both ways from 0 is measured from the middle of its range, where the loop
+    is taken to work.
 
     Raises
     ------
@@ -68,8 +70,10 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     """
     if request.plant is None:
         raise DesignError("a comparison of tuning rules needs a plant; add [plant]")
+    linear = linearize(request.plant)
     check_signals(request)
-    wires, linear = find_wires(request), linearize(request.plant)
+    request = _about_its_middle(request)
+    wires = find_wires(request)
     told = {key: value for key, value in request.table.items() if key in PID_KEYS and key not in GAIN_KEYS}
     for key in ("tune", "ti_s", "td_s", "tt_s"):
         told.pop(key, None)
@@ -90,6 +94,19 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     limits = room(wires)
     load = (limits["u_max"] - limits["u_min"]) / 8
     return tuple(_measured(entry, linear, samples, load) if _stable(entry) else entry for entry in found)
+
+
+def _about_its_middle(request: Request) -> Request:
+    output = find_wires(request).output
+    low = real(request.table, "u_min", output.low)
+    high = real(request.table, "u_max", output.high)
+    if low < 0 < high:
+        return request
+    middle = (low + high) / 2
+    moved = replace(output, low=low - middle, high=high - middle)
+    limits = {"u_min": low - middle, "u_max": high - middle}
+    table = {key: limits.get(key, value) for key, value in request.table.items()}
+    return replace(request, table=table, outputs=tuple(moved if wire is output else wire for wire in request.outputs))
 
 
 def _stable(entry: Entry) -> bool:

@@ -23,7 +23,7 @@ def error_integral_rule(name: str, says: str, cost: Cost) -> Rule:
     Its keys: `terms` "pi" or "pid" (default: what SIMC would choose), `ms_max` (default 1.6), `noise_gain_max` (rms of
     the output over rms of the measurement's noise, default no limit), `step` of the reference and `load` at the plant's
     input (defaults: a quarter of the reference's range, or what takes half of the output's room; a quarter of that
-    room).
+    room). Where the output cannot go both ways from 0, the loop is taken to work around the middle of its range.
     """
 
     def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:
@@ -35,12 +35,9 @@ def error_integral_rule(name: str, says: str, cost: Cost) -> Rule:
             positive(table, "noise_gain_max", None) if "noise_gain_max" in table else math.inf,
         )
         u_min, u_max = real(table, "u_min", -1e30), real(table, "u_max", 1e30)
+        middle = 0.0 if u_min < 0 < u_max else (u_min + u_max) / 2  # of a one-sided output the loop works around it
+        u_min, u_max = u_min - middle, u_max - middle
         room = u_max if full.gain > 0 else -u_min
-        if not u_min < 0 < u_max:
-            raise DesignError(
-                f"tune = '{name}' needs an output that can go both ways from 0, but it ranges from {u_min:g} to "
-                f"{u_max:g}; take the working point out of the signal"
-            )
         usual_step = real(table, "usual_step", 1.0)
         reach = math.inf if full.integrators else abs(full.gain) * room / 2
         step = positive(table, "step", min(abs(usual_step), reach))
@@ -62,9 +59,9 @@ def error_integral_rule(name: str, says: str, cost: Cost) -> Rule:
         )
         points = tuple(_start(linear, period, table, terms, slower) for slower in SLOWER)
         kp, ki, kd = search(task, cost, limits, points)
-        return Gains(
-            kp, ki, kd, f"least {name.upper()} of a step of {step:.4g} and a load of {load:.4g}, Ms <= {limits.ms:g}"
-        )
+        around = f" around an output of {middle:.4g}" if middle else ""
+        says = f"least {name.upper()} of a step of {step:.4g} and a load of {load:.4g}{around}, Ms <= {limits.ms:g}"
+        return Gains(kp, ki, kd, says)
 
     return Rule(name, says, KEYS, tune)
 

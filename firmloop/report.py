@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from design.contest import Entry
 from design.kinds import Design
 from design.roles import reference_and_measurement
 from firmloop import words
 from firmloop.figures import Comparison, Step, comparison_figure, overview, step_figure
 from firmloop.pipeline import Data, Generated, Loop, Outcome
 from firmloop.project import Project
+from firmloop.tuning import HEAD, contest_rows
 from identify.fit import Fit, RecordingScore
 from identify.recording import Recording
 from identify.units import unit_of
@@ -56,6 +58,7 @@ class Walk:
     loop: Loop | None
     generated: Generated
     outcomes: tuple[Outcome, ...]
+    tuned: tuple[Entry, ...] = ()  # by other rules, beside the design
 
 
 def report(walk: Walk) -> str:
@@ -71,6 +74,7 @@ def report(walk: Walk) -> str:
         _cards(walk.outcomes),
         *_plant(walk),
         *_controller(walk),
+        *_tuning(walk.tuned),
         *_code(walk.generated),
         *_targets(walk.outcomes, walk.design),
         f"<h2>This report</h2><p>was made by <code>{html.escape(walk.command)}</code></p>",
@@ -167,6 +171,13 @@ def _controller(walk: Walk) -> list[str]:
             _table(("figure", "value"), words.margin_rows(walk.loop) + words.step_rows(walk.loop)),
         ]
     return parts
+
+
+def _tuning(tuned: Sequence[Entry]) -> list[str]:
+    if not tuned:
+        return []
+    refused = [f"<p>{html.escape(entry.rule)}: {html.escape(entry.refused)}</p>" for entry in tuned if entry.refused]
+    return ["<h2>Tuning rules on this plant</h2>", _table(HEAD, contest_rows(tuned)), *refused]
 
 
 def _step(walk: Walk) -> Step | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from codegen.bundle import write_files
 from design.contest import Entry, contest
-from design.kinds import Request
+from design.kinds import Design, Request
 from design.tuning import rules
 from firmloop.console import Console, progress, table
 from firmloop.documents import fields_document, finite
@@ -22,8 +22,9 @@ from identify.plant import Plant
 
 HEAD = (
     *("", "kp", "ki", "kd", "Ms", "gain margin", "phase margin", "rise", "settling 2 %", "overshoot"),
-    *("load peak", "load IAE", "noise gain"),
+    *("step IAE", "load peak", "load IAE", "noise gain"),
 )
+SEARCHING = ("iae", "ise", "itae")  # rules that take seconds, in `tune` or where they are asked for
 MARGINS = ("sensitivity_peak", "gain_margin_db", "phase_margin_deg")
 COLUMNS = (
     *("rule", "kp", "ki", "kd", "ms", "gain_margin_dB", "phase_margin_deg", "rise_s", "settling_2_s"),
@@ -36,8 +37,8 @@ def tune(project: Project, out: Path, console: Console) -> int:
     require(project, "plant", "controller", "signals")
     with results_folder(out, ()) as folder:
         with progress("tuning by every rule"):
-            entries = compare(project, plant_of(project))
-        document = {"schema": 1, "rules": [_document(entry) for entry in entries]}
+            entries = compare(project, plant_of(project), tuple(rules()))
+        document = {"schema": 1, "rules": contest_document(entries)}
         write_files({"tuning.json": json.dumps(document, indent=1) + "\n", "tuning.csv": _csv(entries)}, folder)
     console.lines(about_contest(entries))
     console.result("tuning", document["rules"])
@@ -46,12 +47,12 @@ def tune(project: Project, out: Path, console: Console) -> int:
     return 0
 
 
-def compare(project: Project, plant: Plant) -> tuple[Entry, ...]:
-    """Tune the project's loop by every rule that `[tuning]` names, all where it names none."""
+def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry, ...]:
+    """Tune the project's loop by every rule that `[tuning]` names, those of `usual` where it names none."""
     part, asked = project.controller, project.document.table("tuning")
     assert part is not None, "require() has seen to it"
     asked.only(("rules", *rules()))
-    names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(rules())
+    names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(usual)
     for name in names:
         if name not in rules():
             raise asked.wrong("rules", f"{name!r} is no tuning rule; known: {', '.join(rules())}")
@@ -67,18 +68,34 @@ def compare(project: Project, plant: Plant) -> tuple[Entry, ...]:
         return contest(request, names, own)
 
 
+def beside(project: Project, design: Design, plant: Plant) -> tuple[Entry, ...]:
+    """Compare the rules beside a PID that one of them has tuned, or where `[tuning]` asks for it.
+
+    Taken are those that `[tuning]` names, else the design's own and all that take no search.
+    """
+    asked = bool(design.tuned_by) or "tuning" in project.document.values
+    if project.controller is None or project.controller.kind != "pid" or not asked:
+        return ()
+    return compare(project, plant, [name for name in rules() if name not in SEARCHING or name == design.tuned_by])
+
+
 def about_contest(entries: Sequence[Entry]) -> list[str]:
     """One line a rule; below, what the rules that do not fit say."""
     refused = [f"  {entry.rule}: {entry.refused}" for entry in entries if entry.refused]
-    rows = [HEAD, *(_row(entry) for entry in entries if not entry.refused)]
+    rows = [HEAD, *contest_rows(entries)]
     return ["tuning rules on one plant", *table(rows), *(["not for this plant:", *refused] if refused else [])]
+
+
+def contest_rows(entries: Sequence[Entry]) -> list[tuple[str, ...]]:
+    """One row a rule, under HEAD; none for a rule that does not fit."""
+    return [_row(entry) for entry in entries if not entry.refused]
 
 
 def _row(entry: Entry) -> tuple[str, ...]:
     assert entry.design is not None and entry.margins is not None
     gains = tuple(f"{entry.design.gains[name]:.4g}" for name in ("kp", "ki", "kd"))
     if entry.step is None or entry.load is None:
-        return (entry.rule, *gains, "UNSTABLE")
+        return (entry.rule, *gains, "UNSTABLE", *[""] * (len(HEAD) - 5))
     found = entry.margins
     return (
         entry.rule,
@@ -89,10 +106,16 @@ def _row(entry: Entry) -> tuple[str, ...]:
         quantity(entry.step.rise_s, "s"),
         quantity(entry.step.settling_2_s, "s"),
         quantity(entry.step.overshoot_percent, "%"),
+        quantity(entry.step.iae, ""),
         quantity(entry.load.peak, ""),
         quantity(entry.load.iae, ""),
         quantity(entry.noise_gain, ""),
     )
+
+
+def contest_document(entries: Sequence[Entry]) -> list[Mapping[str, object]]:
+    """One object a rule."""
+    return [_document(entry) for entry in entries]
 
 
 def _document(entry: Entry) -> dict[str, object]:

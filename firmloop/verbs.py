@@ -36,6 +36,7 @@ from firmloop.project import Campaign, Project, require
 from firmloop.project_text import designed_text, fitted_text
 from firmloop.report import Walk, report
 from firmloop.table import ProjectError
+from firmloop.tuning import about_contest, beside, contest_document
 from identify.compiler import ToolError
 from identify.fit import Fit
 from identify.plant import Plant
@@ -76,8 +77,11 @@ def design(project: Project, out: Path, console: Console) -> int:
     with results_folder(out, ()) as folder:
         plant = plant_of(project) if project.plant else None
         designed, loop = _design(project, plant, console)
+        tuned = beside(project, designed, plant) if plant else ()
+        console.lines(about_contest(tuned) if tuned else [])
+        tuning = {"tuning": contest_document(tuned)} if tuned else {}
         files = {
-            "design.json": _json({"schema": 1, **documents.design_document(designed, loop)}),
+            "design.json": _json({"schema": 1, **documents.design_document(designed, loop), **tuning}),
             "project.toml": designed_text(project, designed, out),
         }
         write_files(files, folder)
@@ -137,9 +141,11 @@ def walk(project: Project, campaign: Campaign, console: Console) -> Walk:
     data = read_data(project)
     fitted = _fit(project, data, console)
     designed, loop = _design(project, fitted.plant, console)
+    with progress("tuning by other rules"):
+        tuned = beside(project, designed, fitted.plant)
     generated = _generate(project, designed, "run", console)
     outcomes = _verify(project, designed, generated, campaign, data, console)
-    return Walk(project, command_of("run", project.path), data, fitted, designed, loop, generated, outcomes)
+    return Walk(project, command_of("run", project.path), data, fitted, designed, loop, generated, outcomes, tuned)
 
 
 def _fit(project: Project, data: Data, console: Console) -> Fit:

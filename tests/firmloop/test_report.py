@@ -15,6 +15,7 @@ from firmloop.figures import COLUMNS, Comparison, Step, comparison_figure, overv
 from firmloop.pipeline import Outcome, analyze, design, generate, identify, read_data
 from firmloop.project import read_project
 from firmloop.report import Walk, picture, report
+from firmloop.tuning import beside
 from identify.plant import Parameter
 from verify.verdict import Cost, Difference, Rounded, Verdict
 
@@ -100,6 +101,14 @@ def test_report(walk: Walk) -> None:
         "firmloop run x.toml",
     ):
         assert word in page, word
+
+
+def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk) -> None:
+    project.write_text(project.read_text() + '\n[tuning]\nrules = ["simc", "lambda", "lqr"]\n')
+    tuned = beside(read_project(project), walk.design, walk.fit.plant)
+    page = report(dataclasses.replace(walk, tuned=tuned))
+    assert "Tuning rules on this plant" not in report(walk)
+    assert "Tuning rules on this plant" in page and "<th>load IAE</th>" in page and "<td>simc</td>" in page
 
 
 def test_nothing_a_user_wrote_is_markup(walk: Walk) -> None:
