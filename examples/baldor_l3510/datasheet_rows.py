@@ -14,7 +14,7 @@ from identify.revolving_field import breakdown, running
 
 def rows() -> list[Row]:
     """Return the rows of the datasheet, of table 1, and of the circuit that fits the datasheet."""
-    return [*_figure_1(), *_service(), *_table_1(), *_circuit()]
+    return [*_figure_1(), *_service(), *_taken_over(), *_table_1(), *_circuit()]
 
 
 def _figure_1() -> list[Row]:
@@ -51,7 +51,7 @@ def _figure_1() -> list[Row]:
             "L",
             f"{code:.2f} kVA/hp",
             9.0 <= code < 10.0,
-            "code L is 9.0 to 9.99 kVA/hp (NEMA MG 1)",
+            "code L is 9.0 to 9.99 kVA/hp (NEMA's table of locked-rotor code letters)",
         )
     )
     return made
@@ -75,6 +75,21 @@ def _service() -> list[Row]:
                 f"{between:.4g} {unit}",
             )
         )
+    return made
+
+
+def _taken_over() -> list[Row]:
+    """Hold what table 1 takes from figure 1 against it, and figure 1 against itself."""
+    made = [
+        Row("table 1", figure, printed, there, printed == there, "taken from figure 1")
+        for figure, (printed, there) in stated.TAKEN.items()
+    ]
+    made += [
+        missing("table 1", figure, printed, "not in figure 1; of a page of the datasheet that the study does not show")
+        for figure, printed in stated.UNSEEN.items()
+    ]
+    made.append(compared("fig. 1", "service-factor amperes at 230 V", 6.95, 13.9 / 2, "A", 3, "half of those at 115 V"))
+    made.append(compared("fig. 1", "full-load amperes at 230 V", 6.3, 12.5 / 2, "A", 2, "half of those at 115 V"))
     return made
 
 
@@ -159,12 +174,17 @@ def _circuit() -> list[Row]:
     """Show what one circuit makes of the whole datasheet, to show what a consistent value is."""
     value, friction = circuit()
     start, top, full = running(value, stated.VOLTS, 1.0, True), breakdown(value, stated.VOLTS), loaded(1.0)
+    # On its way up: with the start circuit to 3/4 of synchronous speed, then without it to the breakdown torque.
+    slips = np.linspace(1.0, 0.25, 76)
+    way = [running(value, stated.VOLTS, float(slip), True).torque for slip in slips]
+    pulled = min(*way, running(value, stated.VOLTS, 0.25, False).torque)
     note = "double revolving field, leakages, rotor, turns and friction by least squares over the whole datasheet"
     pairs = (
         ("full-load current", 12.51, full.line, "A", 0.02),
         ("full-load power factor", 0.69, full.power_factor, "", 0.02),
         ("full-load speed", 1750.0, full.speed * 30 / math.pi, "rpm", 0.002),
         ("breakdown torque", 9.7, top.torque / 1.3558179483, "lb-ft", 0.1),
+        ("pull-up torque", 7.8, pulled / 1.3558179483, "lb-ft", 0.1),
         ("locked-rotor torque", 13.9, start.torque / 1.3558179483, "lb-ft", 0.05),
         ("locked-rotor power factor", 0.948, start.power_factor, "", 0.05),
         ("locked-rotor current", 85.3, start.line, "A", 0.05),

@@ -34,3 +34,22 @@ SERVICE = {"power factor": 80.0, "efficiency": 67.2, "speed": 1704.0, "line ampe
 K1, TAU = 0.79, 0.20  # G1
 ZETA, NATURAL, NUMERATOR = 0.8, 6.0, 28.4  # G2
 STEADY_SPEED, SETTLED = 183.3, 0.85  # rad/s, s: "measured"
+
+# What table 1 takes from figure 1 unchanged: as table 1 prints it, as figure 1 prints it.
+TAKEN = {
+    "input voltage": ("115/230 V", "115/230 V"),
+    "frequency": ("60 Hz", "60 Hz"),
+    "starting current": ("85.3 A", "85.3 A"),
+    "rated current": ("12.5/6.3 A", "12.5/6.3 A"),
+    "no-load current": ("9.53 A", "9.53 A"),
+    "main winding resistance": ("0.525 ohm", "0.525 ohm"),
+    "rotor speed": ("1750 rpm", "1750 rpm"),
+    "temperature rise at rated load": ("62 degC", "62 degC"),
+    "efficiency": ("74 %", "74 %"),
+    "power factor": ("69 %", "69 %"),
+}
+UNSEEN = {  # and what it says to be on a page of the datasheet that the study does not show
+    "auxiliary winding resistance": "1.17 ohm",
+    "start capacitor": "340 +- 10 uF",
+    "insulation class": "F, 155 degC",
+}

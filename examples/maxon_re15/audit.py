@@ -91,7 +91,7 @@ def _open_loop() -> list[Row]:
             "table 1",
             "open loop, order 1: rise time",
             f"{rise} s",
-            "no parameter is given; as a first-order lag it means tau = rise/ln 9, ten times a small coreless motor's",
+            "no parameter is given; as a first-order lag it means tau = rise/ln 9",
             f"tau = {lag:.3f} s",
         ),
         missing(
@@ -123,8 +123,8 @@ def _open_loop() -> list[Row]:
             f"{over} %",
             f"eq. 1 overshoots by that with zeta = {damping:.3f}; with the rise time omega_n = {natural:.2f} rad/s. As "
             f"R/L + B/J = 2 zeta omega_n = {2 * damping * natural:.2f} 1/s, L/R would be at least "
-            f"{1 / (2 * damping * natural):.2f} s; of coreless motors it is below 1 ms, and the response has no "
-            "overshoot",
+            f"{1 / (2 * damping * natural):.2f} s; the assumed motor's is "
+            f"{1e3 * ASSUMED['L_H'] / ASSUMED['R_ohm']:.2f} ms, and its response has no overshoot",
             "0 %",
         ),
         missing("table 1", "open loop, order 2: rise time", f"{rise} s", "no parameter is given", "-"),
@@ -218,7 +218,8 @@ def _between() -> list[Row]:
             "results",
             "open loop is oscillatory",
             "oscillatory",
-            "eq. 1 of a coreless motor has two real poles: (R J + L B)^2 is far above 4 L J (R B + K^2)",
+            "without a parameter it cannot be seen; the assumed motor has two real poles: (R J + L B)^2 is "
+            f"{_overdamped():.0f} times 4 L J (R B + K^2)",
             "no oscillation",
         ),
         missing(
@@ -239,7 +240,28 @@ def _between() -> list[Row]:
             _equation_holds(),
             "state space of dc_motor with ke = kt = K, at 5 frequencies",
         ),
+        missing(
+            "eq. 2",
+            "G(s) = Kp + Ki/s + Kd s",
+            "a PID",
+            "improper: no circuit and no program can be it; controller.kind = 'pid' filters the derivative over Td/10",
+            "Kp + Ki/s + Kd s/(Td/10 s + 1)",
+        ),
+        Row(
+            "experiment",
+            "sampling frequency",
+            "10 kHz",
+            f"{PERIOD * 1e3:g} ms",
+            True,
+            "the period of the loops below",
+        ),
     ]
+
+
+def _overdamped() -> float:
+    """Return the ratio above 1 of which the denominator of eq. 1 has two real roots, for the assumed motor."""
+    r, inductance, k, _, j, b = ASSUMED.values()
+    return (r * j + inductance * b) ** 2 / (4 * inductance * j * (r * b + k * k))
 
 
 def _statistics() -> list[Row]:
@@ -264,7 +286,7 @@ def _statistics() -> list[Row]:
             _sensitivity(),
         ),
         missing(
-            "method", "gains of the PID", "not printed", "Ziegler-Nichols, then trial and error: no value is given"
+            "tuning", "gains of the PID", "not printed", "Ziegler-Nichols, then trial and error: no value is given"
         ),
     ]
 
