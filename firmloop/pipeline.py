@@ -23,6 +23,7 @@ from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, 
 from design.roles import reference_and_measurement
 from firmloop.project import Campaign, Project, check_units
 from firmloop.project_text import settled
+from firmloop.saturation import saturated
 from identify.compiler import ToolError
 from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
@@ -113,7 +114,9 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     assert project.recordings is not None, "require() has seen to it"
     with located(project):
-        return fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
+        fitted = fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
+    beyond = saturated(project, data.train)
+    return replace(fitted, warnings=(*fitted.warnings, beyond)) if beyond else fitted
 
 
 def conditioning_of(project: Project) -> Conditioning:

@@ -272,4 +272,11 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
                 f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g} {parameter.unit}); "
                 f"excite the plant more, or fix it with free = false"
             )
+        elif interval is not None and parameter.low < 0.0 and interval[0] <= 0.0 <= interval[1]:
+            said.append(
+                f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
+                f"{parameter.unit}".rstrip()
+                + "); the output hardly answers the input, or too little was recorded: "
+                "excite the plant more, or record longer"
+            )
     return tuple(said)

@@ -95,6 +95,20 @@ def test_an_input_that_saturates_is_said(
     assert len(said.splitlines()) == 1
 
 
+def test_identify_says_what_a_fit_cannot_mend(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An actuator that saturates, and an output that does not answer."""
+    random = np.random.default_rng(3)
+    for path in trials.parent.glob("trial*.csv"):
+        lines = path.read_text().splitlines()
+        noise = [",".join([*line.split(",")[:2], f"{random.normal():.4f}"]) for line in lines[1:]]
+        path.write_text("\n".join([lines[0], *noise]) + "\n")
+    trials.write_text(PROJECT + '[signals]\noutput = { unit = "V", low = -10, high = 10 }\n')
+    assert main(["identify", str(trials), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "note: gain cannot be told from 0 (95 % interval -" in said
+    assert "note: voltage_V of trial1.csv goes to 12 V, but signals.output ends at -10 and 10" in said
+
+
 def test_a_negative_gain_is_a_gain(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path in trials.parent.glob("trial*.csv"):
         lines = path.read_text().splitlines()
