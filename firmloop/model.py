@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy.stats
 
 from codegen.bundle import write_files
 from firmloop.console import Console, progress, table
@@ -17,7 +18,8 @@ from firmloop.project import Project, require
 from firmloop.project_text import made_text
 from firmloop.saturation import refuse_saturated
 from firmloop.table import Table
-from identify.blackbox import EVEN, STRUCTURES, Continuous, Record, Sampled, check_records, continuous
+from firmloop.words import rounded_to
+from identify.blackbox import EVEN, STRUCTURES, Continuous, Record, Sampled, check_records, continuous, redrawn
 from identify.condition import NONE, condition_input, condition_output
 from identify.fit import fit_start
 from identify.plant import IdentifyError
@@ -28,6 +30,8 @@ from identify.scores import scores
 from identify.simulate import simulate
 
 MOST_ORDER = 12
+DRAWS = 40  # of the model with its own residuals, for intervals
+WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
 
 
 def model(project: Project, out: Path, console: Console) -> int:
@@ -54,13 +58,15 @@ def model(project: Project, out: Path, console: Console) -> int:
             role: [_judge(project, plant, recording) for recording in recordings]
             for role, recordings in (("train", data.train), ("test", data.test))
         }
-        result = _document(structure, period, sampled, made, judged)
+        with progress("drawing the residuals anew"):
+            spread = _spread(structure, records, sampled, period, judged["train"])
+        result = _document(structure, period, sampled, made, judged) | {"ci95_half": spread}
         files = {
             "model.json": json.dumps({"schema": 1, **result}, indent=1) + "\n",
             "project.toml": made_text(project, plant, "model", out),
         }
         write_files(files, folder)
-    console.lines(_lines(structure, made, judged))
+    console.lines(_lines(structure, made, judged, spread))
     console.result("model", result)
     console.lines([f"written: {out / 'project.toml'}"])
     console.result("written", [str(out / name) for name in files])
@@ -146,11 +152,52 @@ def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Re
     }
 
 
-def _lines(structure: str, made: Continuous, judged: Mapping[str, Sequence[Mapping[str, object]]]) -> list[str]:
-    poles = np.sort_complex(np.linalg.eigvals(made.a))
+def _spread(
+    structure: str,
+    records: Sequence[Record],
+    sampled: Sampled,
+    period: float,
+    judged: Sequence[Mapping[str, object]],
+) -> Mapping[str, object] | None:
+    """Return half widths of the 95 % intervals of gain and poles; None where the residuals do not allow any."""
+    if any(not isinstance(one["whiteness"], float) or one["whiteness"] < WHITE for one in judged):
+        return None
+    try:
+        drawn = [continuous(one, period) for one in redrawn(structure, records, sampled, DRAWS)]
+    except IdentifyError:  # some draw has no continuous model: neither has its spread a meaning
+        return None
+    factor = float(scipy.stats.t.ppf(0.975, DRAWS - 1))
+    poles = np.array([_poles(one) for one in drawn])
+    return {
+        "gain": factor * float(np.std([_gain(one) for one in drawn], ddof=1)),
+        "poles_rad_s": [
+            [factor * float(np.std(part, ddof=1)) for part in (column.real, column.imag)] for column in poles.T
+        ],
+    }
+
+
+def _poles(made: Continuous) -> np.ndarray:
+    return np.sort_complex(np.linalg.eigvals(made.a).astype(np.complex128))
+
+
+def _lines(
+    structure: str,
+    made: Continuous,
+    judged: Mapping[str, Sequence[Mapping[str, object]]],
+    spread: Mapping[str, object] | None,
+) -> list[str]:
+    poles, halves = _poles(made), [] if spread is None else spread["poles_rad_s"]
+    assert isinstance(halves, list)
     words = [f"{p.real:.3g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.3g}{p.imag:+.3g}j" for p in poles]
-    lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s, poles {', '.join(words)} rad/s"]
-    lines.append(f"  gain at rest {_gain(made):.3g}")
+    lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
+    if spread is None:
+        lines.append(f"  gain at rest {_gain(made):.3g}, poles {', '.join(words)} rad/s")
+        lines.append("  note: no intervals; what the model leaves is not white, or leaves no continuous model")
+    else:
+        lines.append(f"  gain at rest  {_with(_gain(made), spread['gain'])}")
+        for pole, (real, imaginary) in zip(poles, halves, strict=True):
+            turning = "" if abs(pole.imag) < 1e-9 * abs(pole) else f", {_with(pole.imag, imaginary)} j"
+            lines.append(f"  pole          {_with(pole.real, real)}{turning} rad/s")
     rows = [
         (
             f"{role} {entry['recording']}",
@@ -163,6 +210,12 @@ def _lines(structure: str, made: Continuous, judged: Mapping[str, Sequence[Mappi
         for entry in entries
     ]
     return lines + table(rows)
+
+
+def _with(value: float, half: object) -> str:
+    """Write a value with its half width, and no digit beyond it."""
+    assert isinstance(half, float)
+    return f"{value:.3g}" if half == 0.0 else f"{rounded_to(value, half)} ± {half:.2g}"
 
 
 def _gain(made: Continuous) -> float:
@@ -179,7 +232,7 @@ def _document(
     made: Continuous,
     judged: Mapping[str, Sequence[Mapping[str, object]]],
 ) -> dict[str, object]:
-    poles = np.linalg.eigvals(made.a)
+    poles = _poles(made)
     return {
         "structure": structure,
         "order": len(made.a),

@@ -124,6 +124,29 @@ STRUCTURES: Mapping[str, Callable[[Sequence[Record], int, int], Sampled]] = {
 }
 
 
+def redrawn(structure: str, records: Sequence[Record], model: Sampled, draws: int) -> list[Sampled]:
+    """Fit again, `draws` times, what the model says with its residuals drawn anew (B. Efron, Ann. Stat. 7 (1979) 1-26).
+
+    That is right where the residuals are white, which the caller has to test.
+    """
+    num, den = scipy.signal.ss2tf(model.a, model.b[:, None], model.c[None, :], np.zeros((1, 1)))
+    plain = _companion(den[1:], num[0][1:], model.late)
+    shown = [_simulated(plain, record) for record in records]
+    left = [record.output - made for record, made in zip(records, shown, strict=True)]
+    random = np.random.default_rng(1)
+    return [
+        STRUCTURES[structure](
+            [
+                Record(record.source, record.drive, made + random.choice(rest - rest.mean(), len(rest)))
+                for record, made, rest in zip(records, shown, left, strict=True)
+            ],
+            len(model.a),
+            model.late,
+        )
+        for _ in range(draws)
+    ]
+
+
 def check_records(records: Sequence[Record], order: int, late: int) -> None:
     """Refuse recordings that are too short for the model, or whose input says too little."""
     rows, unknowns = sum(len(record.output) for record in records), 2 * order
