@@ -159,8 +159,13 @@ def _spread(
     period: float,
     judged: Sequence[Mapping[str, object]],
 ) -> Mapping[str, object] | None:
-    """Return half widths of the 95 % intervals of gain and poles; None where the residuals do not allow any."""
-    if any(not isinstance(one["whiteness"], float) or one["whiteness"] < WHITE for one in judged):
+    """Return half widths of the 95 % intervals of gain and poles; None where the residuals do not allow any.
+
+    Nor are there any by n4sid: it takes seconds a draw.
+    """
+    if structure == "n4sid" or any(
+        not isinstance(one["whiteness"], float) or one["whiteness"] < WHITE for one in judged
+    ):
         return None
     try:
         drawn = [continuous(one, period) for one in redrawn(structure, records, sampled, DRAWS)]
@@ -192,7 +197,7 @@ def _lines(
     lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
     if spread is None:
         lines.append(f"  gain at rest {_gain(made):.3g}, poles {', '.join(words)} rad/s")
-        lines.append("  note: no intervals; what the model leaves is not white, or leaves no continuous model")
+        lines.append("  note: no intervals; they need structure = 'arx' or 'oe', and residuals that are white")
     else:
         lines.append(f"  gain at rest  {_with(_gain(made), spread['gain'])}")
         for pole, (real, imaginary) in zip(poles, halves, strict=True):
