@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _START_STEPS = 20  # of a search for an initial state
 _START_DAMPING = (0.0, 1e-3, 1e-1, 1e1)
+_HELD = 1e-4  # of all slopes: a direction of the initial state that leaves next to no trace
 _START_ENOUGH = 1e-9  # relative decrease of the cost that is no longer worth a step
 
 
@@ -117,10 +118,16 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
     """Fit the initial state (n,) alone, from `guess` and from where the plant usually is; weights (r,) are 1/noise.
 
     Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed,
-    which is why a vessel that may not have been empty needs the second guess.
+    which is why a vessel that may not have been empty needs the second guess, and what dry friction holds at rest one
+    that moves as far as the outputs do.
     """
     usual = simulator.usual_state(made.course, constants, guess)
     guesses = [guess] if np.array_equal(usual, guess) else [guess, usual]
+    small = _start_triangle(made, simulator, constants, guess, weights)
+    if small is not None:
+        pace = float(np.max(np.ptp(made.target, axis=0))) / (made.course.step * len(made.target))
+        for held in np.flatnonzero(np.linalg.norm(small[:, :-1], axis=0) < _HELD * np.linalg.norm(small[:, :-1])):
+            guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
     found = [_descended(made, simulator, constants, each, weights) for each in guesses]
     return min(found, key=lambda each: each[0])[1]
 
