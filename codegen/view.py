@@ -172,7 +172,8 @@ def _line(op: Op, program: Program) -> dict[str, str]:
 
 
 def _table(table: Table, program: Program) -> dict[str, object]:
-    number = Number("float", int(program.arithmetic[5:]), 0)
+    floating = program.arithmetic.startswith("float")
+    number = Number("float", int(program.arithmetic[5:]), 0) if floating else Number("fixed", 32, 0)
     fields = []
     for name, values in table.numbers:
         numbers = values if isinstance(values, tuple) else (values,)

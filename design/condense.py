@@ -126,6 +126,7 @@ def eliminate(problem: Condensed, budget: int) -> Quadratic:
         scale=size[: problem.drives],
         freedom=len(problem.h) + int(np.count_nonzero(problem.softness)),
         budget=budget,
+        moves=len(problem.h),
     )
 
 

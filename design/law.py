@@ -47,7 +47,8 @@ class Quadratic:
         y = slope p - gram m,    low <= y <= high,    m_i > 0 only where y_i = high_i, m_i < 0 only where y_i = low_i
 
     with p its parameters and m its multipliers; the first rows times `scale` are the moves. `freedom` is how many rows
-    can be active at a time, `budget` the work that one search may take (0: what the law's ranges ask for).
+    can be active at a time, `budget` the work that one search may take (0: what the law's ranges ask for). The first
+    `moves` rows limit moves, of this sample and of later ones.
     """
 
     slope: Array  # (rows, p)
@@ -57,14 +58,40 @@ class Quadratic:
     scale: Array  # (k,)
     freedom: int
     budget: int
+    moves: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Sweeps:
+    """A fixed number of sweeps toward the optimum of a quadratic program, in its rows times a weight each.
+
+        s = slope p;   `times` times:  c = min(max(s, low), high),  y = mix (2 c - s) + push p,  s = s + 7/4 (y - c)
+
+    s is limited to `reach` before each; the first rows of the last y, limited, times `scale` are the moves. Where the
+    last y misses its limits by more than `tolerance` in a row, the moves are not trusted.
+    """
+
+    slope: Array  # (rows, p)
+    push: Array  # (rows, p)
+    mix: Array  # (rows, rows), symmetric, eigenvalues from 0 to 1
+    low: Array  # (rows,), infinite where there is no limit
+    high: Array  # (rows,)
+    scale: Array  # (k,)
+    reach: float
+    tolerance: float
+    times: int
 
 
 @dataclass(frozen=True, slots=True)
 class Solve:
-    """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`."""
+    """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`.
+
+    `method` is how the controller finds them; None: by a search that ends at the optimum.
+    """
 
     function: ca.Function
     problem: Quadratic
+    method: Sweeps | None = None
 
 
 @dataclass(frozen=True, slots=True)

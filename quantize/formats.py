@@ -30,7 +30,8 @@ Span = tuple[float, float]
 MEETING = ("min", "max", "lt", "le", "eq", "ne")  # operands share a format
 KEEPING = ("min", "max", "abs")  # and so does the result
 CHOOSING = ("if", "choose")
-TRUTH = ("lt", "le", "eq", "ne", "and", "or", "not")
+TRUTH = ("lt", "le", "eq", "ne", "and", "or", "not", "capped", "infeasible")
+PLANNED = ("solve", "move")  # moves share a format
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +113,7 @@ class _Choice:
         for k, node in enumerate(graph.nodes):
             if node.function in MEETING:
                 self.groups.join(*node.arguments)
-            if node.function in KEEPING:
+            if node.function in KEEPING or node.function == "move":
                 self.groups.join(k, node.arguments[0])
             if node.function in CHOOSING:
                 self.groups.join(k, *node.arguments[1:])
@@ -246,6 +247,12 @@ def _spans(graph: Graph, sums: Mapping[int, Sum], ranges: Sequence[Sequence[Span
             spans.append(ranges[node.place[0]][node.place[1]])
         elif node.function in TRUTH:
             spans.append((0.0, 1.0))
+        elif node.function in PLANNED:
+            assert graph.solve is not None
+            problem, first = graph.solve.problem, len(graph.solve.problem.scale)
+            spans.append(
+                (float(min(problem.low[:first] * problem.scale)), float(max(problem.high[:first] * problem.scale)))
+            )
         elif k in sums:
             parts = (_size(w) * max(map(abs, spans[a])) for a, w in sums[k].terms.items())
             size = abs(float(sums[k].constant)) + sum(parts)

@@ -25,6 +25,8 @@ from typing import Any
 
 import z3
 
+from verify.sweep_checker import check_sweeps
+
 WIDE = 96  # holds every exact result: sums of 64-bit values and 32-bit products shifted to the left
 PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mac": (1, 2)}  # places of the factors
 LEAST = -(1 << 31)
@@ -59,8 +61,14 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
     for value in document["state"]:
         ranges[f"self.{value['name']}"] = (int(value["low"]), int(value["high"]))
     _check_unset(document, ranges)
+    tables = {f"table.{table['name']}": table for table in document["tables"]}
     for operation in document["operations"]:
-        _check_operation(operation, ranges)
+        if operation["function"] == "sweeps":
+            _check_sweeps(operation, ranges, tables)
+        elif operation["function"] == "move":
+            _check_store(operation["name"], ranges[operation["arguments"][0]], (operation["low"], operation["high"]))
+        else:
+            _check_operation(operation, ranges)
         ranges[operation["name"]] = (int(operation["low"]), int(operation["high"]))
     limits = {value["name"]: (int(value["low"]), int(value["high"])) for value in document["state"]}
     for store in document["next_state"]:
@@ -69,6 +77,16 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
         half = 1 << (int(output["bits"]) - 1)
         _check_store(output["name"], ranges[output["value"]], (-half, half - 1))
     return Checked(len(document["operations"]), len(document["next_state"]) + len(document["outputs"]))
+
+
+def _check_sweeps(
+    operation: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]], tables: Mapping[str, Mapping[str, Any]]
+) -> None:
+    table, *parameters = operation["arguments"]
+    claimed = int(operation["low"]), int(operation["high"])
+    wrong = check_sweeps(tables[table], [ranges[name] for name in parameters], claimed)
+    if wrong:
+        raise ProofError(f"{operation['name']} = sweeps(...): {wrong}")
 
 
 def _check_store(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> None:
@@ -218,5 +236,7 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] | a[1], []
         case "not":
             return one - a[0], []
+        case "capped":
+            return truth(a[0] == a[0])  # either
         case _:
             raise ProofError(f"operation {function!r} is not known to the checker")

@@ -19,6 +19,9 @@ every sample (`condense.py`). Keys beside those:
 - `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
   without it the worst over the ranges in [signals] and some more. The output is then that of the saturated LQR, and the
   status says `capped`; likewise `infeasible` where no moves keep every limit.
+- `solver = "fixed_iterations"`: the same number of iterations in every sample, in floating or fixed point
+  (`design/splitting.py`). It is chosen such that every output is within `accuracy`, a share of its range, of the
+  optimum wherever there is one; judged by states drawn over the ranges in [signals].
 """
 
 from __future__ import annotations
@@ -37,11 +40,22 @@ from design.linear_law import check_names, symbols, weighted_sum
 from design.model import Model, weights
 from design.reach import reach, widened
 from design.regulator import terminal_weight
-from design.table import check_keys, choice
+from design.splitting import choose_sweeps
+from design.table import check_keys, choice, real
 from identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
+FLAGS = {
+    "online": (
+        Flag("capped", "the search was cut short; the output is that without limits, limited"),
+        Flag("infeasible", "no moves keep every limit; the output is that without limits, limited"),
+    ),
+    "fixed_iterations": (
+        Flag("capped", "the last iteration is far from the optimum, or there is none; the output is limited"),
+    ),
+}
+ACCURACY, LEAST_ACCURACY = 0.01, 1e-4  # of an output over its range, where the number of iterations is fixed
 PAST_WHY = "an output of a sample before, which is limited"
 ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the observer, which forgets"
 
@@ -49,7 +63,7 @@ ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the
 def design(request: Request) -> Design:
     """Condense the problem and write the law."""
     check_keys(request.table, KEYS, "an mpc")
-    choice(request.table, "solver", "online", ("online",))
+    solver = choice(request.table, "solver", "online", tuple(FLAGS))
     setup = setup_of(request)
     prediction = _prediction(request, setup)
     condensed = condense(prediction, setup.limits)
@@ -61,7 +75,25 @@ def design(request: Request) -> Design:
         "moves": float(freedom),
         "condition": float(np.linalg.cond(condensed.h)),
     }
-    return Design(_law(request, setup, Solve(_parameters(request, setup), problem)), figures, None, {})
+    law = _law(request, setup, Solve(_parameters(request, setup), problem), FLAGS[solver])
+    if solver == "fixed_iterations":
+        law, more = _with_sweeps(law, real(request.table, "accuracy", ACCURACY, LEAST_ACCURACY))
+        figures |= more
+    return Design(law, figures, None, {})
+
+
+def _with_sweeps(law: Law, accuracy: float) -> tuple[Law, dict[str, float]]:
+    """Let the law find its moves by a fixed number of sweeps; return its figures too."""
+    assert law.solve is not None
+    sweeps, judged = choose_sweeps(law, accuracy)
+    figures = {
+        "iterations": float(sweeps.times),
+        "worst_error_share": judged.worst,
+        "judged_states": float(judged.count),
+        "capped_share": judged.capped,
+    }
+    stages = (replace(law.solve, method=sweeps), law.last)
+    return replace(law, says=f"{law.says}, {sweeps.times} iterations", stages=stages), figures
 
 
 def _prediction(request: Request, setup: Setup) -> Prediction:
@@ -175,11 +207,11 @@ def _parameters(request: Request, setup: Setup) -> ca.Function:
     return ca.Function("parameters", [wires.x, ca.vertcat(*wires.z)], [ca.densify(ca.vertcat(*parameters))])
 
 
-def _law(request: Request, setup: Setup, solve: Solve) -> Law:
+def _law(request: Request, setup: Setup, solve: Solve, flags: tuple[Flag, ...]) -> Law:
     wires, model, bounds = _wires(request, setup), setup.model, setup.limits
     m = model.b.shape[1]
     moves, capped, infeasible = symbols([f"move_{k}" for k in range(m)]), ca.SX.sym("capped"), ca.SX.sym("infeasible")
-    outputs = []
+    told, outputs = {"capped": capped, "infeasible": infeasible}, []
     for k, move in enumerate(moves):
         if setup.rated:
             move = ca.fmin(ca.fmax(move, wires.past[0][k] + bounds.du_low[k]), wires.past[0][k] + bounds.du_high[k])
@@ -195,7 +227,7 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         [
             ca.densify(ca.vertcat(*after, *kept)),
             ca.densify(ca.vertcat(*outputs)),
-            ca.vertcat(capped, infeasible),
+            ca.vertcat(*(told[flag.name] for flag in flags)),
             ca.SX(0, 1),
         ],
     )
@@ -209,10 +241,7 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         state=tuple(signal for signal, _ in ranges),
         start=tuple(min(max(0.0, signal.low), signal.high) for signal, _ in ranges),
         why=tuple(why for _, why in ranges),
-        flags=(
-            Flag("capped", "the search was cut short; the output is that without limits, limited"),
-            Flag("infeasible", "no moves keep every limit; the output is that without limits, limited"),
-        ),
+        flags=flags,
         stages=(solve, Scalar(stage, ())),
     )
     if np.array_equal(setup.seen, np.eye(setup.model.order)):
