@@ -83,6 +83,28 @@ class Sweeps:
 
 
 @dataclass(frozen=True, slots=True)
+class Tree:
+    """The moves of a quadratic program as a function of its parameters p: a tree of planes, and affine laws.
+
+    From node 0: where planes[k] (p, 1) > 0 it goes on at above[k], else at below[k]; -1 - j there is law j, whose moves
+    are laws[j] (p, 1). What follows a node has a larger number. The last law is for parameters that have no optimum.
+    """
+
+    planes: Array  # (nodes, p + 1)
+    below: tuple[int, ...]
+    above: tuple[int, ...]
+    laws: Array  # (laws, k, p + 1)
+
+    @property
+    def depth(self) -> int:
+        """Nodes on the longest way from the first one to a law."""
+        longest = [1] * len(self.below)
+        for k in reversed(range(len(longest))):
+            longest[k] += max(longest[child] if child >= 0 else 0 for child in (self.below[k], self.above[k]))
+        return longest[0]
+
+
+@dataclass(frozen=True, slots=True)
 class Solve:
     """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`.
 
@@ -91,7 +113,7 @@ class Solve:
 
     function: ca.Function
     problem: Quadratic
-    method: Sweeps | None = None
+    method: Sweeps | Tree | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,23 @@ def drawn_parameters(law: Law, count: int, seed: int) -> Array:
     return np.array(law.solve.function.map(len(points))(points[:, :split].T, points[:, split:].T)).T
 
 
+def box_of(law: Law) -> tuple[Array, Array]:
+    """Return the least box (p,), (p,) that holds the parameters while inputs and states keep their ranges."""
+    assert law.solve is not None
+    signals = (*law.state, *law.inputs)
+    low, high = (np.array([getattr(signal, end) for signal in signals]) for end in ("low", "high"))
+    split, middle = len(law.state), (low + high) / 2
+    function = law.solve.function
+    rows = np.array(function.map(1 + len(middle))(*_split(np.vstack([middle, middle + np.diag(high - middle)]), split)))
+    at = rows[:, 0]
+    reach = np.abs(rows[:, 1:] - at[:, None]).sum(axis=1)  # the function is affine
+    return at - reach, at + reach
+
+
+def _split(points: Array, at: int) -> tuple[Array, Array]:
+    return points[:, :at].T, points[:, at:].T
+
+
 def _shares(width: int, count: int, seed: int) -> Array:
     """Return points of the unit cube (points, width)."""
     random = np.random.default_rng(seed)

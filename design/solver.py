@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from design.active_set import Solution, exact, solve
-from design.law import Solve
+from design.law import Solve, Tree
 from design.splitting import swept
+from design.tree import located
 
 Array = npt.NDArray[np.float64]
 
@@ -19,4 +20,6 @@ def solver(stage: Solve) -> Callable[[Array], Solution]:
     """Return the function from parameters (lanes, p) to their solution."""
     if stage.method is None:
         return partial(solve, exact(stage.problem))
+    if isinstance(stage.method, Tree):
+        return partial(located, stage.method)
     return partial(swept, stage.method)

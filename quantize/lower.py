@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from design.law import Law
+from design.law import Law, Tree
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
@@ -20,6 +20,7 @@ from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit
 from quantize.quadratic import table_of
 from quantize.sums import Sum, gather, is_linear
 from quantize.sweep_formats import Planned, fixed_sweeps, float_sweeps
+from quantize.tree_formats import fixed_tree, float_tree
 
 PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
@@ -213,7 +214,12 @@ class _Lowering:
             table = table_of(problem, self.arithmetic, PLAN_DATA, problem.budget or budget, checked)
             planned = Planned("solve", table, -math.inf, math.inf, math.inf)
         elif isinstance(self.builder, FloatBuilder):
-            planned = float_sweeps(method, terms, self.arithmetic, PLAN_DATA)
+            if isinstance(method, Tree):
+                planned = float_tree(method, self.arithmetic, PLAN_DATA)
+            else:
+                planned = float_sweeps(method, terms, self.arithmetic, PLAN_DATA)
+        elif isinstance(method, Tree):
+            planned = fixed_tree(method, problem, terms, q, PLAN_DATA)
         else:
             planned = fixed_sweeps(method, terms, q, PLAN_DATA)
         self.tables = (planned.table,)

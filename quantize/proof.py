@@ -15,6 +15,7 @@ ARGUMENTS = {
     "select": "the union of both branches",
     "solve": "none: what follows limits the moves",
     "move": "none: what follows limits it",
+    "tree": "limits: every move is limited; the sums fit from the table and the ranges",
     "sweeps": "sums: the largest magnitudes of their parts, from the table and the ranges; the moves are limited",
 }
 INTERVAL = "interval: the rule of the operation applied to the ranges of its operands"

@@ -25,11 +25,12 @@ from typing import Any
 
 import z3
 
-from verify.sweep_checker import check_sweeps
+from verify.table_checker import check_sweeps, check_tree
 
 WIDE = 96  # holds every exact result: sums of 64-bit values and 32-bit products shifted to the left
 PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mac": (1, 2)}  # places of the factors
 LEAST = -(1 << 31)
+TABLES = {"sweeps": check_sweeps, "tree": check_tree}  # operations over a table
 
 
 class ProofError(Exception):
@@ -63,8 +64,8 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
     _check_unset(document, ranges)
     tables = {f"table.{table['name']}": table for table in document["tables"]}
     for operation in document["operations"]:
-        if operation["function"] == "sweeps":
-            _check_sweeps(operation, ranges, tables)
+        if operation["function"] in TABLES:
+            _check_table(operation, ranges, tables)
         elif operation["function"] == "move":
             _check_store(operation["name"], ranges[operation["arguments"][0]], (operation["low"], operation["high"]))
         else:
@@ -79,14 +80,14 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
     return Checked(len(document["operations"]), len(document["next_state"]) + len(document["outputs"]))
 
 
-def _check_sweeps(
+def _check_table(
     operation: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]], tables: Mapping[str, Mapping[str, Any]]
 ) -> None:
     table, *parameters = operation["arguments"]
     claimed = int(operation["low"]), int(operation["high"])
-    wrong = check_sweeps(tables[table], [ranges[name] for name in parameters], claimed)
+    wrong = TABLES[operation["function"]](tables[table], [ranges[name] for name in parameters], claimed)
     if wrong:
-        raise ProofError(f"{operation['name']} = sweeps(...): {wrong}")
+        raise ProofError(f"{operation['name']} = {operation['function']}(...): {wrong}")
 
 
 def _check_store(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> None:
@@ -236,7 +237,7 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] | a[1], []
         case "not":
             return one - a[0], []
-        case "capped":
+        case "capped" | "infeasible":
             return truth(a[0] == a[0])  # either
         case _:
             raise ProofError(f"operation {function!r} is not known to the checker")

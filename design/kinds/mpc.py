@@ -19,9 +19,12 @@ every sample (`condense.py`). Keys beside those:
 - `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
   without it the worst over the ranges in [signals] and some more. The output is then that of the saturated LQR, and the
   status says `capped`; likewise `infeasible` where no moves keep every limit.
+- `solver = "explicit"`: the moves as affine laws, one a region of the parameters, in a table that a binary search
+  reads (`design/partition.py`, `design/tree.py`); for few moves and states.
 - `solver = "fixed_iterations"`: the same number of iterations in every sample, in floating or fixed point
   (`design/splitting.py`). It is chosen such that every output is within `accuracy`, a share of its range, of the
   optimum wherever there is one; judged by states drawn over the ranges in [signals].
+- `solver = "auto"`: "explicit" where that is smaller than the search, else "online".
 """
 
 from __future__ import annotations
@@ -34,28 +37,18 @@ import numpy.typing as npt
 
 from design.condense import Condensed, Prediction, check_feasible, condense, eliminate
 from design.kinds import Design, Kind, Request
+from design.kinds.mpc_method import FLAGS, with_method
 from design.kinds.mpc_read import KEYS, Setup, blocks_of, setup_of, whole
 from design.law import DesignError, Flag, Law, Scalar, Solve
 from design.linear_law import check_names, symbols, weighted_sum
 from design.model import Model, weights
 from design.reach import reach, widened
 from design.regulator import terminal_weight
-from design.splitting import choose_sweeps
-from design.table import check_keys, choice, real
+from design.table import check_keys, choice
 from identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
-FLAGS = {
-    "online": (
-        Flag("capped", "the search was cut short; the output is that without limits, limited"),
-        Flag("infeasible", "no moves keep every limit; the output is that without limits, limited"),
-    ),
-    "fixed_iterations": (
-        Flag("capped", "the last iteration is far from the optimum, or there is none; the output is limited"),
-    ),
-}
-ACCURACY, LEAST_ACCURACY = 0.01, 1e-4  # of an output over its range, where the number of iterations is fixed
 PAST_WHY = "an output of a sample before, which is limited"
 ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the observer, which forgets"
 
@@ -76,24 +69,8 @@ def design(request: Request) -> Design:
         "condition": float(np.linalg.cond(condensed.h)),
     }
     law = _law(request, setup, Solve(_parameters(request, setup), problem), FLAGS[solver])
-    if solver == "fixed_iterations":
-        law, more = _with_sweeps(law, real(request.table, "accuracy", ACCURACY, LEAST_ACCURACY))
-        figures |= more
-    return Design(law, figures, None, {})
-
-
-def _with_sweeps(law: Law, accuracy: float) -> tuple[Law, dict[str, float]]:
-    """Let the law find its moves by a fixed number of sweeps; return its figures too."""
-    assert law.solve is not None
-    sweeps, judged = choose_sweeps(law, accuracy)
-    figures = {
-        "iterations": float(sweeps.times),
-        "worst_error_share": judged.worst,
-        "judged_states": float(judged.count),
-        "capped_share": judged.capped,
-    }
-    stages = (replace(law.solve, method=sweeps), law.last)
-    return replace(law, says=f"{law.says}, {sweeps.times} iterations", stages=stages), figures
+    law, more = with_method(law, request.table, solver)
+    return Design(law, figures | more, None, {})
 
 
 def _prediction(request: Request, setup: Setup) -> Prediction:

@@ -58,3 +58,22 @@ def test_iterations_in_fixed_point_on_a_core_with_and_without_a_long_multiplier(
     verdict = json.loads((out / "verdict.json").read_text())
     assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
     assert 0 < verdict["cost"]["instructions_max"] < 100_000
+
+
+@pytest.mark.parametrize("number", ["float32", "fixed"])
+def test_a_table_of_regions(number: str, tmp_path: Path) -> None:
+    path, out = written(tmp_path, "explicit", number), tmp_path / "out"
+    assert main(["design", str(path), "--out", str(out)]) == 0
+    gains = json.loads((out / "design.json").read_text())["gains"]
+    assert gains["regions"] > 20 and gains["depth"] < 15 and gains["worst_error_share"] < 1e-9
+    assert main(["verify", str(path), "--out", str(out), "--steps", "300", "--target", "host"]) == 0
+    assert json.loads((out / "verdict.json").read_text())["verdict"] == "agrees"
+
+
+@pytest.mark.qemu
+def test_a_table_of_regions_is_read_in_few_instructions(tmp_path: Path) -> None:
+    path, out = written(tmp_path, "explicit", "float32"), tmp_path / "out"
+    assert main(["verify", str(path), "--out", str(out), "--steps", "300", "--target", "qemu_mps2_an386"]) == 0
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
+    assert verdict["cost"]["instructions_max"] < 400

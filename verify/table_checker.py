@@ -1,8 +1,9 @@
-"""Prove the sweeps of a fixed-point quadratic program a second time, from proof.json alone, in whole numbers.
+"""Prove the operations over tables of a fixed-point program a second time, from proof.json alone, in whole numbers.
 
-Nothing of the prover is used: this file knows the C of fl_sweeps_i32.h, line by line, and bounds each of its sums by
-the sum of the largest magnitudes of its parts, which no order of adding can exceed. What the C limits is bounded by the
-limits. Every sum of 64 bits, every value cut to 32, and every intermediate in between must fit its type.
+Nothing of the prover is used: this file knows the C of fl_sweeps_i32.h and fl_tree_i32.h, line by line, and bounds each
+sum there by the sum of the largest magnitudes of its parts, which no order of adding can exceed. What the C limits is
+bounded by the limits. Every sum of 64 bits, every value cut to 32, and every intermediate in between must fit its type;
+and a tree must lead to a law from every node within its depth.
 """
 
 from __future__ import annotations
@@ -44,8 +45,42 @@ def check_sweeps(table: Mapping[str, Any], parameters: Sequence[tuple[int, int]]
     for k in range(sizes["FL_QP_MOVES"]):
         c = max(abs(x) for x in ends[k])
         found.append(("c scale", c * abs(numbers["scale"][k]) + _half(sizes["FL_SHIFT_SCALE"]), INT64))
-        if not claimed[0] <= numbers["least"][k] <= numbers["most"][k] <= claimed[1]:
-            return f"move {k} may be {numbers['least'][k]} to {numbers['most'][k]}, its range is {claimed}"
+    return _moves(numbers, claimed) or _first(found)
+
+
+def check_tree(table: Mapping[str, Any], parameters: Sequence[tuple[int, int]], claimed: tuple[int, int]) -> str:
+    """Return what is wrong, with the number; empty where every value fits, every way ends, and moves are `claimed`."""
+    sizes, numbers = table["sizes"], table["numbers"]
+    width = sizes["FL_QP_PARAMETERS"] + 1
+    largest = [*(max(abs(low), abs(high)) for low, high in parameters), 1 << 30]
+    plane, law = numbers["plane"], numbers["law"]
+    shape = (sizes["FL_TREE_NODES"] * width, sizes["FL_TREE_LAWS"] * sizes["FL_QP_MOVES"] * width)
+    if len(largest) != width or (len(plane), len(law)) != shape:
+        return f"{width - 1} parameters and a table of {len(plane)} and {len(law)} numbers do not belong together"
+    if any(abs(x) > INT32 for x in _all(numbers)):
+        return "a number of the table is not within 32 bits"
+    longest = [1] * sizes["FL_TREE_NODES"]
+    for k in reversed(range(len(longest))):
+        for child in (numbers["below"][k], numbers["above"][k]):
+            if not (k < child < len(longest) or -sizes["FL_TREE_LAWS"] <= child < 0):
+                return f"node {k} leads to {child}, which is no later node and no law"
+            longest[k] = max(longest[k], 1 + (longest[child] if child >= 0 else 0))
+    if longest[0] > sizes["FL_TREE_DEPTH"]:
+        return f"a way through the tree has {longest[0]} nodes, more than {sizes['FL_TREE_DEPTH']}"
+    half = _half(sizes["FL_SHIFT_LAW"])
+    found = [("a plane", _sum(plane[k : k + width], largest), INT64) for k in range(0, len(plane), width)]
+    found += [("a law", _sum(law[k : k + width], largest) + half, INT64) for k in range(0, len(law), width)]
+    return _moves(numbers, claimed) or _first(found)
+
+
+def _moves(numbers: Mapping[str, Any], claimed: tuple[int, int]) -> str:
+    for k, (least, most) in enumerate(zip(numbers["least"], numbers["most"], strict=True)):
+        if not claimed[0] <= least <= most <= claimed[1]:
+            return f"move {k} may be {least} to {most}, its range is {claimed}"
+    return ""
+
+
+def _first(found: Sequence[tuple[str, int, int]]) -> str:
     return next((f"{name} may reach {size}, beyond {most}" for name, size, most in found if size > most), "")
 
 
