@@ -24,6 +24,7 @@ INPUT_SAYS = {
     "fixed": "Every value of the type is allowed",
 }
 PLACES = {"in": "in->", "self": "self->", "table": ""}
+WHOLE = Number("fixed", 32, 0)
 LINE = 100  # characters of a table's line
 
 
@@ -172,11 +173,12 @@ def _line(op: Op, program: Program) -> dict[str, str]:
 
 
 def _table(table: Table, program: Program) -> dict[str, object]:
-    number = Number("float", int(program.arithmetic[5:]), 0)
+    floating = program.arithmetic.startswith("float")
+    number = Number("float", int(program.arithmetic[5:]), 0) if floating else Number("fixed", 32, 0)
     fields = []
     for name, values in table.numbers:
         numbers = values if isinstance(values, tuple) else (values,)
-        text = ", ".join(literal(x, number).strip("()") for x in numbers)
+        text = ", ".join(literal(x, WHOLE if isinstance(x, int) else number).strip("()") for x in numbers)
         if isinstance(values, tuple):
             text = f"{{ {text} }}"
         fields.append({"name": name, "lines": textwrap.wrap(f"{text},", LINE, break_on_hyphens=False)})

@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 
 MOST_ROWS = 255  # 260 kB of constants in float32; a row is one byte in the active set
 CONDITION = 1e8  # of H: beyond it the moves cannot be told apart in float32
+SOFTEST = 2.0**-13  # share of a row that is its softness, at least: float32 cannot tell a stiffer one from a hard one
 NONE = 1e-9  # a row this small beside its kind cannot be moved
 
 
@@ -113,9 +114,11 @@ def condense(prediction: Prediction, limits: Limits) -> Condensed:
 
 
 def eliminate(problem: Condensed, budget: int) -> Quadratic:
-    """Eliminate the moves."""
+    """Eliminate the moves; limits that are softened less than SOFTEST are softened by that."""
     factor = scipy.linalg.cho_factor(problem.h)
-    gram = problem.g @ scipy.linalg.cho_solve(factor, problem.g.T) + np.diag(problem.softness)
+    gram = problem.g @ scipy.linalg.cho_solve(factor, problem.g.T)
+    soft = problem.softness > 0
+    gram += np.diag(np.where(soft, np.maximum(problem.softness, SOFTEST * np.diag(gram)), 0.0))
     slope = problem.s - problem.g @ scipy.linalg.cho_solve(factor, problem.f)
     size = np.sqrt(np.diag(gram))
     return Quadratic(
@@ -126,6 +129,7 @@ def eliminate(problem: Condensed, budget: int) -> Quadratic:
         scale=size[: problem.drives],
         freedom=len(problem.h) + int(np.count_nonzero(problem.softness)),
         budget=budget,
+        moves=len(problem.h),
     )
 
 

@@ -47,7 +47,8 @@ class Quadratic:
         y = slope p - gram m,    low <= y <= high,    m_i > 0 only where y_i = high_i, m_i < 0 only where y_i = low_i
 
     with p its parameters and m its multipliers; the first rows times `scale` are the moves. `freedom` is how many rows
-    can be active at a time, `budget` the work that one search may take (0: what the law's ranges ask for).
+    can be active at a time, `budget` the work that one search may take (0: what the law's ranges ask for). The first
+    `moves` rows limit moves, of this sample and of later ones.
     """
 
     slope: Array  # (rows, p)
@@ -57,14 +58,62 @@ class Quadratic:
     scale: Array  # (k,)
     freedom: int
     budget: int
+    moves: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Sweeps:
+    """A fixed number of sweeps toward the optimum of a quadratic program, in its rows times a weight each.
+
+        s = slope p;   `times` times:  c = min(max(s, low), high),  y = mix (2 c - s) + push p,  s = s + 7/4 (y - c)
+
+    s is limited to `reach` before each; the first rows of the last y, limited, times `scale` are the moves. Where the
+    last y misses its limits by more than `tolerance` in a row, the moves are not trusted.
+    """
+
+    slope: Array  # (rows, p)
+    push: Array  # (rows, p)
+    mix: Array  # (rows, rows), symmetric, eigenvalues from 0 to 1
+    low: Array  # (rows,), infinite where there is no limit
+    high: Array  # (rows,)
+    scale: Array  # (k,)
+    reach: float
+    tolerance: float
+    times: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """The moves of a quadratic program as a function of its parameters p: a tree of planes, and affine laws.
+
+    From node 0: where planes[k] (p, 1) > 0 it goes on at above[k], else at below[k]; -1 - j there is law j, whose moves
+    are laws[j] (p, 1). What follows a node has a larger number. The last law is for parameters that have no optimum.
+    """
+
+    planes: Array  # (nodes, p + 1)
+    below: tuple[int, ...]
+    above: tuple[int, ...]
+    laws: Array  # (laws, k, p + 1)
+
+    @property
+    def depth(self) -> int:
+        """Nodes on the longest way from the first one to a law."""
+        longest = [1] * len(self.below)
+        for k in reversed(range(len(longest))):
+            longest[k] += max(longest[child] if child >= 0 else 0 for child in (self.below[k], self.above[k]))
+        return longest[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Solve:
-    """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`."""
+    """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`.
+
+    `method` is how the controller finds them; None: by a search that ends at the optimum.
+    """
 
     function: ca.Function
     problem: Quadratic
+    method: Sweeps | Tree | None = None
 
 
 @dataclass(frozen=True, slots=True)

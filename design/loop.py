@@ -17,11 +17,12 @@ import numpy.typing as npt
 import scipy.linalg
 import scipy.optimize
 
-from design.active_set import CAPPED, INFEASIBLE, exact, solve
+from design.active_set import CAPPED, INFEASIBLE
 from design.discretize import Sampled, state_space, zero_order_hold
-from design.law import DesignError, Law, Quadratic
+from design.law import DesignError, Law, Solve
 from design.roles import reference_and_measurement
 from design.small_signal import LinearLaw, linearize_law
+from design.solver import solver
 from identify.linear import Linear
 
 Array = npt.NDArray[np.float64]
@@ -169,17 +170,17 @@ def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> T
         _, rows = step.mapaccum(steps)(start, told, np.zeros((0, steps)))
     else:
         parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
-        rows = _solved_run(law.solve.problem, parameters, step, start, told)
+        rows = _solved_run(law.solve, parameters, step, start, told)
     measured, output, flagged = np.array(rows, dtype=np.float64)
     time = np.arange(steps, dtype=np.float64) * law.period
     return Trajectory(time, np.asarray(reference, dtype=np.float64), measured, output, flagged > 0)
 
 
-def _solved_run(problem: Quadratic, parameters: ca.Function, step: ca.Function, start: Array, told: Array) -> Array:
-    """Run `step` with the moves of `problem` at `parameters`; `told` holds reference and load, a column a sample."""
-    rows, state, results = exact(problem), start, []
+def _solved_run(solve: Solve, parameters: ca.Function, step: ca.Function, start: Array, told: Array) -> Array:
+    """Run `step` with the moves of `solve` at `parameters`; `told` holds reference and load, a column a sample."""
+    find, state, results = solver(solve), start, []
     for outside in told.T:
-        found = solve(rows, np.array(parameters(state, outside[0])).T)
+        found = find(np.array(parameters(state, outside[0])).T)
         moves = [*found.moves[0], found.status[0] == CAPPED, found.status[0] == INFEASIBLE]
         after, row = step(state, outside, np.array(moves, dtype=np.float64))
         state = np.array(after).ravel()

@@ -238,6 +238,15 @@ class FixedBuilder:
             error += max(high - least, most - low) * 2.0**-q
         return self.ops.emit("select", (condition, one, other), _number(q), error)
 
+    def inner(self, q: int) -> Number:
+        """Return the format of what is computed at fraction `q`."""
+        return _number(q)
+
+    def part(self, function: str, plan: Operand, q: int, *place: int) -> Operand:
+        """Take a move or a status bit from a plan."""
+        assert isinstance(plan, Term)
+        return self.ops.emit(function, (plan, *place), self.inner(q), plan.error)
+
     def store(self, a: Operand, number: Number, low: int, high: int, wish: tuple[str, str]) -> Term:
         """Bring `a` into the format of a state or output; saturate it at the raw limits where it could leave them."""
         target = _number(number.fraction)

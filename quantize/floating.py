@@ -148,17 +148,15 @@ class FloatBuilder:
             error += max(high - least, most - low)
         return self.ops.emit("select", (condition, one, other), number, error)
 
-    def plan(self, table: str, parameters: list[Operand]) -> Operand:
-        """Solve the quadratic program of a table; what it differs by from the law's is not followed."""
-        number = Number("float", self.bits, 0)
-        assert all(isinstance(p, Term) for p in parameters), "a parameter is no constant"
-        read = Term(f"table.{table}", number, 0.0, 0.0, 0.0)
-        return self.ops.emit("solve", (read, *(p for p in parameters if isinstance(p, Term))), number, math.inf)
+    def inner(self, q: int) -> Number:
+        """Return the format of what is computed at fraction `q`."""
+        del q
+        return Number("float", self.bits, 0)
 
-    def part(self, function: str, plan: Operand, *place: int) -> Operand:
+    def part(self, function: str, plan: Operand, q: int, *place: int) -> Operand:
         """Take a move or a status bit from a plan."""
         assert isinstance(plan, Term)
-        return self.ops.emit(function, (plan, *place), plan.number, math.inf)
+        return self.ops.emit(function, (plan, *place), self.inner(q), plan.error)
 
     def store(self, a: Operand, number: Number, low: float, high: float, wish: tuple[str, str]) -> Term:
         """Return the value a state or output takes; a bare constant gets a name first."""

@@ -30,7 +30,8 @@ Span = tuple[float, float]
 MEETING = ("min", "max", "lt", "le", "eq", "ne")  # operands share a format
 KEEPING = ("min", "max", "abs")  # and so does the result
 CHOOSING = ("if", "choose")
-TRUTH = ("lt", "le", "eq", "ne", "and", "or", "not")
+TRUTH = ("lt", "le", "eq", "ne", "and", "or", "not", "capped", "infeasible")
+PLANNED = ("solve", "move")  # moves share a format
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +116,8 @@ class _Choice:
                 values = [a for a in meeting if a not in constants]
                 self.groups.join(*([k] if node.function not in TRUTH else []), *values)
                 self.beside += [(values[0] if values else k, graph.nodes[a].value) for a in meeting if a in constants]
+            if node.function == "move":
+                self.groups.join(k, node.arguments[0])
         for k, total in sums.items():
             plain = [a for a, weight in total.terms.items() if abs(weight) == 1]
             self.groups.join(k, *(a for a in plain if not self._input(a)))
@@ -253,6 +256,12 @@ def _spans(graph: Graph, sums: Mapping[int, Sum], ranges: Sequence[Sequence[Span
             spans.append(ranges[node.place[0]][node.place[1]])
         elif node.function in TRUTH:
             spans.append((0.0, 1.0))
+        elif node.function in PLANNED:
+            assert graph.solve is not None
+            problem, first = graph.solve.problem, len(graph.solve.problem.scale)
+            spans.append(
+                (float(min(problem.low[:first] * problem.scale)), float(max(problem.high[:first] * problem.scale)))
+            )
         elif k in sums:
             parts = (_size(w) * max(map(abs, spans[a])) for a, w in sums[k].terms.items())
             size = abs(float(sums[k].constant)) + sum(parts)

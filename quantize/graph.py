@@ -14,8 +14,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from design.active_set import CAPPED, INFEASIBLE, Rows, exact, solve
-from design.law import Law
+from design.active_set import CAPPED, INFEASIBLE
+from design.law import Law, Solve
+from design.solver import solver
 from quantize.program import QuantizeError
 
 Array = NDArray[np.float64]
@@ -78,11 +79,11 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Nodes in order; `results[i][j]` is the node of element j of output i; a "solve" node solves `rows`."""
+    """Nodes in order; `results[i][j]` is the node of element j of output i; a "solve" node solves as `solve` says."""
 
     nodes: tuple[Node, ...]
     results: tuple[tuple[int, ...], ...]
-    rows: Rows | None = None
+    solve: Solve | None = None
 
 
 def read_graph(function: ca.Function) -> Graph:
@@ -184,7 +185,7 @@ def law_graph(law: Law) -> Graph:
             continue
         results[k] = len(nodes)
         nodes.append(replace(node, arguments=tuple(results[a] for a in node.arguments)))
-    return Graph(tuple(nodes), tuple(tuple(results[k] for k in row) for row in last.results), exact(problem))
+    return Graph(tuple(nodes), tuple(tuple(results[k] for k in row) for row in last.results), law.solve)
 
 
 def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
@@ -196,7 +197,7 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
         elif node.function == "argument":
             values.append(arguments[node.place[0]][node.place[1]])
         elif node.function == "solve":
-            values.append(_solved(graph.rows, [values[a] for a in node.arguments]))
+            values.append(_solved(graph.solve, [values[a] for a in node.arguments]))
         elif node.function == "move":
             values.append(values[node.arguments[0]][node.place[1]])
         else:
@@ -204,10 +205,10 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
     return [[values[n] for n in row] for row in graph.results]
 
 
-def _solved(rows: Rows | None, parameters: Sequence[Array]) -> Array:
+def _solved(solve: Solve | None, parameters: Sequence[Array]) -> Array:
     """Return the moves and the status, one row each, in the shape of the parameters."""
-    assert rows is not None
+    assert solve is not None
     stacked = np.stack(np.broadcast_arrays(*parameters), axis=-1)
-    solution = solve(rows, stacked.reshape(-1, stacked.shape[-1]))
+    solution = solver(solve)(stacked.reshape(-1, stacked.shape[-1]))
     results = np.vstack([solution.moves.T, solution.status])
     return results.reshape(len(results), *stacked.shape[:-1])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from design.law import Law
+from design.law import Law, Tree
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
@@ -18,6 +19,8 @@ from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 from quantize.quadratic import table_of
 from quantize.sums import Sum, gather, is_linear
+from quantize.sweep_formats import Planned, fixed_sweeps, float_sweeps
+from quantize.tree_formats import fixed_tree, float_tree
 
 PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
@@ -34,10 +37,10 @@ def lower(law: Law, arithmetic: str) -> Program:
     if arithmetic not in ARITHMETICS:
         raise QuantizeError(f"arithmetic {arithmetic!r} is unknown; known: {', '.join(ARITHMETICS)}")
     floating = arithmetic.startswith("float")
-    if law.solve is not None and not floating:
+    if law.solve is not None and law.solve.method is None and not floating:
         raise QuantizeError(
-            f"{law.name} solves a quadratic program in every step, which has no fixed-point form: use "
-            'arithmetic.number = "float32"'
+            f"{law.name} searches an optimum in every step, which has no fixed-point form: use "
+            'arithmetic.number = "float32" or controller.solver = "fixed_iterations"'
         )
     found = opened(law, floating)
     if floating:
@@ -65,6 +68,7 @@ class _Lowering:
         self.sums, self.arithmetic = sums, arithmetic
         self.formats, self.builder = formats, builder
         self.ops: Builder = builder.ops
+        self.tables: tuple[Table, ...] = ()
 
     def program(self) -> Program:
         law, formats = self.law, self.formats
@@ -102,7 +106,7 @@ class _Lowering:
             results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, results, strict=True)),
             status=self._status([nodes[n] for n in flag_row]),
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, results, strict=True)),
-            tables=self._tables(),
+            tables=self.tables,
         )
 
     def _value(self, signal: Signal, q: int) -> Value:
@@ -179,12 +183,11 @@ class _Lowering:
         function = node.function
         match function, operands:
             case "solve", parameters:
-                self.ops.wish = (PLAN, "")
-                return self._floats().plan(PLAN_DATA, parameters)
+                return self._plan(parameters, q)
             case "move", [plan]:
-                return self._floats().part(function, plan, node.place[1])
+                return self.builder.part(function, plan, q, node.place[1])
             case (("capped" | "infeasible"), [plan]):
-                return self._floats().part(function, plan)
+                return self.builder.part(function, plan, 0)
             case (("and" | "or"), [a, b]):
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
@@ -200,16 +203,28 @@ class _Lowering:
                 return self.builder.binary(function, a, b, q)
         raise AssertionError(function)
 
-    def _floats(self) -> FloatBuilder:
-        assert isinstance(self.builder, FloatBuilder), "a quadratic program has no fixed-point form"
-        return self.builder
-
-    def _tables(self) -> tuple[Table, ...]:
-        if self.law.solve is None:
-            return ()
-        problem = self.law.solve.problem
-        budget, checked = budget_of(self.law, problem, self.arithmetic)
-        return (table_of(problem, self.arithmetic, PLAN_DATA, problem.budget or budget, checked),)
+    def _plan(self, parameters: list[Operand], q: int) -> Term:
+        """Solve the quadratic program, the moves at fraction `q`."""
+        assert self.law.solve is not None
+        self.ops.wish = (PLAN, "")
+        problem, method = self.law.solve.problem, self.law.solve.method
+        terms = [_term(parameter) for parameter in parameters]
+        if method is None:
+            budget, checked = budget_of(self.law, problem, self.arithmetic)
+            table = table_of(problem, self.arithmetic, PLAN_DATA, problem.budget or budget, checked)
+            planned = Planned("solve", table, -math.inf, math.inf, math.inf)
+        elif isinstance(self.builder, FloatBuilder):
+            if isinstance(method, Tree):
+                planned = float_tree(method, self.arithmetic, PLAN_DATA)
+            else:
+                planned = float_sweeps(method, terms, self.arithmetic, PLAN_DATA)
+        elif isinstance(method, Tree):
+            planned = fixed_tree(method, problem, terms, q, PLAN_DATA)
+        else:
+            planned = fixed_sweeps(method, terms, q, PLAN_DATA)
+        self.tables = (planned.table,)
+        read = Term(f"table.{PLAN_DATA}", self.builder.inner(q), planned.low, planned.high, 0.0)
+        return self.ops.emit(planned.function, (read, *terms), read.number, planned.error)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

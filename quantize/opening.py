@@ -36,7 +36,7 @@ class Opened:
 def opened(law: Law, floating: bool) -> Opened:
     """Rewrite `law` for fixed or for floating point; one that solves in every step is for floating point only."""
     if law.solve is not None:
-        return _solving(law)
+        return _solving(law) if floating else Opened(law, law_graph(law), (), None)
     flag = next((j for j, s in enumerate(law.state) if s.name == law.opening), None)
     kept = [j for j in range(len(law.state)) if j != flag]
     x, z, fresh = ca.SX.sym("x", len(law.state)), ca.SX.sym("z", len(law.inputs)), ca.SX.sym("fresh")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.active_set import CAPPED, INFEASIBLE, Rows, solve
+from quantize import sweeps, trees
 from quantize.program import Table
 from quantize.quadratic import rows_of
 
@@ -209,6 +210,24 @@ LARGE: dict[str, Operation] = {
         _both("fl_qp(&{0}, (const fl_real[]){{ {rest} }})"),
         record="fl_plan_t",
         table=rows_of,
+    ),
+    "sweeps": Operation(
+        "near the optimum of a quadratic program with constant data, by a fixed number of sweeps",
+        sweeps.run,
+        lambda moves, *_: moves,
+        _both("fl_sweeps(&{0}, (const fl_real[]){{ {rest} }})")
+        | {"fixed": "fl_sweeps_i32(&{0}, (const int32_t[]){{ {rest} }})"},
+        record="fl_plan_t",
+        table=sweeps.ready,
+    ),
+    "tree": Operation(
+        "optimum of a quadratic program with constant data, from a table of its regions",
+        trees.run,
+        lambda moves, *_: moves,
+        _both("fl_tree(&{0}, (const fl_real[]){{ {rest} }})")
+        | {"fixed": "fl_tree_i32(&{0}, (const int32_t[]){{ {rest} }})"},
+        record="fl_plan_t",
+        table=trees.ready,
     ),
     "move": Operation(
         "one of the moves", lambda plan, k: plan[k], lambda plan, k: plan, _both("{0}.move[{1}]"), whole=(1,)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from quantize.program import Op, Program, Value
+from quantize.program import Op, Program, Table, Value
 
 ARGUMENTS = {
     "clamp": "saturates: the result is limited to this range whatever comes in",
@@ -15,6 +15,8 @@ ARGUMENTS = {
     "select": "the union of both branches",
     "solve": "none: what follows limits the moves",
     "move": "none: what follows limits it",
+    "tree": "limits: every move is limited; the sums fit from the table and the ranges",
+    "sweeps": "sums: the largest magnitudes of their parts, from the table and the ranges; the moves are limited",
 }
 INTERVAL = "interval: the rule of the operation applied to the ranges of its operands"
 TRUTH = "a truth value"
@@ -39,6 +41,7 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
         "name": program.name,
         "arithmetic": program.arithmetic,
         "inputs": [_value(v) for v in program.inputs],
+        "tables": [_table(table) for table in program.tables],
         "state": [_value(v) | {"why": why[v.name]} for v in program.state],
         "unset": program.unset,
         "operations": [_operation(op) for op in program.body],
@@ -60,10 +63,17 @@ def _value(value: Value) -> dict[str, object]:
     }
 
 
+def _table(table: Table) -> dict[str, object]:
+    return {"name": table.name, "form": table.form, "sizes": dict(table.sizes), "numbers": dict(table.numbers)}
+
+
 def _operation(op: Op) -> dict[str, object]:
     value = op.result
     size = max(abs(value.low), abs(value.high))
     fixed = value.number.kind == "fixed"
+    argument = ARGUMENTS.get(op.function, INTERVAL)
+    if op.function == "move" and math.isfinite(size):
+        argument = "the range of the plan"
     truth = value.low == 0 and value.high == 1 and value.number.fraction == 0 and not value.unit
     return {
         **_value(value),
@@ -72,7 +82,7 @@ def _operation(op: Op) -> dict[str, object]:
         "word": value.number.bits,
         "product_word": 64 if op.function in ("mul_shift", "mac") else None,
         "margin": round((2 ** (value.number.bits - 1) - 1) / size, 6) if fixed and size else None,
-        "argument": TRUTH if truth else ARGUMENTS.get(op.function, INTERVAL),
+        "argument": TRUTH if truth else argument,
     }
 
 

@@ -14,6 +14,7 @@ TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by
 SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it
 TRUSTED = 2.0**-8  # share of the limits by which an active row may miss its own
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
+STIFF = 0.25  # of that, where limits are soft: their pivots are small, but never 0
 
 
 def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checked: bool) -> Table:
@@ -44,7 +45,7 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checke
         "tolerance": float(kind(TOLERANCE[arithmetic] * tolerance_of(problem))),
         "share": float(kind(SHARE[arithmetic])),
         "trusted": float(kind(TRUSTED * tolerance_of(problem))),
-        "least": float(kind(LEAST[arithmetic])),
+        "least": float(kind(LEAST[arithmetic] * (STIFF if problem.freedom > problem.moves > 0 else 1.0))),
         "far": float(kind(FAR)),
     }
     says = f"a quadratic program in {count} rows, {problem.freedom} unknowns and {parameters} parameters"

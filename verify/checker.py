@@ -25,9 +25,12 @@ from typing import Any
 
 import z3
 
+from verify.table_checker import check_sweeps, check_tree
+
 WIDE = 96  # holds every exact result: sums of 64-bit values and 32-bit products shifted to the left
 PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mac": (1, 2)}  # places of the factors
 LEAST = -(1 << 31)
+TABLES = {"sweeps": check_sweeps, "tree": check_tree}  # operations over a table
 
 
 class ProofError(Exception):
@@ -59,8 +62,14 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
     for value in document["state"]:
         ranges[f"self.{value['name']}"] = (int(value["low"]), int(value["high"]))
     _check_unset(document, ranges)
+    tables = {f"table.{table['name']}": table for table in document["tables"]}
     for operation in document["operations"]:
-        _check_operation(operation, ranges)
+        if operation["function"] in TABLES:
+            _check_table(operation, ranges, tables)
+        elif operation["function"] == "move":
+            _check_store(operation["name"], ranges[operation["arguments"][0]], (operation["low"], operation["high"]))
+        else:
+            _check_operation(operation, ranges)
         ranges[operation["name"]] = (int(operation["low"]), int(operation["high"]))
     limits = {value["name"]: (int(value["low"]), int(value["high"])) for value in document["state"]}
     for store in document["next_state"]:
@@ -69,6 +78,16 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
         half = 1 << (int(output["bits"]) - 1)
         _check_store(output["name"], ranges[output["value"]], (-half, half - 1))
     return Checked(len(document["operations"]), len(document["next_state"]) + len(document["outputs"]))
+
+
+def _check_table(
+    operation: Mapping[str, Any], ranges: Mapping[str, tuple[int, int]], tables: Mapping[str, Mapping[str, Any]]
+) -> None:
+    table, *parameters = operation["arguments"]
+    claimed = int(operation["low"]), int(operation["high"])
+    wrong = TABLES[operation["function"]](tables[table], [ranges[name] for name in parameters], claimed)
+    if wrong:
+        raise ProofError(f"{operation['name']} = {operation['function']}(...): {wrong}")
 
 
 def _check_store(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> None:
@@ -218,5 +237,7 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] | a[1], []
         case "not":
             return one - a[0], []
+        case "capped" | "infeasible":
+            return truth(a[0] == a[0])  # either
         case _:
             raise ProofError(f"operation {function!r} is not known to the checker")

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.reach import ON_CIRCLE, reach
+from quantize.ops import EVERY
 from quantize.program import Op, Program
 from verify.reference import Machine, start_state, working_type
 
@@ -109,6 +110,7 @@ def _linear(program: Program, machine: Machine, rest: list[States]) -> _Model | 
     named = machine.named(machine.step(_still(program, 1), rest))
     rows: dict[str, Array | None] = {f"in.{v.name}": np.zeros(order + noises) for v in program.inputs}
     rows |= {f"self.{v.name}": row for v, row in zip(program.state, np.eye(order, order + noises), strict=True)}
+    rows |= {f"table.{table.name}": np.zeros(order + noises) for table in program.tables}
     conditions: list[tuple[Array, float]] = []
     for k, op in enumerate(program.body):
         rows[op.result.name] = _row(op, rows, named, order + k, order, conditions)
@@ -133,12 +135,14 @@ def _row(
     width = len(next(row for row in rows.values() if row is not None))
     still = np.zeros(width)
     given: list[Array | None] = [rows[a] if isinstance(a, str) else still for a in op.arguments]
-    values = [_one(named[a]) if isinstance(a, str) else float(a) for a in op.arguments]
     moving = [k for k, row in enumerate(given) if row is None or np.any(row != 0)]
     if not moving:
         return still
     if any(given[k] is None for k in moving):
         return None
+    if EVERY[op.function].record:
+        return None  # a table's operation
+    values = [_one(named[a]) if isinstance(a, str) else float(a) for a in op.arguments]
     a, b = given[0], given[1] if len(given) > 1 else still
     assert a is not None and b is not None
     match op.function:

@@ -19,6 +19,12 @@ every sample (`condense.py`). Keys beside those:
 - `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
   without it the worst over the ranges in [signals] and some more. The output is then that of the saturated LQR, and the
   status says `capped`; likewise `infeasible` where no moves keep every limit.
+- `solver = "explicit"`: the moves as affine laws, one a region of the parameters, in a table that a binary search
+  reads (`design/partition.py`, `design/tree.py`); for few moves and states.
+- `solver = "fixed_iterations"`: the same number of iterations in every sample, in floating or fixed point
+  (`design/splitting.py`). It is chosen such that every output is within `accuracy`, a share of its range, of the
+  optimum wherever there is one; judged by states drawn over the ranges in [signals].
+- `solver = "auto"`: "explicit" where that is smaller than the search, else "online".
 """
 
 from __future__ import annotations
@@ -31,6 +37,7 @@ import numpy.typing as npt
 
 from design.condense import Condensed, Prediction, check_feasible, condense, eliminate
 from design.kinds import Design, Kind, Request
+from design.kinds.mpc_method import FLAGS, with_method
 from design.kinds.mpc_read import KEYS, Setup, blocks_of, setup_of, whole
 from design.law import DesignError, Flag, Law, Scalar, Solve
 from design.linear_law import check_names, symbols, weighted_sum
@@ -49,7 +56,7 @@ ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the
 def design(request: Request) -> Design:
     """Condense the problem and write the law."""
     check_keys(request.table, KEYS, "an mpc")
-    choice(request.table, "solver", "online", ("online",))
+    solver = choice(request.table, "solver", "online", tuple(FLAGS))
     setup = setup_of(request)
     prediction = _prediction(request, setup)
     condensed = condense(prediction, setup.limits)
@@ -61,7 +68,9 @@ def design(request: Request) -> Design:
         "moves": float(freedom),
         "condition": float(np.linalg.cond(condensed.h)),
     }
-    return Design(_law(request, setup, Solve(_parameters(request, setup), problem)), figures, None, {})
+    law = _law(request, setup, Solve(_parameters(request, setup), problem), FLAGS[solver])
+    law, more = with_method(law, request.table, solver)
+    return Design(law, figures | more, None, {})
 
 
 def _prediction(request: Request, setup: Setup) -> Prediction:
@@ -175,11 +184,11 @@ def _parameters(request: Request, setup: Setup) -> ca.Function:
     return ca.Function("parameters", [wires.x, ca.vertcat(*wires.z)], [ca.densify(ca.vertcat(*parameters))])
 
 
-def _law(request: Request, setup: Setup, solve: Solve) -> Law:
+def _law(request: Request, setup: Setup, solve: Solve, flags: tuple[Flag, ...]) -> Law:
     wires, model, bounds = _wires(request, setup), setup.model, setup.limits
     m = model.b.shape[1]
     moves, capped, infeasible = symbols([f"move_{k}" for k in range(m)]), ca.SX.sym("capped"), ca.SX.sym("infeasible")
-    outputs = []
+    told, outputs = {"capped": capped, "infeasible": infeasible}, []
     for k, move in enumerate(moves):
         if setup.rated:
             move = ca.fmin(ca.fmax(move, wires.past[0][k] + bounds.du_low[k]), wires.past[0][k] + bounds.du_high[k])
@@ -195,7 +204,7 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         [
             ca.densify(ca.vertcat(*after, *kept)),
             ca.densify(ca.vertcat(*outputs)),
-            ca.vertcat(capped, infeasible),
+            ca.vertcat(*(told[flag.name] for flag in flags)),
             ca.SX(0, 1),
         ],
     )
@@ -209,10 +218,7 @@ def _law(request: Request, setup: Setup, solve: Solve) -> Law:
         state=tuple(signal for signal, _ in ranges),
         start=tuple(min(max(0.0, signal.low), signal.high) for signal, _ in ranges),
         why=tuple(why for _, why in ranges),
-        flags=(
-            Flag("capped", "the search was cut short; the output is that without limits, limited"),
-            Flag("infeasible", "no moves keep every limit; the output is that without limits, limited"),
-        ),
+        flags=flags,
         stages=(solve, Scalar(stage, ())),
     )
     if np.array_equal(setup.seen, np.eye(setup.model.order)):

@@ -24,6 +24,7 @@ KEYS = (
     *("horizon", "states", "A", "B", "C", "Q", "R", "P", "u_min", "u_max", "du_min", "du_max", "x_min", "x_max"),
     *("x_soft", "blocks", "reference", "delay_periods", "observer", "observer_poles", "process_noise"),
     *("measurement_noise", "offset_free", "disturbance_noise", "budget", "solver"),
+    "accuracy",
 )
 
 

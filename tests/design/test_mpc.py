@@ -211,6 +211,13 @@ WRONG = {
     "unknown key": ({"horizont": 3}, r"did you mean 'horizon'"),
     "unknown state": ({"states": ["angle", "spin"]}, r"controller.states names 'spin', which is no input"),
     "solver": ({"solver": "magic"}, r"controller.solver = 'magic' is unknown"),
+    "not a number in A": ({"A": [[np.nan, 0.0], [0.0, 0.5]]}, r"controller.A = nan is not finite"),
+    "a ragged A": ({"A": [[1.0, 0.0], [0.0]]}, r"controller.A has rows of \[1, 2\] numbers"),
+    "a short B": ({"B": [[1.0]]}, r"controller.B is 1 x 1, but A .* ask for 2 x 1"),
+    "half a fixed iteration": (
+        {"solver": "fixed_iterations", "accuracy": 2e-5},
+        r"controller.accuracy = 2e-05 .*0.0001",
+    ),
 }
 
 

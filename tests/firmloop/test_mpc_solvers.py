@@ -1,0 +1,79 @@
+"""A predictive controller through the command line, by each way to find its moves."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from firmloop.cli import main
+
+PROJECT = """\
+schema = 1
+name = "servo"
+[controller]
+kind = "mpc"
+solver = "{solver}"
+period_s = 0.01
+horizon = 5
+A = [[1.0, 0.009612], [0.0, 0.923116]]
+B = [[0.002908], [0.57663]]
+Q = [200.0, 0.1]
+R = 0.01
+{more}
+[signals]
+angle = {{ unit = "rad", low = -2, high = 2 }}
+speed = {{ unit = "rad/s", low = -30, high = 30 }}
+output = {{ unit = "V", low = -6, high = 6 }}
+[arithmetic]
+number = "{number}"
+[target]
+names = ["host", "qemu_mps2_an386", "qemu_microbit"]
+"""
+
+
+def written(folder: Path, solver: str, number: str, more: str = "") -> Path:
+    path = folder / "servo.toml"
+    path.write_text(PROJECT.format(solver=solver, number=number, more=more))
+    return path
+
+
+@pytest.mark.parametrize("number", ["float32", 'fixed"\nbits = 16 #'])
+def test_a_fixed_number_of_iterations(number: str, tmp_path: Path) -> None:
+    path, out = written(tmp_path, "fixed_iterations", number), tmp_path / "out"
+    assert main(["design", str(path), "--out", str(out)]) == 0
+    gains = json.loads((out / "design.json").read_text())["gains"]
+    assert 1 < gains["iterations"] < 100 and gains["worst_error_share"] <= 0.01 and gains["judged_states"] > 1000
+    assert main(["verify", str(path), "--out", str(out), "--steps", "300", "--target", "host"]) == 0
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert verdict["verdict"] == "agrees" and verdict["rounding"]["output"]["bound"] < 0.05
+
+
+@pytest.mark.qemu
+@pytest.mark.parametrize("target", ["qemu_mps2_an386", "qemu_microbit"])
+def test_iterations_in_fixed_point_on_a_core_with_and_without_a_long_multiplier(target: str, tmp_path: Path) -> None:
+    path, out = written(tmp_path, "fixed_iterations", "fixed"), tmp_path / "out"
+    assert main(["verify", str(path), "--out", str(out), "--steps", "200", "--target", target]) == 0
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
+    assert 0 < verdict["cost"]["instructions_max"] < 100_000
+
+
+@pytest.mark.parametrize("number", ["float32", "fixed"])
+def test_a_table_of_regions(number: str, tmp_path: Path) -> None:
+    path, out = written(tmp_path, "explicit", number), tmp_path / "out"
+    assert main(["design", str(path), "--out", str(out)]) == 0
+    gains = json.loads((out / "design.json").read_text())["gains"]
+    assert gains["regions"] > 20 and gains["depth"] < 15 and gains["worst_error_share"] < 1e-9
+    assert main(["verify", str(path), "--out", str(out), "--steps", "300", "--target", "host"]) == 0
+    assert json.loads((out / "verdict.json").read_text())["verdict"] == "agrees"
+
+
+@pytest.mark.qemu
+def test_a_table_of_regions_is_read_in_few_instructions(tmp_path: Path) -> None:
+    path, out = written(tmp_path, "explicit", "float32"), tmp_path / "out"
+    assert main(["verify", str(path), "--out", str(out), "--steps", "300", "--target", "qemu_mps2_an386"]) == 0
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
+    assert verdict["cost"]["instructions_max"] < 400
