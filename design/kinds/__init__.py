@@ -10,6 +10,7 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from design.draft import Draft
 from design.law import DesignError, Law
 from identify.plant import Plant
 from identify.signal import Signal
@@ -44,12 +45,23 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One controller kind; `example` is a request that designs well, for the tests that every kind must pass."""
+    """One controller kind; `example` is a request that designs well, for the tests that every kind must pass.
+
+    `draft`: what it computes before its outputs are limited, where that is linear: so it can be a point of a schedule.
+    `further`: more such requests, where one does not show everything.
+    """
 
     name: str
     says: str
     design: Callable[[Request], Design]
     example: Request
+    draft: Callable[[Request], Draft] | None = None
+    further: tuple[Request, ...] = ()
+
+    @property
+    def examples(self) -> Mapping[str, Request]:
+        """Every example, by the name of the kind, and of the request where there are more."""
+        return {self.name: self.example, **{f"{self.name}_{request.name}": request for request in self.further}}
 
 
 @functools.cache

@@ -23,6 +23,7 @@ SPACE = {"A": [[0.5]], "B": [[1.0, -1.0]], "C": [[1.0]]}
 LQR = {"A": [[1.0, 0.01], [0.0, 0.9]], "B": [[0.0], [0.1]], "C": [[1.0, 0.0]], "Q": 1.0, "R": 1.0}
 SEEN = {**LQR, "observer": "kalman", "process_noise": 0.1, "measurement_noise": 0.1}
 TWO = [{"kp": 1.0, "ki": 1.0}, {"kp": 2.0, "ki": 1.0}]
+LEAD = {"kind": "lead_lag", "zero_rad_s": 10.0, "pole_rad_s": 60.0}
 PLAN = {"schedule_on": "level", "points": [0.0, 10.0], "controllers": TWO}
 
 
@@ -149,7 +150,17 @@ def test_state_feedback(table, words):
         ({**PLAN, "points": [1.0], "controllers": TWO[:1]}, ["at least two"]),
         ({**PLAN, "schedule_on": "lever"}, ["lever", "did you mean 'level'"]),
         ({**PLAN, "controllers": [{"kp": 1.0}, {"kq": 1.0}]}, ["point 2", "kq"]),
-        ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "notch"}]}, ["point 2", "notch"]),
+        ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "notch"}]}, ["point 1", "pid", "point 2", "notch"]),
+        ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "mpc"}]}, ["point 2", "mpc", "known: pid, lead_lag, notch"]),
+        ({**PLAN, "controllers": [LEAD, {"kind": "notch"}]}, ["point 2", "frequency_rad_s", "missing"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "frequency_rad_s": 400.0}]}, ["point 2", "zero_rad_s"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "u_max": 2.0}]}, ["1 and 2", "u_max = 12 and 2", "same"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "u_max": -20.0}]}, ["point 2", "u_max", "out of order or range"]),
+        ({**PLAN, "controllers": [LEAD, {"kind": "state_space"}]}, ["point 2", "controller.A", "missing"]),
+        ({**PLAN, "controllers": [LEAD, {"kind": "state_space", **SPACE, "A": [[1.5]]}]}, ["point 2", "unstable"]),
+        ({**PLAN, "controllers": [LEAD, LEAD], "feedforward": {"from": "effects"}}, ["feedforward", "pids"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "plant": {"gain": 2.0}}]}, ["point 2", "plant", "[plant]"]),
+        ({**PLAN, "controllers": [{"kind": "lead_lag"}, LEAD]}, ["point 1", "zero_rad_s"]),
         ({**PLAN, "controllers": [TWO[0], {"kp": 1.0, "u_max": 3.0}]}, ["1 and 2", "u_max", "same"]),
         ({**PLAN, "points": [{"at": 0.0, "kp": 1.0}, {"kp": 1.0}]}, ["controllers", "beside"]),
     ],
