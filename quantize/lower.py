@@ -12,7 +12,7 @@ from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
-from quantize.graph import Node, needed
+from quantize.graph import Node, needed, with_own_constants
 from quantize.limits import with_limits
 from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
@@ -45,6 +45,7 @@ def lower(law: Law, arithmetic: str) -> Program:
         order, states = len(found.graph.nodes), len(found.law.state)
         none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
         return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
+    found = replace(found, graph=with_own_constants(found.graph))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
     return _Lowering(found, sums, arithmetic, formats, FixedBuilder(int(arithmetic[5:]))).program()
