@@ -205,6 +205,8 @@ class _Meaning:
         found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
         found["fl_asr_i32"] = lambda a, s: a >> s
         found["fl_acc_i64"] = lambda a, s: (a << s) + (one << (s - 1))
+        found["fl_acc_down_i64"] = lambda a, s: a << s
+        found["fl_mul_down_i32"] = lambda a, b, s: (a * b) >> s
         found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
         found["fl_high_i32"] = lambda acc, s: acc >> s
         found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s

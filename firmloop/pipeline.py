@@ -177,7 +177,7 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
     """Turn the law into exact arithmetic and that into C."""
     assert project.arithmetic is not None, "require() has seen to it"
     with located(project):
-        program = lower_within(designed.law, _formats(project), project.allowed)
+        program = lower_within(designed.law, _formats(project), project.allowed, project.rounds)
         bundle = emit(program, command)
         still = zero_input(program)
         ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
@@ -294,7 +294,7 @@ def controller_of(project: Project) -> Controller | None:
     if designed is None or not _plain(designed.law):
         return None
     try:
-        program = lower_within(designed.law, _formats(project), project.allowed)
+        program = lower_within(designed.law, _formats(project), project.allowed, project.rounds)
         wires = reference_and_measurement(designed.law.inputs)
     except (QuantizeError, DesignError):
         return None

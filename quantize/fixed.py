@@ -7,7 +7,7 @@ grow (state, outputs) the value saturates at its declared or proven range.
 
 A weight brings what it multiplies into the format of the sum: where it fits, the sum stands in the upper of two words
 and needs no shift. `error` follows the worst case of every rounding: half a unit in the last place for each sum,
-product and right shift, |x| times the coefficient's own rounding for each constant.
+product and right shift, a whole one where they round down, |x| times the coefficient's own rounding for each constant.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from fractions import Fraction
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.formats import FINEST, fit
 from quantize.program import Number, QuantizeError, Value
+from quantize.rounds import ROUNDINGS, Dropping
 from quantize.sums import near_one
 
 WORD = 2**31 - 1
@@ -49,6 +50,7 @@ class FixedBuilder:
     """
 
     word: int
+    rounding: Dropping = ROUNDINGS["nearest"]
     ops: Builder = field(default_factory=Builder)
 
     def signal(self, low: float, high: float, q: int) -> Number:
@@ -122,8 +124,8 @@ class FixedBuilder:
                 return self._plain(whole, constant, q, wish)
         first = self._plain(whole, constant, q, ("", "")) if whole or constant else None
         wide = Number("fixed", 64, q + shift)
-        total = self.ops.emit("acc", (first if first is not None else 0, shift), wide, 0.0)
-        error = (first.error if first is not None else 0.0) + 0.5 * 2.0**-q
+        total = self.ops.emit(self.rounding.start, (first if first is not None else 0, shift), wide, 0.0)
+        error = (first.error if first is not None else 0.0) + self.rounding.error * 2.0**-q
         for (weight, term), k in zip(products, left, strict=True):
             a = self.widened(term, term.number.fraction + k)
             factor = _near(weight, q + shift - a.number.fraction)
@@ -136,7 +138,7 @@ class FixedBuilder:
             error += abs(float(weight)) * a.error
             total = self.ops.emit("mac", (total, a, factor), wide, 0.0)
         self.ops.wish = wish
-        return self.ops.emit("high", (total, shift), _number(q), error)
+        return self.ops.emit(self.rounding.end, (total, shift), _number(q), error)
 
     def _differences(self, parts: Sequence[Part]) -> list[list[Part]]:
         """Put two values of opposite weight together as one difference, where that fits a word."""
@@ -244,16 +246,17 @@ class FixedBuilder:
         shift = a.number.fraction - number.fraction
         assert shift >= 0, "a stored value is never finer than what is stored"
         if shift:
-            half = 1 << (shift - 1)
+            down = self.rounding.shift == "asr"
+            half = 0 if down else 1 << (shift - 1)
             inner_low, inner_high = max(low, -(-int(a.low) >> shift)), min(high, int(a.high) >> shift)
             if inner_low <= inner_high:  # nor may rounding pass a limit that `a` keeps
                 low, high = inner_low, inner_high
             inside = low <= (int(a.low) + half) >> shift and (int(a.high) + half) >> shift <= high
             self.ops.wish = wish if inside else ("", "")
-            rounded = a.error + 0.5 * 2.0**-number.fraction
+            rounded = a.error + self.rounding.error * 2.0**-number.fraction
             near = a.high + half <= WORD  # else the rounding constant could overflow: take the 64-bit form
             arguments = (a, shift) if near else (a, 1, shift)
-            a = self.ops.emit("shr" if near else "mul_shift", arguments, target, rounded)
+            a = self.ops.emit(self.rounding.shift if near else self.rounding.product, arguments, target, rounded)
         if low <= a.low and a.high <= high:
             return a
         self.ops.wish = wish
@@ -282,7 +285,9 @@ class FixedBuilder:
             shift = 32
         self.ops.wish = wish
         if 1 <= shift <= 62:
-            return self.ops.emit("mul_shift", (a, b, shift), _number(q), error + 0.5 * 2.0**-q)
+            return self.ops.emit(
+                self.rounding.product, (a, b, shift), _number(q), error + self.rounding.error * 2.0**-q
+            )
         if shift == 0:
             return self.ops.emit("mul", (a, b), _number(q), error)
         raise QuantizeError(

@@ -2,7 +2,8 @@
 
 Values that are compared, limited or selected against each other must stand in one format anyway; giving the whole group
 the format of its largest member makes every alignment shift disappear. A state variable shares the group of the value
-that becomes it, and so does what a sum takes as it is, with weight 1. A weight leads from any format into any other.
+that becomes it, and so does what a sum takes as it is, with weight 1, unless that is so small beside the sum that it
+would lose its places. A weight leads from any format into any other.
 
 An input keeps the format of its own word, and may hold every value of it. A state variable may hold all values below
 the power of two above its proven range: to be limited there costs one instruction where the limit acts at all.
@@ -24,6 +25,7 @@ from quantize.sums import Sum, is_linear, near_one
 FINEST, COARSEST = 56, -16  # Q range: beyond it a quantity is better given in another unit
 SPARE = 1.0 + 2.0**-16  # room for what rounding adds to a bound
 MOST_GIVEN = 3  # bits of resolution that a sum may give so that its high word is its value
+SMALL = 16  # share of a sum from which a part of it keeps a finer format: at least 4 bits
 WORD = 2**31 - 1
 Span = tuple[float, float]
 
@@ -118,6 +120,9 @@ class _Choice:
                 self.groups.join(k, *node.arguments[1:])
         for k, total in sums.items():
             plain = [a for a, weight in total.terms.items() if abs(weight) == 1]
+            if len(plain) < len(total.terms):  # a sum of products takes what is small in it as one more product
+                least = max(map(abs, spans[k])) / SMALL
+                plain = [a for a in plain if max(map(abs, spans[a])) > least]
             self.groups.join(k, *(a for a in plain if not self._input(a)))
         places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
         for j, following in enumerate(graph.results[0]):

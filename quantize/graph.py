@@ -153,7 +153,7 @@ def needed(graph: Graph, rows: int) -> set[int]:
 
 
 def with_own_constants(graph: Graph) -> Graph:
-    """Give every operation constants of its own: CasADi writes each number once, though no two of its uses need meet."""
+    """Give every operation constants of its own: CasADi writes a number once, though its uses need not meet."""
     nodes: list[Node] = []
     place: dict[int, int] = {}
 

@@ -17,14 +17,17 @@ from quantize.limits import with_limits
 from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 from quantize.quadratic import table_of
+from quantize.rounds import ROUNDINGS
 from quantize.sums import Sum, gather, is_linear
 
 PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
 
 
-def lower(law: Law, arithmetic: str) -> Program:
+def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
     """Give the law's arithmetic the format `arithmetic`: "float32", "float64", "fixed32" or "fixed16".
+
+    `rounds` is what fixed point does with the places that it drops, one of ROUNDINGS; a float rounds to nearest.
 
     Raises
     ------
@@ -48,7 +51,8 @@ def lower(law: Law, arithmetic: str) -> Program:
     found = replace(found, graph=with_own_constants(found.graph))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
-    return _Lowering(found, sums, arithmetic, formats, FixedBuilder(int(arithmetic[5:]))).program()
+    builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds])
+    return replace(_Lowering(found, sums, arithmetic, formats, builder).program(), rounds=rounds)
 
 
 class _Lowering:

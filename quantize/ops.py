@@ -5,7 +5,8 @@ floating point), so one call computes many independent controllers. `c` is the s
 of the result from the intervals of the arguments: exact integers in fixed point; in floating point the true
 interval, which `floating.py` then widens by one rounding. Comparisons return 0 or 1.
 
-Rounding is to nearest, halves up: floor(x / 2**s + 1/2); only `asr` rounds down.
+Rounding is to nearest, halves up: floor(x / 2**s + 1/2). `asr`, and the operations whose names end in `_down`, round
+down: floor(x / 2**s).
 """
 
 from __future__ import annotations
@@ -120,6 +121,27 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "high": Operation(
         "a 64-bit sum of products, brought into its format",
+        lambda acc, s: acc >> s,
+        lambda acc, s: (int(acc[0]) >> int(s), int(acc[1]) >> int(s)),
+        {"fixed": "fl_high_i32({0}, {1}U)"},
+        whole=(1,),
+    ),
+    "mul_down": Operation(
+        "64-bit product, rounded down",
+        lambda a, b, s: (a * b) >> s,
+        lambda a, b, s: tuple(int(x) >> int(s) for x in _product(a, b)),
+        {"fixed": "fl_mul_down_i32({0}, {1}, {2}U)"},
+        whole=(2,),
+    ),
+    "acc_down": Operation(
+        "start of a 64-bit sum of products that is rounded down: the first addend",
+        lambda a, s: a * (1 << s),
+        lambda a, s: (int(a[0]) * (1 << int(s)), int(a[1]) * (1 << int(s))),
+        {"fixed": "fl_acc_down_i64({0}, {1}U)"},
+        whole=(1,),
+    ),
+    "high_down": Operation(
+        "a 64-bit sum of products, rounded down into its format",
         lambda acc, s: acc >> s,
         lambda acc, s: (int(acc[0]) >> int(s), int(acc[1]) >> int(s)),
         {"fixed": "fl_high_i32({0}, {1}U)"},

@@ -26,7 +26,7 @@ from typing import Any
 import z3
 
 WIDE = 96  # holds every exact result: sums of 64-bit values and 32-bit products shifted to the left
-PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mac": (1, 2)}  # places of the factors
+PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mul_down": (0, 1), "mac": (1, 2)}  # places of the factors
 LEAST = -(1 << 31)
 
 
@@ -193,7 +193,11 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return (a[0] << a[1]) + (one << (a[1] - 1)), [(a[0] << a[1], 64)]
         case "mac":
             return a[0] + a[1] * a[2], []  # the product of two 32-bit values fits 64 bits, the sum is the result
-        case "high":
+        case "mul_down":
+            return (a[0] * a[1]) >> a[2], [(a[0] * a[1], 64)]
+        case "acc_down":
+            return a[0] << a[1], []
+        case "high" | "high_down":
             return a[0] >> a[1], []
         case "min":
             return z3.If(a[0] < a[1], a[0], a[1]), []

@@ -16,8 +16,8 @@ from verify.host import FLAGS
 
 STYLES = {"fixed": Number("fixed", 32, 0), "float32": Number("float", 32, 0), "float64": Number("float", 64, 0)}
 KINDS = {"fixed": "i8", "float32": "f4", "float64": "f8"}
-SHIFTED = {"shr", "asr", "shl", "mul_shift"}
-WIDE = {"acc", "mac", "high"}  # of 64-bit sums
+SHIFTED = {"shr", "asr", "shl", "mul_shift", "mul_down"}
+WIDE = {"acc", "acc_down", "mac", "high", "high_down"}  # of 64-bit sums
 TRUTHS = {"and", "or", "not"}
 LOGIC_OK = {
     style: {name for name, operation in OPERATIONS.items() if style in operation.c}
