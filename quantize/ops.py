@@ -129,7 +129,7 @@ OPERATIONS: dict[str, Operation] = {
     "mul_down": Operation(
         "64-bit product, rounded down",
         lambda a, b, s: (a * b) >> s,
-        lambda a, b, s: tuple(int(x) >> int(s) for x in _product(a, b)),
+        lambda a, b, s: (int(_product(a, b)[0]) >> int(s), int(_product(a, b)[1]) >> int(s)),
         {"fixed": "fl_mul_down_i32({0}, {1}, {2}U)"},
         whole=(2,),
     ),

@@ -65,6 +65,16 @@ class Kind:
 
 
 @functools.cache
+def kind_of(name: str) -> Kind | None:
+    """Return the kind of this name, which its module has too, and read no other; None where there is none."""
+    if not any(module.name == name for module in pkgutil.iter_modules(__path__)):
+        return None
+    kind = getattr(importlib.import_module(f"{__name__}.{name}"), "KIND", None)
+    assert kind is None or kind.name == name, "a kind is called like its file"
+    return kind
+
+
+@functools.cache
 def kinds() -> Mapping[str, Kind]:
     """Every kind of this folder, by name."""
     modules = (importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__))
@@ -85,8 +95,9 @@ def design(
 
     `period` in s. Raises DesignError where the table, the period, a signal or the plant does not allow it.
     """
-    known = kinds()
-    if kind not in known:
+    found = kind_of(kind)
+    if found is None:
+        known = kinds()
         near = difflib.get_close_matches(str(kind), known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise DesignError(f"controller.kind = '{kind}' is unknown; {hint}known: {', '.join(known)}")
@@ -95,7 +106,7 @@ def design(
     own = {key: value for key, value in table.items() if key not in SHARED_KEYS}
     request = Request(name, own, period, inputs, outputs, plant)
     check_signals(request)
-    return known[kind].design(request)
+    return found.design(request)
 
 
 def check_signals(request: Request) -> None:

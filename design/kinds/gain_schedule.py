@@ -32,7 +32,7 @@ from dataclasses import replace
 
 from design.blend import Schedule, blended
 from design.draft import Draft
-from design.kinds import Design, Kind, Request, kinds
+from design.kinds import Design, Kind, Request, kind_of, kinds
 from design.kinds.pid_schedule import scheduled_pid
 from design.law import DesignError
 from design.table import check_keys, choice, limits, numbers, real
@@ -86,9 +86,10 @@ def design(request: Request) -> Design:
 
 def _check_kinds(names: Sequence[str]) -> None:
     """Refuse a kind that has no linear equations, and a PID beside others, whose integral they would not share."""
-    fit = [PID, *(kind.name for kind in kinds().values() if kind.draft is not None)]
     for k, name in enumerate(names, 1):
-        if name not in fit:
+        kind = kind_of(name)
+        if name != PID and (kind is None or kind.draft is None):
+            fit = [PID, *(kind.name for kind in kinds().values() if kind.draft is not None)]
             raise DesignError(
                 f"point {k} of the gain_schedule has kind = '{name}', which cannot be interpolated; "
                 f"known: {', '.join(fit)}"
@@ -104,10 +105,10 @@ def _check_kinds(names: Sequence[str]) -> None:
 def _drafts(points: Sequence[Request], names: Sequence[str], loop: tuple[Signal, ...]) -> list[Draft]:
     found = []
     for k, (point, name) in enumerate(zip(points, names, strict=True), 1):
-        draft = kinds()[name].draft
-        assert draft is not None, "checked before"
+        kind = kind_of(name)
+        assert kind is not None and kind.draft is not None, "checked before"
         try:
-            found.append(draft(replace(point, inputs=loop)))
+            found.append(kind.draft(replace(point, inputs=loop)))
         except DesignError as error:
             raise DesignError(f"point {k} of the gain_schedule: {error}") from None
     return found
