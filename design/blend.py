@@ -63,6 +63,11 @@ def shares(s: ca.SX, at: Sequence[float], named: Named) -> list[ca.SX]:
     """Return t_i for every gap between two points."""
     found = []
     for k, (one, other) in enumerate(itertools.pairwise(at), 1):
+        if math.isinf(1 / (other - one)):
+            raise DesignError(
+                f"controller.points {one:g} and {other:g} are so near to each other that nothing is between them; "
+                "move one of them"
+            )
         share = ca.fmin(ca.fmax((s - one) * (1 / (other - one)), 0), 1)
         named[f"share_{k}"] = ("1", share)
         found.append(share)

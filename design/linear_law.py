@@ -19,6 +19,7 @@ from identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
+MOST_STATES = 64  # of which the proof takes a second
 L1_WHY = "L1 norm of the impulse response from all inputs at the ends of their ranges"
 LIMIT_WHY = "limited to x_min and x_max"
 SLOW_WHY = "no bound: a pole so near to the unit circle that roundings may add up; x_min and x_max would limit it"
@@ -144,6 +145,11 @@ def state_ranges(
     request: Request, draft: Draft, u_low: Sequence[float], u_high: Sequence[float]
 ) -> list[tuple[Signal, str]]:
     """Prove the range of each state variable; limited ones, and what is applied, are inputs to the others."""
+    if len(draft.state) > MOST_STATES:
+        raise DesignError(
+            f"the law of controller.kind of '{request.name}' has {len(draft.state)} states; at most {MOST_STATES} can "
+            "be proven in reasonable time: lower its order, or split it into controllers in series"
+        )
     found_slopes = slopes(draft)
     a, b = found_slopes.a, found_slopes.b
     applied = list(zip(u_low, u_high, strict=True)) if draft.applied else []

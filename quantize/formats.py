@@ -45,14 +45,21 @@ class Formats:
 
 
 def fit(low: float, high: float, bits: int) -> int:
-    """Return the largest fraction at which [low, high] fits a signed word of `bits`."""
+    """Return the largest fraction at which [low, high] fits a signed word of `bits`, FINEST at most.
+
+    Raises QuantizeError where an end is no number.
+    """
     size = max(abs(low), abs(high))
     if size == 0.0:
         return 0
-    fraction = bits - 1 - math.frexp(size)[1]
+    if not math.isfinite(size):
+        raise QuantizeError(
+            "a value of the law would leave all numbers; the range of a signal or a gain is too large: rescale it"
+        )
+    fraction = min(bits - 1 - math.frexp(size)[1], FINEST)
     while round(size * 2.0**fraction) > 2 ** (bits - 1) - 1:
         fraction -= 1
-    return min(fraction, FINEST)
+    return fraction
 
 
 def held_range(law: Law, signal: Signal) -> Span:
@@ -74,8 +81,9 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
     """
     for signal in (*law.inputs, *law.state):
         if not (math.isfinite(signal.low) and math.isfinite(signal.high)):
+            why = f" ({law.reasons[signal.name]})" if signal.name in law.reasons else ""
             raise QuantizeError(
-                f"{signal.name} has no finite proven range, so no fixed-point format is safe for it: "
+                f"{signal.name} has no finite proven range{why}, so no fixed-point format is safe for it: "
                 "limit it in the controller (an anti_windup mode, a limit) or use float32"
             )
     inputs = tuple(fit(s.low, s.high, bits) for s in law.inputs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -49,6 +50,7 @@ def raised(kind: str, table: dict[str, object], inputs=(R, Y), outputs=(U,)) -> 
         ({"numerator": [1.0], "denominator": [1.0, -1.5]}, ["unstable", "z = 1.5"]),
         ({"numerator": [1.0], "denominator": [1.0, -2.0, 1.7]}, ["unstable", "1+0.83666j"]),
         ({"numerator": [1.0], "denominator": [1.0, -5.0], "domain": "s"}, ["unstable"]),
+        ({"numerator": [1.0], "denominator": [1.0, *[0.0] * 99, -0.5]}, ["100 states", "at most 64", "split"]),
         ({"numerator": [1.0], "denominator": [1.0, -0.5], "discretize": "zoh"}, ["discretize", "domain"]),
         ({"numerator": [1.0], "denominator": [1.0, 5.0], "domain": "s", "discretize": "euler"}, ["euler", "zoh"]),
         ({"numerator": [1.0], "denominator": [1.0, 5.0], "domain": "s", "discretize": "prewarp"}, ["prewarp_rad_s"]),
@@ -148,6 +150,7 @@ def test_state_feedback(table, words):
         ({**PLAN, "points": [5.0, 1.0]}, ["points", "rise", "1 follows 5"]),
         ({**PLAN, "points": [1.0, 2.0, 3.0]}, ["3 values", "2 controllers"]),
         ({**PLAN, "points": [1.0], "controllers": TWO[:1]}, ["at least two"]),
+        ({**PLAN, "points": [0.0, 1e-320]}, ["0 and 9.99989e-321", "near"]),
         ({**PLAN, "schedule_on": "lever"}, ["lever", "did you mean 'level'"]),
         ({**PLAN, "controllers": [{"kp": 1.0}, {"kq": 1.0}]}, ["point 2", "kq"]),
         ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "notch"}]}, ["point 1", "pid", "point 2", "notch"]),
@@ -195,6 +198,21 @@ def test_an_integrator_is_for_floats_unless_it_is_limited() -> None:
     for a in (1.0, 1.3):  # with limits even an unstable one has a range
         limited = {**integrator, "A": [[a]], "x_min": -5.0, "x_max": 8.0}
         lower(design("state_space", "x", limited, H, (R, Y), (U,), None).law, "fixed16")
+
+
+@pytest.mark.parametrize("span", [1e-300, 1e300])
+def test_ranges_beyond_all_formats_are_told(span: float) -> None:
+    wires = (Signal("reference", "m", -span, span), Signal("measurement", "m", -span, span))
+    with pytest.raises((QuantizeError, DesignError), match=r"smaller unit|leave all numbers|rescale"):
+        lower(design("lead_lag", "x", {"zero_rad_s": 10.0, "pole_rad_s": 60.0}, H, wires, (U,), None).law, "fixed32")
+    with pytest.raises(QuantizeError, match="leave all numbers"):
+        lower(design("pid", "x", {"kp": 1e308}, H, (R, replace(Y, high=9.0)), (U,), None).law, "fixed32")
+
+
+def test_what_has_no_range_says_why() -> None:
+    law = design("transfer_function", "x", {"numerator": [0.1], "denominator": [1.0, -1.0]}, H, (R, Y), (U,), None).law
+    with pytest.raises(QuantizeError, match=r"w1_1 has no finite proven range \(no bound: a pole on the unit circle"):
+        lower(law, "fixed32")
 
 
 def test_coefficients_beyond_fixed_point_are_told() -> None:
