@@ -119,6 +119,11 @@ def _held(above: Array, below: Array, poles: Roots, h: float) -> Rational:
     numerator = np.poly(a - b @ c[None, :]) + (direct - 1) * np.poly(a)
     if direct == 0:
         numerator = numerator[1:]
+    if numerator[0] == 0:
+        raise DesignError(
+            f"controller.numerator and denominator leave nothing but rounding when sampled every {h:g} s by zoh; "
+            "sample faster, leave far faster poles out, or choose another discretize"
+        )
     return Rational(_roots(numerator.real), np.expm1(poles * h), float(numerator[0].real))
 
 

@@ -12,7 +12,7 @@ from design.kinds import Request
 from design.law import DesignError
 from design.linear_law import symbols, weighted_sum
 from design.rational import METHODS, Rational, from_s
-from design.roles import reference_and_measurement
+from design.roles import check_meeting, reference_and_measurement
 from design.sections import FORMS, Section, sections
 from design.table import choice, positive
 from identify.signal import Signal
@@ -55,6 +55,7 @@ def sectioned(request: Request, rational: Rational, says: str, gains: Mapping[st
         value = inputs[0]
     else:
         at_reference, at_measurement = reference_and_measurement(request.inputs)
+        check_meeting(request.inputs[at_reference], request.inputs[at_measurement])
         value = inputs[at_reference] - inputs[at_measurement]
         named["error"] = (request.inputs[at_measurement].unit, value)
     state: list[Element] = []

@@ -105,6 +105,11 @@ class FixedBuilder:
         """Return the sum of weight times value, and of `constant`, at fraction `q`."""
         parts = _split([p for pair in self._differences(parts) for p in pair], q)
         plain = all(abs(weight) == 1 for weight, _ in parts)
+        if plain and len(parts) == 1 and constant and _near(constant, q) == 0:
+            raise QuantizeError(
+                f"a value in units of {2.0**-q:g} is to be moved by {float(constant):g}, which is nothing there: give "
+                "the limit or rate that asks for it a larger value, or use float32"
+            )
         whole = [p for p in parts if abs(p[0]) == 1 and (plain or p[1].number.fraction == q)]
         products = [p for p in parts if p not in whole]
         if not parts:

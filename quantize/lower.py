@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -48,6 +49,12 @@ def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
         order, states = len(found.graph.nodes), len(found.law.state)
         none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
         return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
+    for node in found.graph.nodes:
+        if not math.isfinite(node.value):
+            raise QuantizeError(
+                "a number of the law is beyond all numbers; a range or a key of the controller is too small or too "
+                "large: correct it"
+            )
     found = replace(found, graph=with_own_constants(found.graph))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))

@@ -244,3 +244,25 @@ def test_no_table_ends_in_anything_but_a_law_or_a_sentence(data, kind):
         assert re.search(r"[.;:,]", str(error)) and "\n" not in str(error)
         return
     assert all(state.low <= start <= state.high for state, start in zip(found.law.state, found.law.start, strict=True))
+
+
+@pytest.mark.parametrize("kind", ["pid", "transfer_function"])
+def test_a_reference_that_no_measurement_reaches(kind: str) -> None:
+    table = {"kp": 1.0} if kind == "pid" else {"numerator": [1.0], "denominator": [1.0, -0.5]}
+    said = raised(kind, table, inputs=(R, Signal("measurement", "m", 10.0, 20.0)))
+    assert "from -1 to 1" in said and "from 10 to 20" in said and "never meet" in said
+
+
+def test_a_rate_that_moves_nothing_in_fixed_point_is_told() -> None:
+    law = design("pid", "x", {"kp": 1.0, "rate_limit_per_s": 1e-9}, H, (R, Y), (U,), None).law
+    with pytest.raises(QuantizeError, match="moved by -1e-11, which is nothing there"):
+        lower(law, "fixed32")
+    lower(law, "float64")
+
+
+def test_numbers_beyond_all_numbers_are_told() -> None:
+    table = {"kp": 1.0, "ki": 1.0, "kd": 0.0, "error_width": 1e-320, "change_width": 1.0}
+    with pytest.raises(QuantizeError, match="beyond all numbers"):
+        lower(design("fuzzy_pid", "x", table, H, (R, Y), (U,), None).law, "fixed32")
+    fast = {"numerator": [1.0], "denominator": [1.0, 1e9, 1e30], "domain": "s", "discretize": "zoh"}
+    assert "nothing but rounding" in raised("transfer_function", fast)
