@@ -152,21 +152,19 @@ def _row(
             return a
         case "shl":
             return a * float(2.0 ** values[1])
-        case "acc":
-            return a * float(2.0 ** values[1])
         case "mac":
             if {1, 2} <= set(moving):
                 return None
             c = given[2]
             assert c is not None
             return a + b * values[2] + c * values[1]
-        case "high":  # its half was added at the start of the sum
+        case "high":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
         case "asr":  # rounded down: up to a whole unit
             return 2.0 * _rounded(a * float(2.0 ** -values[1]) / 2.0, own, order)
         case "shr":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
-        case "mul" | "mul_shift":
+        case "mul" | "wide" | "mul_shift":
             if moving == [0, 1]:
                 return None
             shift = values[2] if op.function == "mul_shift" else 0.0
