@@ -23,6 +23,7 @@ import numpy as np
 import z3
 
 from codegen.view import statement
+from quantize.ops import EVERY
 from quantize.program import Op, Program
 
 if TYPE_CHECKING:
@@ -210,6 +211,8 @@ class _Meaning:
         found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
         for end in ("f32", "f64"):
             found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
+            found[f"fl_outside_{end}"] = lambda x, low, high: z3.If(z3.And(x >= low, z3.Not(x > high)), zero, one)
+            found[f"fl_beyond_{end}"] = lambda x, low, high: z3.If(x >= low, high, low)
             found[f"fl_none_{end}"] = lambda a: z3.If(z3.fpIsNaN(a), one, zero)
             found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
         for end in ("i32", "f32", "f64"):
@@ -221,4 +224,4 @@ class _Meaning:
 
 
 def _is_truth(op: Op) -> bool:
-    return op.function in ("lt", "le", "eq", "ne", "and", "or", "not")
+    return EVERY[op.function].truth

@@ -112,9 +112,14 @@ class _Walk:
                 return arguments[0]
             case "sub", _ if arguments[0] == arguments[1]:
                 return self.add(zero)
+            case "add", _ if self._opposite(*arguments):
+                return self.add(zero)
             case (("mul" | "neg" | "twice" | "square"), _) if any(nothing):
                 return self.add(zero)
         return self.known.get(Node(function, tuple(arguments), 0.0, (0, 0)))
+
+    def _opposite(self, a: int, b: int) -> bool:
+        return any(self.nodes[one] == Node("neg", (other,), 0.0, (0, 0)) for one, other in ((a, b), (b, a)))
 
 
 def _is_choice(graph: Graph, node: Node) -> bool:

@@ -182,6 +182,8 @@ class _Choice:
     def _high_word(self, k: int, fractions: Mapping[int, int]) -> bool:
         """Tell whether every weight of sum `k` fits a word when the sum is to stand in the high one of two."""
         q = fractions[self.groups.of(k)]
+        if all(abs(weight) == 1 for weight in self.sums[k].terms.values()):
+            return True  # there is nothing to multiply
         for a, weight in self.sums[k].terms.items():
             own = self.inputs[self.graph.nodes[a].place[1]] if self._input(a) else fractions[self.groups.of(a)]
             if abs(weight) == 1 and own == q:
