@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from quantize.builder import Builder, Constant, Operand, Term
-from quantize.formats import FINEST, fit
+from quantize.formats import FINEST, WIDENED, fit
 from quantize.program import Number, QuantizeError, Value
 from quantize.rounds import ROUNDINGS, Dropping
 from quantize.sums import near_one
@@ -68,16 +68,17 @@ class FixedBuilder:
         return -power, power - 1
 
     def read(self, value: Value) -> Term:
-        """Return an input, which may hold every value of its word; a short one is brought to the top of a long one."""
+        """Return an input, which may hold every value of its word; a short one is widened."""
         half = 1 << (self.word - 1)
         raw = Term(f"in.{value.name}", replace(value.number, bits=32), -half, half - 1, 0.0)
         self.ops.wish = (f"{value.name}_wide", value.unit) if self.word < 32 else ("", "")
-        found = self.widened(raw, raw.number.fraction + 32 - self.word)
+        found = self.widened(raw, raw.number.fraction + WIDENED[self.word])
         self.ops.wish = ("", "")
         return found
 
-    def fresh(self, probes: Sequence[Term]) -> Term:
+    def fresh(self, probes: Sequence[Term], asks: str) -> Term:
         """Return whether this is the first sample."""
+        del asks
         (probe,) = probes
         self.ops.wish = ("fresh", "")
         return self.ops.emit("eq", (probe, self.unset), probe.number, 0.0)
@@ -103,7 +104,7 @@ class FixedBuilder:
 
     def total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
         """Return the sum of weight times value, and of `constant`, at fraction `q`."""
-        parts = _split([p for pair in self._differences(parts) for p in pair], q)
+        parts = [p for pair in self._differences(_split(parts, q)) for p in pair]
         plain = all(abs(weight) == 1 for weight, _ in parts)
         if plain and len(parts) == 1 and constant and _near(constant, q) == 0:
             raise QuantizeError(
@@ -129,8 +130,8 @@ class FixedBuilder:
                 return self._plain(whole, constant, q, wish)
         first = self._plain(whole, constant, q, ("", "")) if whole or constant else None
         wide = Number("fixed", 64, q + shift)
-        total = self.ops.emit(self.rounding.start, (first if first is not None else 0, shift), wide, 0.0)
-        error = (first.error if first is not None else 0.0) + self.rounding.error * 2.0**-q
+        total: Term | None = None
+        error = self.rounding.error * 2.0**-q
         for (weight, term), k in zip(products, left, strict=True):
             a = self.widened(term, term.number.fraction + k)
             factor = _near(weight, q + shift - a.number.fraction)
@@ -141,27 +142,35 @@ class FixedBuilder:
                 )
             error += _size(a, 0) * _literal_error(weight, factor, q + shift - a.number.fraction)
             error += abs(float(weight)) * a.error
-            total = self.ops.emit("mac", (total, a, factor), wide, 0.0)
+            start = () if total is None else (total,)
+            total = self.ops.emit("wide" if total is None else "mac", (*start, a, factor), wide, 0.0)
+        assert total is not None
+        if first is None:
+            self.ops.wish = wish
+        rounded = self.ops.emit(self.rounding.end, (total, shift), _number(q), error)
+        if first is None:
+            return rounded
         self.ops.wish = wish
-        return self.ops.emit(self.rounding.end, (total, shift), _number(q), error)
+        return self.ops.emit("add", (first, rounded), _number(q), first.error + error)
 
     def _differences(self, parts: Sequence[Part]) -> list[list[Part]]:
-        """Put two values of opposite weight together as one difference, where that fits a word."""
-        left, found = list(parts), []
+        """Put two values of opposite weight together as one difference, where that fits a word; those come first."""
+        left, found, rest = list(parts), [], []
         while left:
             weight, a = left.pop(0)
             for k, (other, b) in enumerate(left):
                 fits = max(a.high - b.low, b.high - a.low) <= WORD
                 if other == -weight and abs(weight) != 1 and a.number.fraction == b.number.fraction and fits:
                     wish, self.ops.wish = self.ops.wish, ("", "")
-                    difference = self.ops.emit("sub", (a, b), _number(a.number.fraction), a.error + b.error)
+                    pair = (a, b) if weight > 0 else (b, a)
+                    difference = self.ops.emit("sub", pair, _number(a.number.fraction), a.error + b.error)
                     self.ops.wish = wish
-                    found.append([(weight, difference)])
+                    found.append([(abs(weight), difference)])
                     left.pop(k)
                     break
             else:
-                found.append([(weight, a)])
-        return found
+                rest.append([(weight, a)])
+        return found + rest
 
     def _plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: tuple[str, str]) -> Term:
         """Return the sum of values taken as they are."""

@@ -24,6 +24,7 @@ from quantize.sums import Sum, is_linear, near_one
 
 FINEST, COARSEST = 56, -16  # Q range: beyond it a quantity is better given in another unit
 SPARE = 1.0 + 2.0**-16  # room for what rounding adds to a bound
+WIDENED = {16: 15, 32: 0}  # bits to the left for an input of that word: the difference of two still fits 32 bits
 MOST_GIVEN = 3  # bits of resolution that a sum may give so that its high word is its value
 SMALL = 16  # share of a sum from which a part of it keeps a finer format: at least 4 bits
 WORD = 2**31 - 1
@@ -91,7 +92,7 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
         _check(q, signal.name)
     words = [(-(2.0 ** (bits - 1 - q)), 2.0 ** (bits - 1 - q)) for q in inputs]
     spans = _spans(graph, sums, [[held_range(law, s) for s in law.state], words, [(0.0, 1.0)]])
-    fractions = _Choice(law, graph, sums, spans, [q + 32 - bits for q in inputs]).fractions()
+    fractions = _Choice(law, graph, sums, spans, [q + WIDENED[bits] for q in inputs]).fractions()
     places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
     state = tuple(
         fractions[places[0, j]] if (0, j) in places else fit(*held_range(law, s), 32) for j, s in enumerate(law.state)
@@ -140,13 +141,15 @@ class _Choice:
     def fractions(self) -> tuple[int, ...]:
         """Return the fraction of every node."""
         finest = self._finest()
-        given = dict.fromkeys(finest, 0)
+        natural = dict(finest)
+        before: dict[int, list[int]] = {}  # of a group's sums
         for k in self.sums:  # in the order of computing: what a sum reads has its format before it
             group = self.groups.of(k)
-            for bits in range(given[group], MOST_GIVEN + 1):
-                if self._high_word(k, {**finest, group: finest[group] - bits}):
-                    given[group] = bits
-                    finest[group] -= bits
+            before.setdefault(group, []).append(k)
+            for bits in range(natural[group] - finest[group], MOST_GIVEN + 1):
+                tried = {**finest, group: natural[group] - bits}
+                if all(self._high_word(j, tried) for j in before[group]):
+                    finest = tried
                     break
         for fraction in finest.values():
             _check(fraction, "a value of the law")
@@ -192,11 +195,13 @@ class _Choice:
     def _high_word(self, k: int, fractions: Mapping[int, int]) -> bool:
         """Tell whether every weight of sum `k` fits a word when the sum is to stand in the high one of two."""
         q = fractions[self.groups.of(k)]
+        if all(abs(weight) == 1 for weight in self.sums[k].terms.values()):
+            return True  # there is nothing to multiply
         for a, weight in self.sums[k].terms.items():
             own = self.inputs[self.graph.nodes[a].place[1]] if self._input(a) else fractions[self.groups.of(a)]
             if abs(weight) == 1 and own == q:
                 continue
-            room = math.floor(math.log2(WORD / max(1.0, max(map(abs, self.spans[a])) * 2.0**own - 1)))
+            room = max(0, math.floor(math.log2(WORD / max(1.0, max(map(abs, self.spans[a])) * 2.0**own))))
             if abs(weight) * Fraction(2) ** (32 + q - own - room) > WORD:
                 return False
         return True

@@ -10,6 +10,7 @@ from design.law import Law
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
+from quantize.first_sample import in_one_branch
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
@@ -45,7 +46,7 @@ def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
         )
     found = opened(law, floating)
     if floating:
-        found = replace(found, graph=with_limits(found.graph))
+        found = replace(found, graph=in_one_branch(with_limits(found.graph)))
         order, states = len(found.graph.nodes), len(found.law.state)
         none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
         return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
@@ -142,7 +143,7 @@ class _Lowering:
         """Return the truth value that asks whether this is the first sample; none where nobody asks."""
         if not any(node.place == (2, 0) for node in self.graph.nodes if node.function == "argument"):
             return []
-        return [self.builder.fresh([held[k] for k in self.found.probes])]
+        return [self.builder.fresh([held[k] for k in self.found.probes], self.found.asks)]
 
     def _grids(self, outputs: tuple[Value, ...]) -> Mapping[int, int]:
         """Return for each constant that limits an output directly the fraction of that output."""
@@ -197,11 +198,13 @@ class _Lowering:
                 return self._floats().part(function, plan, node.place[1])
             case (("capped" | "infeasible"), [plan]):
                 return self._floats().part(function, plan)
+            case (("none" | "lost"), [a]):
+                return self._floats().gone(function, a)
             case (("and" | "or"), [a, b]):
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
                 return self.builder.choose(condition, a, Constant(0.0), q)
-            case (("clamp" | "outside"), [a, low, high]):
+            case (("clamp" | "outside" | "beyond"), [a, low, high]):
                 assert isinstance(self.builder, FloatBuilder), "seen in floating point only"
                 return self.builder.limit(function, a, low, high)
             case "choose", [condition, a, b]:

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 class Dropping:
     """The operations that drop places, and by how many units in the last place they are wrong at most."""
 
-    start: str  # of a sum of products
-    end: str
+    end: str  # of a sum of products
     product: str
     shift: str
     error: float
 
 
 ROUNDINGS = {
-    "nearest": Dropping("acc", "high", "mul_shift", "shr", 0.5),
-    "floor": Dropping("acc_down", "high_down", "mul_down", "asr", 1.0),
+    "nearest": Dropping("high", "mul_shift", "shr", 0.5),
+    "floor": Dropping("high_down", "mul_down", "asr", 1.0),
 }

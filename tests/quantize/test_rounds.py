@@ -23,8 +23,8 @@ from verify.reference import run
 from verify.rounding import measure_rounding
 from verify.stimuli import stimuli
 
-DOWN = {"acc_down", "high_down", "mul_down", "asr"}
-NEAREST = {"acc", "high", "mul_shift", "shr"}
+DOWN = {"high_down", "mul_down", "asr"}
+NEAREST = {"high", "mul_shift", "shr"}
 PROJECT = """\
 schema = 1
 name = "rounded"
@@ -117,7 +117,7 @@ def test_a_project_chooses_its_rounding(tmp_path: Path) -> None:
     file.write_text(PROJECT + 'number = "fixed"\nbits = 16\nrounding = "floor"\n', encoding="utf-8")
     assert main(["generate", str(file), "--out", str(tmp_path / "out")]) == 0
     text = (tmp_path / "out" / "rounded.c").read_text(encoding="utf-8")
-    assert "fl_acc_down_i64" in text and "fl_acc_i64" not in text
+    assert "fl_down_i32" in text and "fl_high_i32" not in text
 
 
 def test_a_limit_of_the_output_does_not_set_the_format_of_a_share() -> None:
