@@ -1,4 +1,4 @@
-/* fl_fixed.h -- the arithmetic of fixed-point controllers: 32-bit values, proven ranges, rounding to nearest.
+/* fl_fixed.h -- the arithmetic of fixed-point controllers: 32-bit values, proven ranges, one rounding each.
  *
  * No function here checks for overflow: the generator has proven for every call that the result fits.
  */
@@ -28,6 +28,12 @@ static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s)
     return (int32_t)(((int64_t)a * b + (int64_t)((uint64_t)1 << (s - 1U))) >> s);
 }
 
+/* a * b / 2^s in 64 bits, rounded down; s from 1 to 62, the result fits 32 bits. */
+static inline int32_t fl_mul_down_i32(int32_t a, int32_t b, uint32_t s)
+{
+    return (int32_t)(((int64_t)a * b) >> s);
+}
+
 /* a / 2^s, rounded down; s from 1 to 31. */
 static inline int32_t fl_asr_i32(int32_t a, uint32_t s)
 {
@@ -42,13 +48,20 @@ static inline int64_t fl_acc_i64(int32_t a, uint32_t s)
     return (a * one) + (one / 2);
 }
 
+/* The start of one that is rounded down. */
+static inline int64_t fl_acc_down_i64(int32_t a, uint32_t s)
+{
+    const uint64_t power = (uint64_t)1 << s;
+    return a * (int64_t)power;
+}
+
 /* ... then come the products, each as it is; ... */
 static inline int64_t fl_mac_i64(int64_t acc, int32_t a, int32_t b)
 {
     return acc + (int64_t)a * b;
 }
 
-/* ... and sum / 2^s is its value, rounded to nearest, halves up; it fits 32 bits. */
+/* ... and sum / 2^s is its value, rounded as it was started; it fits 32 bits. */
 static inline int32_t fl_high_i32(int64_t acc, uint32_t s)
 {
     return (int32_t)(acc >> s);
