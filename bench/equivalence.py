@@ -23,6 +23,7 @@ import numpy as np
 import z3
 
 from codegen.view import statement
+from quantize.ops import EVERY
 from quantize.program import Op, Program
 
 if TYPE_CHECKING:
@@ -204,12 +205,17 @@ class _Meaning:
         found["fl_shl_i32"] = lambda a, s: a << s
         found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
         found["fl_asr_i32"] = lambda a, s: a >> s
-        found["fl_acc_i64"] = lambda a, s: (a << s) + (one << (s - 1))
+        found["fl_mul_down_i32"] = lambda a, b, s: (a * b) >> s
+        found["fl_down_i32"] = lambda acc, s: acc >> s
+        found["fl_wide_i64"] = lambda a, b: a * b
         found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
-        found["fl_high_i32"] = lambda acc, s: acc >> s
+        found["fl_high_i32"] = lambda acc, s: (acc >> s) + ((acc >> (s - 1)) & one)
         found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
         for end in ("f32", "f64"):
             found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
+            found[f"fl_outside_{end}"] = lambda x, low, high: z3.If(z3.And(x >= low, z3.Not(x > high)), zero, one)
+            found[f"fl_beyond_{end}"] = lambda x, low, high: z3.If(x >= low, high, low)
+            found[f"fl_none_{end}"] = lambda a: z3.If(z3.fpIsNaN(a), one, zero)
             found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
         for end in ("i32", "f32", "f64"):
             found[f"fl_min_{end}"] = least
@@ -220,4 +226,4 @@ class _Meaning:
 
 
 def _is_truth(op: Op) -> bool:
-    return op.function in ("lt", "le", "eq", "ne", "and", "or", "not")
+    return EVERY[op.function].truth

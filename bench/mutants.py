@@ -1,6 +1,7 @@
 """Plant one fault at a time in generated C and count which ones the verifier calls `differs`.
 
-    python -m bench.mutants            a sample over all kinds and formats; `--all` takes every mutant (hours)
+    python -m bench.mutants [KIND ...]  a sample over all formats of all kinds, or of those named; `--all` takes
+                                        every mutant (hours)
 
 A fault is a changed constant (one unit in the last place, one percent, sign), shift, operator, comparison, operand
 order, limit, type, store or status bit. A mutant that survives is shown equivalent by z3, see `bench/equivalence.py`,
@@ -25,7 +26,7 @@ from design.law import Law
 from identify.compiler import ToolError
 from identify.signal import Signal
 from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program
+from quantize.program import Program, QuantizeError
 from verify.compare import compare
 from verify.host import build_host
 from verify.links.library import LibraryLink
@@ -194,13 +195,17 @@ def laws() -> dict[str, Law]:
 
 def main() -> int:
     """Print the table; the exit status is 1 when a mutant survives that is not shown to be equivalent."""
-    every = "--all" in sys.argv
+    every, named = "--all" in sys.argv, [word for word in sys.argv[1:] if word != "--all"]
     print(f"{'kind':18} {'format':9} {'mutants':>8} {'refused':>8} {'differs':>8} {'equivalent':>10} {'survive':>8}")
     survivors: list[str] = []
     total = dict.fromkeys(("mutants", "refused", "differs", "equivalent", "survive"), 0)
     for name, law in laws().items():
-        for arithmetic in ARITHMETICS:
-            first = bench(law, arithmetic, STEPS, 1)
+        for arithmetic in ARITHMETICS if not named or name in named else ():
+            try:
+                first = bench(law, arithmetic, STEPS, 1)
+            except QuantizeError as error:
+                print(f"{name:18} {arithmetic:9} refused: {error}")
+                continue
             more: list[Bench] = []
             found = mutants(first.bundle)
             counts = dict.fromkeys(total, 0)

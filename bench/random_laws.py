@@ -100,6 +100,15 @@ def notch_table(random: Random) -> Table:
     return {"frequency_hz": random.uniform(5, 450), "damping": random.uniform(0.05, 1), "depth": random.uniform(0, 1)}
 
 
+def blend_table(random: Random) -> Table:
+    """Return two or three filters or systems over the measurement, each drawn by itself."""
+    made = [("state_space", space_table), ("transfer_function", function_table), ("lead_lag", lead_table)]
+    chosen = [made[int(k)] for k in random.integers(0, len(made), int(random.integers(2, 4)))]
+    points = np.sort(random.uniform(-300, 300, len(chosen))).tolist()
+    controllers = [{"kind": kind, **table(random)} for kind, table in chosen]
+    return {"schedule_on": "measurement", "points": points, "controllers": controllers}
+
+
 KINDS: tuple[tuple[str, Callable[[Random], Table]], ...] = (
     ("pid", pid_table),
     ("pid", tuned_table),
@@ -108,6 +117,7 @@ KINDS: tuple[tuple[str, Callable[[Random], Table]], ...] = (
     ("transfer_function", function_table),
     ("lead_lag", lead_table),
     ("notch", notch_table),
+    ("gain_schedule", blend_table),
 )
 
 

@@ -16,9 +16,10 @@ View = dict[str, object]
 NUMBER_SAYS = {
     "float32": "single precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)",
     "float64": "double precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)",
-    "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven",
-    "fixed16": "16-bit fixed-point signals on 32-bit values, saturating, rounding to nearest; no overflow, proven",
+    "fixed32": "32-bit fixed point, 64-bit products, saturating, rounding {rounds}; no overflow, proven",
+    "fixed16": "16-bit fixed-point signals on 32-bit values, saturating, rounding {rounds}; no overflow, proven",
 }
+ROUNDS_SAYS = {"nearest": "to nearest", "floor": "down"}
 INPUT_SAYS = {
     "float": "What is no number commands the low limit, and the controller starts afresh",
     "fixed": "Every value of the type is allowed",
@@ -75,7 +76,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         "macro": macro,
         "program_id": program.id,
         "period": repr(program.period),
-        "number_says": NUMBER_SAYS[program.arithmetic],
+        "number_says": NUMBER_SAYS[program.arithmetic].format(rounds=ROUNDS_SAYS[program.rounds]),
         "input_says": INPUT_SAYS["float" if floating else "fixed"],
         "support": "fl_float.h" if floating else "fl_fixed.h",
         "rounding": [

@@ -10,53 +10,41 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from design.kinds import Request
+from design.draft import Draft, Element
+from design.kinds import Design, Request
 from design.law import DesignError, Flag, Law, Scalar
 from design.reach import WIDER, forgets, reach, rounding_share, widened
+from design.table import limits
 from identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
+MOST_STATES = 64  # of which the proof takes a second
 L1_WHY = "L1 norm of the impulse response from all inputs at the ends of their ranges"
 LIMIT_WHY = "limited to x_min and x_max"
 SLOW_WHY = "no bound: a pole so near to the unit circle that roundings may add up; x_min and x_max would limit it"
 CIRCLE_WHY = "no bound: a pole on the unit circle keeps what it is given; x_min and x_max would limit it"
+INTEGRAL_WHY = "it moves outward only while the unlimited output is within its limits, at most one step beyond"
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
-    """One state variable, and what it is at the next sample; `low` and `high` limit it, infinite where nothing does."""
+class Slopes:
+    """x+ = a x + b d of a draft's state x, with d its inputs and, behind them, what is applied."""
 
-    name: str
-    unit: str
-    symbol: ca.SX
-    next: ca.SX
-    low: float = -math.inf
-    high: float = math.inf
+    a: Array  # (n, n)
+    b: Array  # (n, m)
 
 
-@dataclass(frozen=True, slots=True)
-class Draft:
-    """What a controller kind computes before its outputs are limited, linear in state and inputs.
-
-    `named`: name -> (unit, value) of the intermediates that deserve a name in the C.
-    """
-
-    says: str
-    inputs: tuple[ca.SX, ...]
-    state: tuple[Element, ...]
-    outputs: tuple[ca.SX, ...]
-    named: Mapping[str, tuple[str, ca.SX]]
+def designed(request: Request, draft: Draft) -> Design:
+    """Limit the outputs to the table's `u_min` and `u_max`."""
+    return Design(limited_law(request, draft, *limits(request.table, request.outputs)), draft.figures, None, {})
 
 
 def limited_law(request: Request, draft: Draft, low: Sequence[float], high: Sequence[float]) -> Law:
     """Limit each output to its `low` and `high`, and put a range to each state variable."""
     outputs = [ca.fmin(ca.fmax(free, least), most) for free, least, most in zip(draft.outputs, low, high, strict=True)]
-    ranges = _ranges(request, draft)
-    nexts = [
-        ca.fmin(ca.fmax(element.next, element.low), element.high) if _limited(element) else element.next
-        for element in draft.state
-    ]
+    ranges = state_ranges(request, draft, low, high)
+    nexts = [after_limit(element, element.next) for element in draft.state]
     check_names(request, [*(element.name for element in draft.state), *draft.named])
     return write(
         request,
@@ -136,20 +124,42 @@ def check_names(request: Request, own: Sequence[str]) -> None:
             )
 
 
-def _ranges(request: Request, draft: Draft) -> list[tuple[Signal, str]]:
-    """Prove the range of each state variable; limited ones are inputs to the others."""
-    x, z = ca.vertcat(*(element.symbol for element in draft.state)), ca.vertcat(*draft.inputs)
+def after_limit(element: Element, after: ca.SX) -> ca.SX:
+    """Limit what a state variable is next, where it has limits."""
+    return ca.fmin(ca.fmax(after, element.low), element.high) if _limited(element) else after
+
+
+def slopes(draft: Draft) -> Slopes:
+    """Return the matrices of a draft's state."""
+    if not draft.state:
+        return Slopes(np.zeros((0, 0)), np.zeros((0, len(draft.inputs) + len(draft.applied))))
+    x, d = ca.vertcat(*(element.symbol for element in draft.state)), ca.vertcat(*draft.inputs, *draft.applied)
     after = ca.densify(ca.vertcat(*(element.next for element in draft.state)))
-    slopes = ca.Function("slopes", [x, z], [ca.densify(ca.jacobian(after, x)), ca.densify(ca.jacobian(after, z))])
-    a, b = (np.array(part, dtype=np.float64) for part in slopes(0.0, 0.0))
+    both = ca.Function("slopes", [x, d], [ca.densify(ca.jacobian(after, x)), ca.densify(ca.jacobian(after, d))])
+    a, b = (np.array(part, dtype=np.float64) for part in both(0.0, 0.0))
     size = len(draft.state)
-    a, b = a.reshape(size, size), b.reshape(size, len(draft.inputs))
+    return Slopes(a.reshape(size, size), b.reshape(size, len(draft.inputs) + len(draft.applied)))
+
+
+def state_ranges(
+    request: Request, draft: Draft, u_low: Sequence[float], u_high: Sequence[float]
+) -> list[tuple[Signal, str]]:
+    """Prove the range of each state variable; limited ones, and what is applied, are inputs to the others."""
+    if len(draft.state) > MOST_STATES:
+        raise DesignError(
+            f"the law of controller.kind of '{request.name}' has {len(draft.state)} states; at most {MOST_STATES} can "
+            "be proven in reasonable time: lower its order, or split it into controllers in series"
+        )
+    found_slopes = slopes(draft)
+    a, b = found_slopes.a, found_slopes.b
+    applied = list(zip(u_low, u_high, strict=True)) if draft.applied else []
+    ends = [*((wire.low, wire.high) for wire in request.inputs), *applied]
     held = np.array([_limited(element) for element in draft.state], dtype=bool)
     free = ~held
     inner = a[np.ix_(free, free)]
     forgetting = forgets(inner, f"the law of controller.kind of '{request.name}'")
-    low = np.array([*(e.low for e in draft.state if _limited(e)), *(wire.low for wire in request.inputs)])
-    high = np.array([*(e.high for e in draft.state if _limited(e)), *(wire.high for wire in request.inputs)])
+    low = np.array([*(e.low for e in draft.state if _limited(e)), *(end for end, _ in ends)])
+    high = np.array([*(e.high for e in draft.state if _limited(e)), *(end for _, end in ends)])
     drive = np.hstack([a[np.ix_(free, held)], b[free]])
     least, most = reach(inner, drive, low, high) if forgetting else (np.full(free.sum(), s) for s in (-np.inf, np.inf))
     share = WIDER

@@ -26,6 +26,7 @@ from design.law import DesignError
 Array = npt.NDArray[np.float64]
 Roots = npt.NDArray[np.complex128]
 
+FAR = 1e3  # times better
 METHODS = ("tustin", "zoh", "matched", "prewarp", "backward")
 
 
@@ -40,13 +41,13 @@ class Rational:
 
 def from_z(numerator: Sequence[float], denominator: Sequence[float]) -> Rational:
     """Take coefficients in falling powers of z; delta = z - 1 is put in exactly."""
-    above, below = _shifted(_trimmed("numerator", numerator)), _shifted(_trimmed("denominator", denominator))
+    above, below = _trimmed("numerator", numerator), _trimmed("denominator", denominator)
     if len(above) > len(below):
         raise DesignError(
             f"controller.numerator has order {len(above) - 1}, above the denominator's {len(below) - 1}: the output "
             "would need samples to come; give the denominator at least the numerator's order"
         )
-    return _finite(Rational(_roots(above), _roots(below), _ratio(above, below)))
+    return _finite(Rational(_roots_of_z(above), _roots_of_z(below), _ratio(above, below)))
 
 
 def from_s(
@@ -118,6 +119,11 @@ def _held(above: Array, below: Array, poles: Roots, h: float) -> Rational:
     numerator = np.poly(a - b @ c[None, :]) + (direct - 1) * np.poly(a)
     if direct == 0:
         numerator = numerator[1:]
+    if numerator[0] == 0:
+        raise DesignError(
+            f"controller.numerator and denominator leave nothing but rounding when sampled every {h:g} s by zoh; "
+            "sample faster, leave far faster poles out, or choose another discretize"
+        )
     return Rational(_roots(numerator.real), np.expm1(poles * h), float(numerator[0].real))
 
 
@@ -143,6 +149,23 @@ def _shifted(coefficients: Array) -> Array:
 def _ratio(above: Array, below: Array) -> float:
     with np.errstate(all="ignore"):
         return float(above[0] / below[0])
+
+
+def _roots_of_z(coefficients: Array) -> Roots:
+    """Return the roots as delta, from powers of delta unless they are far better known from powers of z.
+
+    Of a high order with roots all around the circle, such as z^30 - 0.5, powers of delta keep no places.
+    """
+    shifted = _shifted(coefficients)
+    by_delta, by_z = _roots(shifted), _roots(coefficients)
+    return by_z - 1 if FAR * _doubt(coefficients, by_z) < _doubt(shifted, by_delta) else by_delta
+
+
+def _doubt(coefficients: Array, roots: Roots) -> float:
+    """Return how far the roots may be from those of the exact polynomial: what rounds in p over the slope of p."""
+    with np.errstate(all="ignore"):
+        noise = np.polyval(np.abs(coefficients), np.abs(roots)) * np.finfo(np.float64).eps
+        return float(np.max(noise / np.abs(np.polyval(np.polyder(coefficients), roots)), initial=0.0))
 
 
 def _roots(coefficients: Array) -> Roots:

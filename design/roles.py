@@ -1,4 +1,4 @@
-"""Tell which input of a controller is the reference and which the measurement."""
+"""Tell which input of a controller is the reference and which the measurement, and whether they can meet."""
 
 from __future__ import annotations
 
@@ -23,3 +23,12 @@ def reference_and_measurement(inputs: tuple[Signal, ...]) -> tuple[int, int]:
         measurement = names.index("measurement")
         return 0 if measurement else 1, measurement
     return 0, 1
+
+
+def check_meeting(reference: Signal, measurement: Signal) -> None:
+    """Refuse a reference that no measurement can reach: the error between them would never be 0."""
+    if max(reference.low, measurement.low) > min(reference.high, measurement.high):
+        raise DesignError(
+            f"signals.{reference.name} ranges from {reference.low:g} to {reference.high:g}, signals.{measurement.name} "
+            f"from {measurement.low:g} to {measurement.high:g}; they never meet: correct one of them"
+        )

@@ -7,13 +7,14 @@ from collections.abc import Iterable, Mapping
 
 import casadi as ca
 
-from design.kinds import Design, Request
+from design.draft import Draft, Element
+from design.kinds import Request
 from design.law import DesignError
-from design.linear_law import Draft, Element, limited_law, symbols, weighted_sum
+from design.linear_law import symbols, weighted_sum
 from design.rational import METHODS, Rational, from_s
-from design.roles import reference_and_measurement
+from design.roles import check_meeting, reference_and_measurement
 from design.sections import FORMS, Section, sections
-from design.table import choice, limits, positive
+from design.table import choice, positive
 from identify.signal import Signal
 
 METHOD_KEYS = ("discretize", "prewarp_rad_s")
@@ -44,17 +45,17 @@ def below_nyquist(request: Request, key: str, frequency: float) -> None:
         )
 
 
-def sectioned(request: Request, rational: Rational, says: str, gains: Mapping[str, float]) -> Design:
-    """Split, write and limit."""
+def sectioned(request: Request, rational: Rational, says: str, gains: Mapping[str, float]) -> Draft:
+    """Split and write."""
     chain = sections(rational, choice(request.table, "form", "auto", FORMS))
     output = one_output(request)
-    low, high = limits(request.table, request.outputs)
     inputs = symbols([wire.name for wire in request.inputs])
     named: dict[str, tuple[str, ca.SX]] = {}
     if len(inputs) == 1:
         value = inputs[0]
     else:
         at_reference, at_measurement = reference_and_measurement(request.inputs)
+        check_meeting(request.inputs[at_reference], request.inputs[at_measurement])
         value = inputs[at_reference] - inputs[at_measurement]
         named["error"] = (request.inputs[at_measurement].unit, value)
     state: list[Element] = []
@@ -70,9 +71,7 @@ def sectioned(request: Request, rational: Rational, says: str, gains: Mapping[st
         figures |= {f"section_{k}_a{j}": factor for j, factor in enumerate(section.a, 1)}
     forms = "+".join(section.form for section in chain)
     head = f"{says}; {len(chain)} section{'' if len(chain) == 1 else 's'} ({forms})" if chain else says
-    return Design(
-        limited_law(request, Draft(head, inputs, tuple(state), (value,), named), low, high), figures, None, {}
-    )
+    return Draft(head, inputs, tuple(state), (value,), named, figures)
 
 
 def one_output(request: Request) -> Signal:

@@ -70,7 +70,10 @@ def _section(poles: Roots, zeros: Roots, form: str, gain: float) -> Section:
 
 
 def _in_z(delta: Array) -> Array:
-    """Write a polynomial in z - 1 in powers of z."""
+    """Write a polynomial in z - 1 in powers of z; what is less than the rounding of its terms is 0."""
     if len(delta) == 2:
-        return np.array([delta[0], delta[1] - delta[0]])
-    return np.array([delta[0], delta[1] - 2 * delta[0], delta[2] - delta[1] + delta[0]])
+        found, size = np.array([delta[0], delta[1] - delta[0]]), np.abs(delta).sum()
+    else:
+        found = np.array([delta[0], delta[1] - 2 * delta[0], delta[2] - delta[1] + delta[0]])
+        size = np.abs(delta).sum() + abs(delta[0])
+    return np.where(np.abs(found) <= 2 * np.finfo(np.float64).eps * size, 0.0, found)

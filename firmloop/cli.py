@@ -122,6 +122,10 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         from firmloop.tuning import tune
 
         return tune(project, arguments.out, console)
+    if arguments.verb == "generate":
+        from firmloop.generate import generate
+
+        return generate(project, arguments.out, console)
 
     from firmloop import verbs
 
@@ -132,8 +136,6 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         return verbs.simulate(project, arguments.recording, arguments.out, start, console)
     if arguments.verb == "design":
         return verbs.design(project, arguments.out, console)
-    if arguments.verb == "generate":
-        return verbs.generate(project, arguments.out, console)
     if arguments.verb == "verify":
         return verbs.verify(project, campaign, arguments.out, console)
     return verbs.run(project, campaign, arguments.out, console)

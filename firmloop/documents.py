@@ -7,17 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from design.kinds import Design
-from firmloop.pipeline import Generated, Loop, Outcome
+from firmloop.pipeline import Loop, Outcome
 from identify.fit import Fit, RecordingScore, interval95
 from identify.plant import Parameter
-
-
-def generated_document(generated: Generated) -> Mapping[str, object]:
-    """Return what was generated: the manifest, and every file with its size."""
-    return {
-        "manifest": generated.manifest,
-        "bytes": {name: len(text.encode()) for name, text in generated.bundle.files.items()},
-    }
 
 
 def outcomes_document(outcomes: Sequence[Outcome]) -> list[Mapping[str, object]]:

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.bundle import Bundle, CodegenError
-from codegen.emit import emit, manifest
-from codegen.package import package
 from codegen.target import load_target
 from design.kinds import Design
 from design.kinds import design as design_law
 from design.law import DesignError, Law, Scalar
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
 from design.roles import reference_and_measurement
-from firmloop.project import Campaign, Project, check_units
+from firmloop.making import Generated, command_of, design, formats_of, generate, located, plant_of
+from firmloop.project import Campaign, Project
 from firmloop.project_text import settled
 from firmloop.saturation import saturated
 from identify.compiler import ToolError
@@ -29,20 +24,17 @@ from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
 from identify.linear import linearize
 from identify.plant import IdentifyError, Plant
-from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
-from quantize.program import Program, QuantizeError
-from quantize.proof import proof
+from quantize.program import QuantizeError
 from quantize.word_length import lower_within
-from verify.checker import Checked, ProofError, check_proof
 from verify.closed_loop import PlantLoop, SteppedPlant
-from verify.limit_cycles import ZeroInput, zero_input
 from verify.links import LinkError
 from verify.replay import Controller
 from verify.run import verify
-from verify.vectors import golden
 from verify.verdict import Verdict
+
+__all__ = ["Generated", "command_of", "design", "generate", "located", "plant_of"]  # the first half of the walk
 
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]  # told the share of the work that is done, and what is being done
@@ -69,19 +61,6 @@ class Loop:
 
 
 @dataclass(frozen=True, slots=True)
-class Generated:
-    """The controller as exact arithmetic and as C."""
-
-    program: Program
-    bundle: Bundle
-    manifest: Mapping[str, object]
-    package: Mapping[str, str]  # golden vectors, their test and build files
-    proof: Mapping[str, object]
-    checked: Checked | None  # what the second, independent proof covered; None in floating point
-    still: ZeroInput | None = None  # what it does by itself while its inputs stand still; None in floating point
-
-
-@dataclass(frozen=True, slots=True)
 class Outcome:
     """One target: its verdict, or why it could not be run."""
 
@@ -98,16 +77,6 @@ def read_data(project: Project) -> Data:
         tuple(read_recording(path, named.rename, named.hold) for path in named.train),
         tuple(read_recording(path, named.rename, named.hold) for path in named.test),
     )
-
-
-def plant_of(project: Project) -> Plant:
-    """Build the plant that `[plant]` describes, and check that the controller's wires fit its ends."""
-    part = project.plant
-    assert part is not None, "require() has seen to it"
-    with located(project):
-        plant = plant_from_table(part.table.values)
-    check_units(project, plant.inputs[0], plant.outputs[0])
-    return plant
 
 
 def identify(project: Project, data: Data, report: Report) -> Fit:
@@ -150,22 +119,6 @@ def as_recorded(project: Project, plant: Plant, recording: Recording) -> Array |
     return fit_start(plant, recording, conditioning_of(project))
 
 
-def design(project: Project, plant: Plant | None) -> Design:
-    """Tune or take the gains, and write the law."""
-    part = project.controller
-    assert part is not None, "require() has seen to it"
-    with located(project):
-        return design_law(
-            part.kind,
-            project.name,
-            part.settings,
-            part.period,
-            project.controller_inputs,
-            project.controller_outputs,
-            plant,
-        )
-
-
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
     """Close the loop on paper: margins, and a step of the reference; None where the controller has no reference."""
     if len(designed.law.inputs) < 2:
@@ -174,25 +127,6 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         linear = linearize(plant)
         step = closed_loop(designed.law, linear, step_profile(designed.law, linear))
         return Loop(margins(designed.law, linear), step, step_metrics(step))
-
-
-def generate(project: Project, designed: Design, command: str) -> Generated:
-    """Turn the law into exact arithmetic and that into C."""
-    assert project.arithmetic is not None, "require() has seen to it"
-    with located(project):
-        program = lower_within(designed.law, _formats(project), project.allowed)
-        bundle = emit(program, command)
-        still = zero_input(program)
-        ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
-        inputs, settings, trace = golden(program)
-        extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
-        return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)
-
-
-def _formats(project: Project) -> tuple[str, ...]:
-    """Return the number formats that may be taken, the narrowest first."""
-    arithmetic = project.arithmetic or "float32"
-    return ("fixed16", "fixed32") if arithmetic == "fixed" else (arithmetic,)
 
 
 def verify_target(
@@ -297,7 +231,7 @@ def controller_of(project: Project) -> Controller | None:
     if designed is None or not _plain(designed.law):
         return None
     try:
-        program = lower_within(designed.law, _formats(project), project.allowed)
+        program = lower_within(designed.law, formats_of(project), project.allowed, project.rounds)
         wires = reference_and_measurement(designed.law.inputs)
     except (QuantizeError, DesignError):
         return None
@@ -328,22 +262,3 @@ def available_data(project: Project) -> Data:
     if named is None or project.plant is None:
         return Data((), ())
     return Data(tuple(read_recording(p, named.rename) for p in (*named.train, *named.test) if p.is_file()), ())
-
-
-def command_of(verb: str, path: Path) -> str:
-    """Return the command that makes a result again, without folders: it stands in the generated files."""
-    name = path.name if re.fullmatch(r"[A-Za-z0-9_.+-]+", path.name, flags=re.ASCII) else "PROJECT.toml"
-    return f"firmloop {verb} {name}"
-
-
-@contextmanager
-def located(project: Project) -> Iterator[None]:
-    """Put file and line of the project in front of what a part says about it."""
-    try:
-        yield
-    except (DesignError, QuantizeError, CodegenError, ProofError) as error:
-        raise project.document.complaint(str(error)) from None
-    except IdentifyError as error:
-        if str(error).startswith(("plant.", "plant ", "recordings.")):
-            raise project.document.complaint(str(error)) from None
-        raise

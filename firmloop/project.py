@@ -13,6 +13,7 @@ from codegen.target import target_names
 from firmloop.table import ProjectError, Table, read_table
 from identify.hold import HOLDS
 from identify.signal import Signal
+from quantize.rounds import ROUNDINGS
 from quantize.word_length import Allowed
 
 SCHEMA = 1
@@ -77,6 +78,7 @@ class Project:
     arithmetic: str | None  # "float32", "float64", "fixed32", "fixed16", or "fixed": the shorter one that will do
     targets: tuple[str, ...]
     allowed: tuple[Allowed, ...] = ()  # what [arithmetic] lets outputs be off the law
+    rounds: str = "nearest"  # what fixed point does with the places that it drops
 
     @property
     def controller_inputs(self) -> tuple[Signal, ...]:
@@ -148,7 +150,8 @@ def read_project(path: Path) -> Project:
     if project.controller:
         _outputs_are_signals(project.controller, project.signals)
     if project.arithmetic:
-        return replace(project, allowed=_allowed(document.table("arithmetic"), project.controller_outputs))
+        table = document.table("arithmetic")
+        return replace(project, allowed=_allowed(table, project.controller_outputs), rounds=_rounds(table))
     return project
 
 
@@ -307,7 +310,7 @@ def _outputs_are_signals(controller: ControllerPart, signals: tuple[Signal, ...]
 def _arithmetic(table: Table) -> str:
     """`bits` only says something about fixed point (contract, section 2); with floats it may stand there idle."""
     errors = [key for key in table.values if key.startswith(MAX_ERROR)]
-    table.only(("number", "bits", *errors))
+    table.only(("number", "bits", "rounding", *errors))
     number = table.text("number", 'number = "float32"')
     if number == "fixed" and errors and "bits" not in table.values:
         return "fixed"
@@ -317,6 +320,16 @@ def _arithmetic(table: Table) -> str:
     if number not in ("float32", "float64", "fixed"):
         raise table.wrong("number", 'must be "float32", "float64" or "fixed"')
     return f"fixed{bits}" if number == "fixed" else number
+
+
+def _rounds(table: Table) -> str:
+    """Read what fixed point does with the places that it drops."""
+    rounds = str(table.values.get("rounding", "nearest"))
+    if rounds not in ROUNDINGS:
+        raise table.wrong("rounding", f"must be {' or '.join(map(repr, ROUNDINGS))}")
+    if rounds != "nearest" and table.values.get("number") != "fixed":
+        raise table.wrong("rounding", "is a choice of fixed point; a float always rounds to nearest: remove it")
+    return rounds
 
 
 def _allowed(table: Table, outputs: tuple[Signal, ...]) -> tuple[Allowed, ...]:

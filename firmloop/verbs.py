@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from codegen.bundle import write_files
@@ -11,6 +10,7 @@ from design.kinds import Design
 from firmloop import documents, words
 from firmloop.baseline import growths
 from firmloop.console import Console, complain, progress, table
+from firmloop.generate import as_json, c_files, generate_files, written
 from firmloop.output import results_file, results_folder
 from firmloop.pipeline import (
     Data,
@@ -30,7 +30,6 @@ from firmloop.pipeline import (
     verify_target,
 )
 from firmloop.pipeline import design as design_stage
-from firmloop.pipeline import generate as generate_stage
 from firmloop.pipeline import identify as identify_stage
 from firmloop.project import Campaign, Project, require
 from firmloop.project_text import designed_text, fitted_text
@@ -42,7 +41,7 @@ from identify.fit import Fit
 from identify.plant import Plant
 from identify.recording import read_recording, write_recording
 
-__all__ = ["as_recorded", "at_rest", "design", "generate", "identify", "run", "simulate", "verify", "walk"]
+__all__ = ["as_recorded", "at_rest", "design", "identify", "run", "simulate", "verify", "walk"]
 
 AGREES, DIFFERS, NO_TOOL = 0, 1, 3
 VERDICTS = ("verdict.json", "verdict_*.json")  # an older run must not leave its own beside new results
@@ -54,7 +53,7 @@ def identify(project: Project, out: Path, console: Console) -> int:
     with results_folder(out, ()) as folder:
         fitted = _fit(project, read_data(project), console)
         write_files({"project.toml": fitted_text(project, fitted.plant, out)}, folder)
-    _written(console, out, ["project.toml"])
+    written(console, out, ["project.toml"])
     return AGREES
 
 
@@ -67,7 +66,7 @@ def simulate(project: Project, recording: Path, out: Path, start: Start, console
     read = read_recording(recording, named.rename, named.hold) if named else read_recording(recording, {})
     with results_file(out) as partial, progress("simulating"):
         write_recording(predicted(project, read, start), partial)
-    _written(console, out.parent, [out.name])
+    written(console, out.parent, [out.name])
     return AGREES
 
 
@@ -81,23 +80,11 @@ def design(project: Project, out: Path, console: Console) -> int:
         console.lines(about_contest(tuned) if tuned else [])
         tuning = {"tuning": contest_document(tuned)} if tuned else {}
         files = {
-            "design.json": _json({"schema": 1, **documents.design_document(designed, loop), **tuning}),
+            "design.json": as_json({"schema": 1, **documents.design_document(designed, loop), **tuning}),
             "project.toml": designed_text(project, designed, out),
         }
         write_files(files, folder)
-    _written(console, out, files)
-    return AGREES
-
-
-def generate(project: Project, out: Path, console: Console) -> int:
-    """Write the C and OUT/manifest.json."""
-    require(project, "controller", "signals", "arithmetic")
-    with results_folder(out, ()) as folder:
-        plant = plant_of(project) if project.plant else None
-        generated = _generate(project, design_stage(project, plant), "generate", console)
-        files = _c_files(generated)
-        write_files(files, folder)
-    _written(console, out, files)
+    written(console, out, files)
     return AGREES
 
 
@@ -107,14 +94,14 @@ def verify(project: Project, campaign: Campaign, out: Path, console: Console) ->
     with results_folder(out, VERDICTS) as folder:
         plant = plant_of(project) if project.plant else None
         designed = design_stage(project, plant)
-        generated = _generate(project, designed, "generate", console)
+        generated = generate_files(project, designed, "generate", console)
         outcomes = _verify(project, designed, generated, campaign, available_data(project), console)
         if not any(outcome.verdict for outcome in outcomes):
             raise ToolError("; ".join(f"{outcome.target} was not run: {outcome.not_run}" for outcome in outcomes))
         grown = _baseline(campaign, outcomes, console)
-        files = {**_c_files(generated), **_verdict_files(outcomes)}
+        files = {**c_files(generated), **_verdict_files(outcomes)}
         write_files(files, folder)
-    _written(console, out, files)
+    written(console, out, files)
     return _status(outcomes) or (DIFFERS if grown else AGREES)
 
 
@@ -127,12 +114,12 @@ def run(project: Project, campaign: Campaign, out: Path, console: Console) -> in
             page = report(made)
         files = {
             "project.toml": fitted_text(project, made.fit.plant, out),
-            **_c_files(made.generated),
+            **c_files(made.generated),
             **_verdict_files(made.outcomes),
             "report.html": page,
         }
         write_files(files, folder)
-    _written(console, out, files)
+    written(console, out, files)
     return _status(made.outcomes)
 
 
@@ -143,7 +130,7 @@ def walk(project: Project, campaign: Campaign, console: Console) -> Walk:
     designed, loop = _design(project, fitted.plant, console)
     with progress("tuning by other rules"):
         tuned = beside(project, designed, fitted.plant)
-    generated = _generate(project, designed, "run", console)
+    generated = generate_files(project, designed, "run", console)
     outcomes = _verify(project, designed, generated, campaign, data, console)
     return Walk(project, command_of("run", project.path), data, fitted, designed, loop, generated, outcomes, tuned)
 
@@ -163,14 +150,6 @@ def _design(project: Project, plant: Plant | None, console: Console) -> tuple[De
     console.lines(words.about_design(designed) + (words.about_loop(loop) if loop else []))
     console.result("controller", documents.design_document(designed, loop))
     return designed, loop
-
-
-def _generate(project: Project, designed: Design, verb: str, console: Console) -> Generated:
-    with progress("generating C"):
-        generated = generate_stage(project, designed, command_of(verb, project.path))
-    console.lines(words.about_code(generated))
-    console.result("code", documents.generated_document(generated))
-    return generated
 
 
 def _verify(
@@ -207,25 +186,11 @@ def _status(outcomes: Sequence[Outcome]) -> int:
     return NO_TOOL if any(outcome.not_run for outcome in outcomes) else AGREES
 
 
-def _c_files(generated: Generated) -> dict[str, str]:
-    made = {**generated.bundle.files, **generated.package}
-    return {**made, "manifest.json": _json(generated.manifest), "proof.json": _json(generated.proof)}
-
-
 def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:
     """One file a target; verdict.json is the first that differs, else the last."""
     verdicts = [outcome.verdict for outcome in outcomes if outcome.verdict]
-    files = {f"verdict_{verdict.target}.json": _json(verdict.as_dict()) for verdict in verdicts}
+    files = {f"verdict_{verdict.target}.json": as_json(verdict.as_dict()) for verdict in verdicts}
     if verdicts:
         shown = next((verdict for verdict in verdicts if not verdict.agrees), verdicts[-1])
-        files["verdict.json"] = _json(shown.as_dict())
+        files["verdict.json"] = as_json(shown.as_dict())
     return files
-
-
-def _json(document: Mapping[str, object]) -> str:
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
-
-
-def _written(console: Console, folder: Path, names: Sequence[str] | Mapping[str, str]) -> None:
-    console.lines([f"written: {folder / name}" for name in names if name.endswith((".html", ".toml", ".csv", ".gz"))])
-    console.result("written", [str(folder / name) for name in names])

@@ -7,7 +7,6 @@ filter is a smooth curve instead; taken as held it would look half a sample late
 from __future__ import annotations
 
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
 
 from identify.plant import IdentifyError
@@ -39,12 +38,25 @@ def knots(hold: str, time: Array, drive: Array, source: str) -> tuple[Array, Arr
     before, behind = 2.0 * drive[0] - drive[reach:0:-1], 2.0 * drive[-1] - drive[-2 : -2 - reach : -1]
     whole = np.concatenate([before, drive, behind])
     line = np.linspace(0.0, 1.0, len(whole))[:, None] * (whole[-1] - whole[0]) + whole[0]
-    size = scipy.fft.next_fast_len(len(whole), real=True)
+    size = _fast(len(whole))
     padded = np.concatenate([whole - line, np.zeros((size - len(whole), drive.shape[1]))])
-    spectrum = scipy.fft.rfft(padded, axis=0)
+    spectrum = np.fft.rfft(padded, axis=0)
     lines = np.sinc(np.arange(len(spectrum)) / (size * FINER)) ** 2
-    fine = FINER * scipy.fft.irfft(spectrum / lines[:, None], size * FINER, axis=0)
+    fine = FINER * np.fft.irfft(spectrum / lines[:, None], size * FINER, axis=0)
     count = FINER * (len(time) - 1) + 1
     moments = np.interp(np.arange(count) / FINER, np.arange(len(time)), time)
     ramp = np.stack([np.interp(reach + np.arange(count) / FINER, np.arange(len(whole)), each) for each in line.T], 1)
     return moments, np.ascontiguousarray(fine[FINER * reach : FINER * reach + count] + ramp)
+
+
+def _fast(length: int) -> int:
+    """Return the next length that is a product of 2, 3 and 5 alone, whose transform is fast."""
+    size = length
+    while True:
+        rest = size
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return size
+        size += 1

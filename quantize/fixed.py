@@ -7,7 +7,7 @@ grow (state, outputs) the value saturates at its declared or proven range.
 
 A weight brings what it multiplies into the format of the sum: where it fits, the sum stands in the upper of two words
 and needs no shift. `error` follows the worst case of every rounding: half a unit in the last place for each sum,
-product and right shift, |x| times the coefficient's own rounding for each constant.
+product and right shift, a whole one where they round down, |x| times the coefficient's own rounding for each constant.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from quantize.builder import Builder, Constant, Operand, Term
-from quantize.formats import FINEST, fit
+from quantize.formats import FINEST, WIDENED, fit
 from quantize.program import Number, QuantizeError, Value
+from quantize.rounds import ROUNDINGS, Dropping
 from quantize.sums import near_one
 
 WORD = 2**31 - 1
@@ -49,6 +50,7 @@ class FixedBuilder:
     """
 
     word: int
+    rounding: Dropping = ROUNDINGS["nearest"]
     ops: Builder = field(default_factory=Builder)
 
     def signal(self, low: float, high: float, q: int) -> Number:
@@ -66,16 +68,17 @@ class FixedBuilder:
         return -power, power - 1
 
     def read(self, value: Value) -> Term:
-        """Return an input, which may hold every value of its word; a short one is brought to the top of a long one."""
+        """Return an input, which may hold every value of its word; a short one is widened."""
         half = 1 << (self.word - 1)
         raw = Term(f"in.{value.name}", replace(value.number, bits=32), -half, half - 1, 0.0)
         self.ops.wish = (f"{value.name}_wide", value.unit) if self.word < 32 else ("", "")
-        found = self.widened(raw, raw.number.fraction + 32 - self.word)
+        found = self.widened(raw, raw.number.fraction + WIDENED[self.word])
         self.ops.wish = ("", "")
         return found
 
-    def fresh(self, probes: Sequence[Term]) -> Term:
+    def fresh(self, probes: Sequence[Term], asks: str) -> Term:
         """Return whether this is the first sample."""
+        del asks
         (probe,) = probes
         self.ops.wish = ("fresh", "")
         return self.ops.emit("eq", (probe, self.unset), probe.number, 0.0)
@@ -101,8 +104,13 @@ class FixedBuilder:
 
     def total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
         """Return the sum of weight times value, and of `constant`, at fraction `q`."""
-        parts = _split([p for pair in self._differences(parts) for p in pair], q)
+        parts = [p for pair in self._differences(_split(parts, q)) for p in pair]
         plain = all(abs(weight) == 1 for weight, _ in parts)
+        if plain and len(parts) == 1 and constant and _near(constant, q) == 0:
+            raise QuantizeError(
+                f"a value in units of {2.0**-q:g} is to be moved by {float(constant):g}, which is nothing there: give "
+                "the limit or rate that asks for it a larger value, or use float32"
+            )
         whole = [p for p in parts if abs(p[0]) == 1 and (plain or p[1].number.fraction == q)]
         products = [p for p in parts if p not in whole]
         if not parts:
@@ -126,8 +134,8 @@ class FixedBuilder:
                 return self._plain(whole, constant, q, wish)
         first = self._plain(whole, constant, q, ("", "")) if whole or constant else None
         wide = Number("fixed", 64, q + shift)
-        total = self.ops.emit("acc", (first if first is not None else 0, shift), wide, 0.0)
-        error = (first.error if first is not None else 0.0) + 0.5 * 2.0**-q
+        total: Term | None = None
+        error = self.rounding.error * 2.0**-q
         for (weight, term), k in zip(products, left, strict=True):
             a = self.widened(term, term.number.fraction + k)
             factor = _near(weight, q + shift - a.number.fraction)
@@ -138,27 +146,35 @@ class FixedBuilder:
                 )
             error += _size(a, 0) * _literal_error(weight, factor, q + shift - a.number.fraction)
             error += abs(float(weight)) * a.error
-            total = self.ops.emit("mac", (total, a, factor), wide, 0.0)
+            start = () if total is None else (total,)
+            total = self.ops.emit("wide" if total is None else "mac", (*start, a, factor), wide, 0.0)
+        assert total is not None
+        if first is None:
+            self.ops.wish = wish
+        rounded = self.ops.emit(self.rounding.end, (total, shift), _number(q), error)
+        if first is None:
+            return rounded
         self.ops.wish = wish
-        return self.ops.emit("high", (total, shift), _number(q), error)
+        return self.ops.emit("add", (first, rounded), _number(q), first.error + error)
 
     def _differences(self, parts: Sequence[Part]) -> list[list[Part]]:
-        """Put two values of opposite weight together as one difference, where that fits a word."""
-        left, found = list(parts), []
+        """Put two values of opposite weight together as one difference, where that fits a word; those come first."""
+        left, found, rest = list(parts), [], []
         while left:
             weight, a = left.pop(0)
             for k, (other, b) in enumerate(left):
                 fits = max(a.high - b.low, b.high - a.low) <= WORD
                 if other == -weight and abs(weight) != 1 and a.number.fraction == b.number.fraction and fits:
                     wish, self.ops.wish = self.ops.wish, ("", "")
-                    difference = self.ops.emit("sub", (a, b), _number(a.number.fraction), a.error + b.error)
+                    pair = (a, b) if weight > 0 else (b, a)
+                    difference = self.ops.emit("sub", pair, _number(a.number.fraction), a.error + b.error)
                     self.ops.wish = wish
-                    found.append([(weight, difference)])
+                    found.append([(abs(weight), difference)])
                     left.pop(k)
                     break
             else:
-                found.append([(weight, a)])
-        return found
+                rest.append([(weight, a)])
+        return found + rest
 
     def _plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: tuple[str, str]) -> Term:
         """Return the sum of values taken as they are."""
@@ -257,14 +273,16 @@ class FixedBuilder:
         shift = a.number.fraction - number.fraction
         assert shift >= 0, "a stored value is never finer than what is stored"
         if shift:
-            half = 1 << (shift - 1)
+            down = self.rounding.shift == "asr"
+            half = 0 if down else 1 << (shift - 1)
             inner_low, inner_high = max(low, -(-int(a.low) >> shift)), min(high, int(a.high) >> shift)
             if inner_low <= inner_high:  # nor may rounding pass a limit that `a` keeps
                 low, high = inner_low, inner_high
             inside = low <= (int(a.low) + half) >> shift and (int(a.high) + half) >> shift <= high
             self.ops.wish = wish if inside else ("", "")
             if a.high + half <= WORD:
-                a = self.ops.emit("shr", (a, shift), target, a.error + 0.5 * 2.0**-number.fraction)
+                rounded = a.error + self.rounding.error * 2.0**-number.fraction
+                a = self.ops.emit(self.rounding.shift, (a, shift), target, rounded)
             else:  # the rounding constant could overflow
                 a = self.ops.emit("asr", (a, shift), target, a.error + 2.0**-number.fraction)
         if low <= a.low and a.high <= high:
@@ -301,7 +319,7 @@ class FixedBuilder:
             return self.ops.emit("shl" if shift else "copy", (a, shift)[: 2 if shift else 1], _number(q), error)
         if a.high + (1 << (-shift - 1)) > WORD:  # the rounding constant could overflow
             return None
-        return self.ops.emit("shr", (a, -shift), _number(q), error + 0.5 * 2.0**-q)
+        return self.ops.emit(self.rounding.shift, (a, -shift), _number(q), error + self.rounding.error * 2.0**-q)
 
     def _scaled(self, a: Term, b: Term | int, shift: int, q: int, error: float) -> Term:
         wish, self.ops.wish = self.ops.wish, ("", "")
@@ -311,7 +329,9 @@ class FixedBuilder:
             shift = 32
         self.ops.wish = wish
         if 1 <= shift <= 62:
-            return self.ops.emit("mul_shift", (a, b, shift), _number(q), error + 0.5 * 2.0**-q)
+            return self.ops.emit(
+                self.rounding.product, (a, b, shift), _number(q), error + self.rounding.error * 2.0**-q
+            )
         if shift == 0:
             return self.ops.emit("mul", (a, b), _number(q), error)
         raise QuantizeError(

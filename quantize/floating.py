@@ -58,14 +58,19 @@ class FloatBuilder:
         """Return an input; every bound holds while it keeps its range."""
         return Term(f"in.{value.name}", value.number, value.low, value.high, 0.0)
 
-    def fresh(self, probes: Sequence[Term]) -> Term:
-        """Return whether this is the first sample, or the state was lost."""
+    def fresh(self, probes: Sequence[Term], asks: str) -> Term:
+        """Return whether this is the first sample, or the state was lost; `asks` is "lost", or "none" if it will do."""
         total: Operand = probes[0]
         for probe in probes[1:]:
             total = self.binary("add", total, probe)
         assert isinstance(total, Term)
         self.ops.wish = ("fresh", "")
-        return self.ops.emit("lost", (total,), total.number, 0.0)
+        return self.ops.emit(asks, (total,), total.number, 0.0)
+
+    def gone(self, asks: str, a: Operand) -> Term:
+        """Return whether a value is lost; never in the law's ranges, where the error is followed."""
+        assert isinstance(a, Term)
+        return self.ops.emit(asks, (a,), a.number, 0.0)
 
     def total(self, parts: Sequence[tuple[Fraction, Term]], constant: Fraction, q: int) -> Operand:
         """Refuse: floating point adds up in the law's own order."""
@@ -127,12 +132,15 @@ class FloatBuilder:
         return self.ops.emit(function, (a, b), a.number, a.error + b.error)
 
     def limit(self, function: str, a: Operand, low: Operand, high: Operand) -> Operand:
-        """Clamp to two constants, or ask whether that would change `a`."""
+        """Clamp to two constants, ask whether that would change `a`, or, where it would, to which.
+
+        There the limit is what clamping gives, with the same error; what it is elsewhere, nobody reads.
+        """
         assert isinstance(a, Term) and isinstance(low, Constant) and isinstance(high, Constant)
         ends = (self._up(low.value, a.number), -self._up(-high.value, a.number))
         inner = max(abs(ends[0] - low.value), abs(ends[1] - high.value))
         error = self._within(a, max(abs(low.value), abs(high.value)))
-        if function == "clamp" and not error <= high.value - low.value:  # both values are within
+        if function != "outside" and not error <= high.value - low.value:  # both values are within
             error = high.value - low.value
         return self.ops.emit(function, (a, *ends), a.number, max(error, inner))
 

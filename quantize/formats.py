@@ -2,7 +2,8 @@
 
 Values that are compared, limited or selected against each other must stand in one format anyway; giving the whole group
 the format of its largest member makes every alignment shift disappear. A state variable shares the group of the value
-that becomes it, and so does what a sum takes as it is, with weight 1. A weight leads from any format into any other.
+that becomes it, and so does what a sum takes as it is, with weight 1, unless that is so small beside the sum that it
+would lose its places. A weight leads from any format into any other.
 
 An input keeps the format of its own word, and may hold every value of it. A state variable may hold all values below
 the power of two above its proven range: to be limited there costs one instruction where the limit acts at all.
@@ -23,7 +24,9 @@ from quantize.sums import Sum, is_linear, near_one
 
 FINEST, COARSEST = 56, -16  # Q range: beyond it a quantity is better given in another unit
 SPARE = 1.0 + 2.0**-16  # room for what rounding adds to a bound
+WIDENED = {16: 15, 32: 0}  # bits to the left for an input of that word: the difference of two still fits 32 bits
 MOST_GIVEN = 3  # bits of resolution that a sum may give so that its high word is its value
+SMALL = 16  # share of a sum from which a part of it keeps a finer format: at least 4 bits
 WORD = 2**31 - 1
 Span = tuple[float, float]
 
@@ -44,14 +47,21 @@ class Formats:
 
 
 def fit(low: float, high: float, bits: int) -> int:
-    """Return the largest fraction at which [low, high] fits a signed word of `bits`."""
+    """Return the largest fraction at which [low, high] fits a signed word of `bits`, FINEST at most.
+
+    Raises QuantizeError where an end is no number.
+    """
     size = max(abs(low), abs(high))
     if size == 0.0:
         return 0
-    fraction = bits - 1 - math.frexp(size)[1]
+    if not math.isfinite(size):
+        raise QuantizeError(
+            "a value of the law would leave all numbers; the range of a signal or a gain is too large: rescale it"
+        )
+    fraction = min(bits - 1 - math.frexp(size)[1], FINEST)
     while round(size * 2.0**fraction) > 2 ** (bits - 1) - 1:
         fraction -= 1
-    return min(fraction, FINEST)
+    return fraction
 
 
 def held_range(law: Law, signal: Signal) -> Span:
@@ -73,8 +83,9 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
     """
     for signal in (*law.inputs, *law.state):
         if not (math.isfinite(signal.low) and math.isfinite(signal.high)):
+            why = f" ({law.reasons[signal.name]})" if signal.name in law.reasons else ""
             raise QuantizeError(
-                f"{signal.name} has no finite proven range, so no fixed-point format is safe for it: "
+                f"{signal.name} has no finite proven range{why}, so no fixed-point format is safe for it: "
                 "limit it in the controller (an anti_windup mode, a limit) or use float32"
             )
     inputs = tuple(fit(s.low, s.high, bits) for s in law.inputs)
@@ -82,7 +93,7 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
         _check(q, signal.name)
     words = [(-(2.0 ** (bits - 1 - q)), 2.0 ** (bits - 1 - q)) for q in inputs]
     spans = _spans(graph, sums, [[held_range(law, s) for s in law.state], words, [(0.0, 1.0)]])
-    fractions = _Choice(law, graph, sums, spans, [q + 32 - bits for q in inputs]).fractions()
+    fractions = _Choice(law, graph, sums, spans, [q + WIDENED[bits] for q in inputs]).fractions()
     places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
     state = tuple(
         fractions[places[0, j]] if (0, j) in places else fit(*held_range(law, s), 32) for j, s in enumerate(law.state)
@@ -120,6 +131,9 @@ class _Choice:
                 self.groups.join(k, node.arguments[0])
         for k, total in sums.items():
             plain = [a for a, weight in total.terms.items() if abs(weight) == 1]
+            if len(plain) < len(total.terms):  # a sum of products takes what is small in it as one more product
+                least = max(map(abs, spans[k])) / SMALL
+                plain = [a for a in plain if max(map(abs, spans[a])) > least]
             self.groups.join(k, *(a for a in plain if not self._input(a)))
         places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
         for j, following in enumerate(graph.results[0]):
@@ -129,13 +143,15 @@ class _Choice:
     def fractions(self) -> tuple[int, ...]:
         """Return the fraction of every node."""
         finest = self._finest()
-        given = dict.fromkeys(finest, 0)
+        natural = dict(finest)
+        before: dict[int, list[int]] = {}  # of a group's sums
         for k in self.sums:  # in the order of computing: what a sum reads has its format before it
             group = self.groups.of(k)
-            for bits in range(given[group], MOST_GIVEN + 1):
-                if self._high_word(k, {**finest, group: finest[group] - bits}):
-                    given[group] = bits
-                    finest[group] -= bits
+            before.setdefault(group, []).append(k)
+            for bits in range(natural[group] - finest[group], MOST_GIVEN + 1):
+                tried = {**finest, group: natural[group] - bits}
+                if all(self._high_word(j, tried) for j in before[group]):
+                    finest = tried
                     break
         for fraction in finest.values():
             _check(fraction, "a value of the law")
@@ -189,11 +205,13 @@ class _Choice:
     def _high_word(self, k: int, fractions: Mapping[int, int]) -> bool:
         """Tell whether every weight of sum `k` fits a word when the sum is to stand in the high one of two."""
         q = fractions[self.groups.of(k)]
+        if all(abs(weight) == 1 for weight in self.sums[k].terms.values()):
+            return True  # there is nothing to multiply
         for a, weight in self.sums[k].terms.items():
             own = self.inputs[self.graph.nodes[a].place[1]] if self._input(a) else fractions[self.groups.of(a)]
             if abs(weight) == 1 and own == q:
                 continue
-            room = math.floor(math.log2(WORD / max(1.0, max(map(abs, self.spans[a])) * 2.0**own - 1)))
+            room = max(0, math.floor(math.log2(WORD / max(1.0, max(map(abs, self.spans[a])) * 2.0**own))))
             if abs(weight) * Fraction(2) ** (32 + q - own - room) > WORD:
                 return False
         return True

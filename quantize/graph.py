@@ -153,6 +153,26 @@ def needed(graph: Graph, rows: int) -> set[int]:
     return found
 
 
+def with_own_constants(graph: Graph) -> Graph:
+    """Give every operation constants of its own: CasADi writes a number once, though its uses need not meet."""
+    nodes: list[Node] = []
+    place: dict[int, int] = {}
+
+    def copied(k: int) -> int:
+        if graph.nodes[k].function == "constant":
+            nodes.append(graph.nodes[k])
+            return len(nodes) - 1
+        return place[k]
+
+    for k, node in enumerate(graph.nodes):
+        if node.function != "constant":
+            arguments = tuple([copied(a) for a in node.arguments])
+            nodes.append(replace(node, arguments=arguments))
+            place[k] = len(nodes) - 1
+    results = tuple(tuple([copied(k) for k in row]) for row in graph.results)
+    return replace(graph, nodes=tuple(nodes), results=results)
+
+
 def pruned(graph: Graph) -> Graph:
     """Leave out what no result needs."""
     kept = sorted(needed(graph, len(graph.results)))

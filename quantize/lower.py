@@ -10,14 +10,16 @@ from design.law import Law, Tree
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
+from quantize.first_sample import in_one_branch
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
-from quantize.graph import Node, needed
+from quantize.graph import Node, needed, with_own_constants
 from quantize.limits import with_limits
 from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 from quantize.quadratic import table_of
+from quantize.rounds import ROUNDINGS
 from quantize.sums import Sum, gather, is_linear
 from quantize.sweep_formats import Planned, fixed_sweeps, float_sweeps
 from quantize.tree_formats import fixed_tree, float_tree
@@ -26,8 +28,10 @@ PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
 
 
-def lower(law: Law, arithmetic: str) -> Program:
+def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
     """Give the law's arithmetic the format `arithmetic`: "float32", "float64", "fixed32" or "fixed16".
+
+    `rounds` is what fixed point does with the places that it drops, one of ROUNDINGS; a float rounds to nearest.
 
     Raises
     ------
@@ -44,13 +48,21 @@ def lower(law: Law, arithmetic: str) -> Program:
         )
     found = opened(law, floating)
     if floating:
-        found = replace(found, graph=with_limits(found.graph))
+        found = replace(found, graph=in_one_branch(with_limits(found.graph)))
         order, states = len(found.graph.nodes), len(found.law.state)
         none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
         return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
+    for node in found.graph.nodes:
+        if not math.isfinite(node.value):
+            raise QuantizeError(
+                "a number of the law is beyond all numbers; a range or a key of the controller is too small or too "
+                "large: correct it"
+            )
+    found = replace(found, graph=with_own_constants(found.graph))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
-    return _Lowering(found, sums, arithmetic, formats, FixedBuilder(int(arithmetic[5:]))).program()
+    builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds])
+    return replace(_Lowering(found, sums, arithmetic, formats, builder).program(), rounds=rounds)
 
 
 class _Lowering:
@@ -134,7 +146,7 @@ class _Lowering:
         """Return the truth value that asks whether this is the first sample; none where nobody asks."""
         if not any(node.place == (2, 0) for node in self.graph.nodes if node.function == "argument"):
             return []
-        return [self.builder.fresh([held[k] for k in self.found.probes])]
+        return [self.builder.fresh([held[k] for k in self.found.probes], self.found.asks)]
 
     def _grids(self, outputs: tuple[Value, ...]) -> Mapping[int, int]:
         """Return for each constant that limits an output directly the fraction of that output."""
@@ -188,11 +200,14 @@ class _Lowering:
                 return self.builder.part(function, plan, q, node.place[1])
             case (("capped" | "infeasible"), [plan]):
                 return self.builder.part(function, plan, 0)
+            case (("none" | "lost"), [a]):
+                assert isinstance(self.builder, FloatBuilder), "seen in floating point only"
+                return self.builder.gone(function, a)
             case (("and" | "or"), [a, b]):
                 return self.builder.truth(function, a, b)
             case "if", [condition, a]:
                 return self.builder.choose(condition, a, Constant(0.0), q)
-            case (("clamp" | "outside"), [a, low, high]):
+            case (("clamp" | "outside" | "beyond"), [a, low, high]):
                 assert isinstance(self.builder, FloatBuilder), "seen in floating point only"
                 return self.builder.limit(function, a, low, high)
             case "choose", [condition, a, b]:

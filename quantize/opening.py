@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from design.law import Law, Scalar
+from quantize.first_sample import merged
 from quantize.graph import Graph, Node, law_graph, pruned, read_graph
+from quantize.vanishing import vanishes
 
 PASSING = ("add", "sub", "neg", "twice", "mul", "square")  # not finite where any operand is not, and not the constant 0
 
@@ -24,13 +26,15 @@ class Opened:
     """A law whose function has a third argument, the truth value `fresh`, and no state that says the same.
 
     `probes`: places of the state variables that tell when the controller is fresh; `unset`: the one that says so from
-    the start, None where the start needs no telling.
+    the start, None where the start needs no telling. Where no input sets the state, nobody asks `fresh`: what is lost
+    is put back as the sample ends.
     """
 
     law: Law
     graph: Graph
     probes: tuple[int, ...]
     unset: int | None
+    asks: str = "lost"  # what `fresh` asks of the probes' sum
 
 
 def opened(law: Law, floating: bool) -> Opened:
@@ -49,8 +53,10 @@ def opened(law: Law, floating: bool) -> Opened:
         if law.first is not None and ca.depends_on(first[j], z):
             own.append(j)
             begun[j] = ca.if_else(fresh, first[j], x[j])
-        elif floating:
-            begun[j] = ca.if_else(fresh, law.start[j], x[j])
+    if floating and own:
+        for j in kept:
+            if j not in own and law.state[j].name not in law.tunable:
+                begun[j] = ca.if_else(fresh, law.start[j], x[j])
     if flag is not None:
         begun[flag] = ca.SX(1)
     stage = law.last
@@ -60,7 +66,7 @@ def opened(law: Law, floating: bool) -> Opened:
     results = [after[kept] if kept else nothing, u, flags, named]
     # What the first sample chooses from stands in front, then what it chooses: so both are one branch, and a short one.
     front = ca.vertcat(*(first[j] for j in own), *begun, 0)
-    graph = _joined(read_graph(ca.Function("law", rows, [front, *results])), len(own))
+    graph = merged(_joined(read_graph(ca.Function("law", rows, [front, *results])), len(own)))
     shorter = replace(
         law,
         state=tuple(law.state[j] for j in kept),
@@ -73,7 +79,28 @@ def opened(law: Law, floating: bool) -> Opened:
         return Opened(shorter, graph, (unset,) if unset is not None else (), unset)
     mortal = [k for k, j in enumerate(kept) if law.state[j].name not in law.tunable]
     probes = _probes(graph, mortal)
-    return Opened(shorter, graph, probes, probes[0] if own else None)
+    asks = "none" if vanishes(graph, mortal, probes) else "lost"
+    if not own:
+        return Opened(shorter, _put_back(graph, shorter.start, mortal, probes, asks), (), None)
+    return Opened(shorter, graph, probes, probes[0], asks)
+
+
+def _put_back(graph: Graph, start: Sequence[float], mortal: Sequence[int], probes: Sequence[int], asks: str) -> Graph:
+    """Give each of `mortal` its start for the next sample where the sum of the probes would be lost."""
+    if not probes:
+        return graph
+    nodes, after = list(graph.nodes), list(graph.results[0])
+
+    def add(function: str, *arguments: int, value: float = 0.0) -> int:
+        nodes.append(Node(function, arguments, value, (0, 0)))
+        return len(nodes) - 1
+
+    total = after[probes[0]]
+    for k in probes[1:]:
+        total = add("add", total, after[k])
+    gone = add(asks, total)
+    after = [add("choose", gone, add("constant", value=start[k]), j) if k in mortal else j for k, j in enumerate(after)]
+    return replace(graph, nodes=tuple(nodes), results=(tuple(after), *graph.results[1:]))
 
 
 def _solving(law: Law) -> Opened:

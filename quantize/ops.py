@@ -5,7 +5,8 @@ floating point), so one call computes many independent controllers. `c` is the s
 of the result from the intervals of the arguments: exact integers in fixed point; in floating point the true
 interval, which `floating.py` then widens by one rounding. Comparisons return 0 or 1.
 
-Rounding is to nearest, halves up: floor(x / 2**s + 1/2); only `asr` rounds down.
+Rounding is to nearest, halves up: floor(x / 2**s + 1/2). `asr`, and the operations whose names end in `_down`, round
+down: floor(x / 2**s).
 """
 
 from __future__ import annotations
@@ -60,10 +61,6 @@ def _multiply_shift(a: Operand, b: Operand, s: int) -> Operand:
     return (a * b + (1 << (s - 1))) >> s
 
 
-def _accumulator(a: Operand, s: int) -> Operand:
-    return a * (1 << s) + (1 << (s - 1))
-
-
 def _minimum(a: Operand, b: Operand) -> Operand:
     return np.where(a < b, a, b)  # a NaN in `a` yields `b`, as in C
 
@@ -91,7 +88,7 @@ def _absolute(a: Interval) -> Interval:
 
 
 # Operations between two limits, given as numbers.
-LIMITS = ("clamp", "outside")
+LIMITS = ("clamp", "outside", "beyond")
 
 OPERATIONS: dict[str, Operation] = {
     "add": Operation("sum", lambda a, b: a + b, lambda a, b: (a[0] + b[0], a[1] + b[1]), _both("{0} + {1}")),
@@ -106,12 +103,11 @@ OPERATIONS: dict[str, Operation] = {
         _both("fl_mul_shift_i32({0}, {1}, {2}U)"),
         whole=(2,),
     ),
-    "acc": Operation(
-        "start of a 64-bit sum of products: the first addend, and the half that rounds the sum",
-        _accumulator,
-        lambda a, s: (_accumulator(int(a[0]), int(s)), _accumulator(int(a[1]), int(s))),
-        {"fixed": "fl_acc_i64({0}, {1}U)"},
-        whole=(1,),
+    "wide": Operation(
+        "64-bit product, the start of a sum of products",
+        lambda a, b: a * b,
+        _product,
+        {"fixed": "fl_wide_i64({0}, {1})"},
     ),
     "mac": Operation(
         "a product added to a 64-bit sum",
@@ -120,10 +116,24 @@ OPERATIONS: dict[str, Operation] = {
         {"fixed": "fl_mac_i64({0}, {1}, {2})"},
     ),
     "high": Operation(
-        "a 64-bit sum of products, brought into its format",
+        "a 64-bit sum of products, rounded to nearest",
+        shift_right,
+        lambda acc, s: (shift_right(int(acc[0]), int(s)), shift_right(int(acc[1]), int(s))),
+        {"fixed": "fl_high_i32({0}, {1}U)"},
+        whole=(1,),
+    ),
+    "mul_down": Operation(
+        "64-bit product, rounded down",
+        lambda a, b, s: (a * b) >> s,
+        lambda a, b, s: (int(_product(a, b)[0]) >> int(s), int(_product(a, b)[1]) >> int(s)),
+        {"fixed": "fl_mul_down_i32({0}, {1}, {2}U)"},
+        whole=(2,),
+    ),
+    "high_down": Operation(
+        "a 64-bit sum of products, rounded down into its format",
         lambda acc, s: acc >> s,
         lambda acc, s: (int(acc[0]) >> int(s), int(acc[1]) >> int(s)),
-        {"fixed": "fl_high_i32({0}, {1}U)"},
+        {"fixed": "fl_down_i32({0}, {1}U)"},
         whole=(1,),
     ),
     "asr": Operation(
@@ -169,6 +179,19 @@ OPERATIONS: dict[str, Operation] = {
         lambda x, low, high: _truth(np.where(x >= low, x > high, True)),
         _compared,
         {"float32": "fl_outside_f32({0}, {1}, {2})", "float64": "fl_outside_f64({0}, {1}, {2})"},
+        truth=True,
+    ),
+    "beyond": Operation(
+        "the limit that a value outside of a range is beyond, the low one for no number",
+        lambda x, low, high: np.where(x >= low, high, low),
+        lambda x, low, high: (low, high),
+        {"float32": "fl_beyond_f32({0}, {1}, {2})", "float64": "fl_beyond_f64({0}, {1}, {2})"},
+    ),
+    "none": Operation(
+        "no number",
+        lambda a: _truth(a != a),
+        _compared,
+        {"float32": "fl_none_f32({0})", "float64": "fl_none_f64({0})"},
         truth=True,
     ),
     "lost": Operation(

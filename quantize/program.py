@@ -108,6 +108,7 @@ class Program:
     tables: tuple[Table, ...] = ()
     unset: str | None = None  # state that starts at the least integer, or as no number, until the first sample sets it
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
+    rounds: str = "nearest"  # what fixed point does with the places that it drops: "nearest" or "floor"
 
     @property
     def parameters(self) -> tuple[Value, ...]:
@@ -117,6 +118,9 @@ class Program:
     @property
     def id(self) -> str:
         """64 bits of the SHA-256 of everything above, as 16 hexadecimal digits."""
-        told = {key: part for key, part in asdict(self).items() if part or key != "tables"}
+        told = asdict(self)
+        for key, usual in (("tables", ()), ("rounds", "nearest")):
+            if told[key] == usual:
+                del told[key]
         text = json.dumps(told, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]

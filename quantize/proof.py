@@ -40,6 +40,7 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
         "program_id": program.id,
         "name": program.name,
         "arithmetic": program.arithmetic,
+        "rounds": program.rounds,
         "inputs": [_value(v) for v in program.inputs],
         "tables": [_table(table) for table in program.tables],
         "state": [_value(v) | {"why": why[v.name]} for v in program.state],
@@ -80,7 +81,7 @@ def _operation(op: Op) -> dict[str, object]:
         "function": op.function,
         "arguments": list(op.arguments),
         "word": value.number.bits,
-        "product_word": 64 if op.function in ("mul_shift", "mac") else None,
+        "product_word": 64 if op.function in ("mul_shift", "mul_down", "wide", "mac") else None,
         "margin": round((2 ** (value.number.bits - 1) - 1) / size, 6) if fixed and size else None,
         "argument": TRUTH if truth else argument,
     }

@@ -22,7 +22,7 @@ class Allowed:
     most: float  # in the outputs' unit
 
 
-def lower_within(law: Law, arithmetics: Sequence[str], allowed: Sequence[Allowed]) -> Program:
+def lower_within(law: Law, arithmetics: Sequence[str], allowed: Sequence[Allowed], rounds: str = "nearest") -> Program:
     """Return the first of `arithmetics` whose proven rounding bounds keep every allowance.
 
     Raises
@@ -33,7 +33,7 @@ def lower_within(law: Law, arithmetics: Sequence[str], allowed: Sequence[Allowed
     reasons = []
     for arithmetic in arithmetics:
         try:
-            program = lower(law, arithmetic)
+            program = lower(law, arithmetic, rounds)
         except QuantizeError as error:
             if len(arithmetics) == 1:
                 raise

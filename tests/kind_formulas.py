@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -16,6 +17,7 @@ import scipy.linalg
 import scipy.signal
 
 from design.kinds import Request
+from identify.signal import Signal
 from tests import motor_formulas
 from tests.pid_formula import pid_steps
 
@@ -83,9 +85,8 @@ def state_space(request: Request, rows: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def state_feedback(request: Request, rows: np.ndarray) -> np.ndarray:
-    """The form of the example: SISO, weights, integral action, Kalman predictor, reference first."""
-    table, h = request.table, request.period
+def lqg(table: Any, h: float) -> tuple[Any, ...]:
+    """A, B, C, K, N, ki and L of the form of the example: SISO, weights, integral action, Kalman predictor."""
     a, b, c = (np.array(table[key], float) for key in "ABC")
     n = len(a)
     ring = np.block([[a, np.zeros((n, 1))], [-h * c, np.ones((1, 1))]])
@@ -96,9 +97,15 @@ def state_feedback(request: Request, rows: np.ndarray) -> np.ndarray:
     p = scipy.linalg.solve_discrete_are(a.T, c.T, np.diag(table["process_noise"]), [[table["measurement_noise"]]])
     correction = (a @ p @ c.T / (c @ p @ c.T + table["measurement_noise"]))[:, 0]
     rest = np.linalg.solve(np.block([[a - np.eye(n), b], [c, np.zeros((1, 1))]]), [*np.zeros(n), 1.0])
-    forward = rest[n] + gain @ rest[:n]
+    return a, b, c, gain, rest[n] + gain @ rest[:n], ki, correction
+
+
+def state_feedback(request: Request, rows: np.ndarray) -> np.ndarray:
+    """That with the reference first."""
+    h = request.period
+    a, b, c, gain, forward, ki, correction = lqg(request.table, h)
     low, high = request.outputs[0].low, request.outputs[0].high
-    x, integral, found = np.zeros(n), 0.0, []
+    x, integral, found = np.zeros(len(a)), 0.0, []
     for reference, y in rows:
         v = -gain @ x + forward * reference + integral
         u = min(max(v, low), high)
@@ -115,8 +122,10 @@ def pid(request: Request, rows: np.ndarray) -> np.ndarray:
 
 
 def gain_schedule(request: Request, rows: np.ndarray) -> np.ndarray:
-    """The form of the example: full PIDs with one tf and tt, the signal third."""
+    """The form of the first example: full PIDs with one tf and tt, the signal third; else what is linear, blended."""
     at, tables = request.table["points"], request.table["controllers"]
+    if "kind" in tables[0]:
+        return blended(request, rows)
     output = request.outputs[0]
     h, tf, tt = request.period, tables[0]["tf_s"], tables[0]["tt_s"]
     integral = derivative = 0.0
@@ -129,6 +138,40 @@ def gain_schedule(request: Request, rows: np.ndarray) -> np.ndarray:
         v = kp * (r - y) + integral + derivative
         u = min(max(v, output.low), output.high)
         integral += ki * h * (r - y) + h / tt * (u - v)
+        found.append([u])
+    return np.array(found)
+
+
+def blended(request: Request, rows: np.ndarray) -> np.ndarray:
+    """Each point's controller without a limit, weighted by where the signal is, limited; one integral for all."""
+    names = [wire.name for wire in request.inputs]
+    column = names.index(request.table["schedule_on"])
+    at, tables = request.table["points"], request.table["controllers"]
+    own = rows if names[column] == "measurement" else np.delete(rows, column, axis=1)
+    if tables[0]["kind"] == "state_feedback":
+        return blended_feedback(request, own, rows[:, column])
+    free = (Signal("free", "", -1e9, 1e9),) * len(request.outputs)
+    points = (replace(request, table=table, outputs=free) for table in tables)
+    v = np.array([FORMULAS[point.table["kind"]](point, own) for point in points])
+    weights = np.array([np.interp(rows[:, column], at, line) for line in np.eye(len(at))])
+    return clip(np.einsum("ks,ksj->sj", weights, v), request)
+
+
+def blended_feedback(request: Request, rows: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """LQG with an integral at each point; every observer sees the output that is applied."""
+    h, output = request.period, request.outputs[0]
+    parts = [lqg(table, h) for table in request.table["controllers"]]
+    at = request.table["points"]
+    x, integral, found = [np.zeros(len(part[0])) for part in parts], 0.0, []
+    for (reference, y), s in zip(rows, signal, strict=True):
+        share = [np.interp(s, at, line) for line in np.eye(len(at))]
+        sums = (-gain @ z + forward * reference for z, (_, _, _, gain, forward, _, _) in zip(x, parts, strict=True))
+        v = np.dot(share, list(sums)) + integral
+        u = min(max(v, output.low), output.high)
+        step = np.dot(share, [ki for *_, ki, _ in parts]) * h * (reference - y)
+        if not ((v > output.high and step > 0) or (v < output.low and step < 0)):
+            integral += step
+        x = [a @ z + b[:, 0] * u + k * (y - c[0] @ z) for z, (a, b, c, *_, k) in zip(x, parts, strict=True)]
         found.append([u])
     return np.array(found)
 

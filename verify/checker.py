@@ -28,7 +28,13 @@ import z3
 from verify.table_checker import check_sweeps, check_tree
 
 WIDE = 96  # holds every exact result: sums of 64-bit values and 32-bit products shifted to the left
-PRODUCTS = {"mul": (0, 1), "mul_shift": (0, 1), "mac": (1, 2)}  # places of the factors
+PRODUCTS = {
+    "mul": (0, 1),
+    "wide": (0, 1),
+    "mul_shift": (0, 1),
+    "mul_down": (0, 1),
+    "mac": (1, 2),
+}  # places of the factors
 LEAST = -(1 << 31)
 TABLES = {"sweeps": check_sweeps, "tree": check_tree}  # operations over a table
 
@@ -208,12 +214,16 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
         case "mul_shift":
             rounded = a[0] * a[1] + (one << (a[2] - 1))
             return rounded >> a[2], [(rounded, 64)]
-        case "acc":
-            return (a[0] << a[1]) + (one << (a[1] - 1)), [(a[0] << a[1], 64)]
+        case "wide":
+            return a[0] * a[1], []
         case "mac":
             return a[0] + a[1] * a[2], []  # the product of two 32-bit values fits 64 bits, the sum is the result
-        case "high":
+        case "mul_down":
+            return (a[0] * a[1]) >> a[2], [(a[0] * a[1], 64)]
+        case "high_down":
             return a[0] >> a[1], []
+        case "high":  # the C adds the last bit that is shifted out: the same, without a larger intermediate
+            return (a[0] >> a[1]) + ((a[0] >> (a[1] - 1)) & one), []
         case "min":
             return z3.If(a[0] < a[1], a[0], a[1]), []
         case "max":

@@ -156,25 +156,25 @@ def _row(
             return a
         case "shl":
             return a * float(2.0 ** values[1])
-        case "acc":
-            return a * float(2.0 ** values[1])
         case "mac":
             if {1, 2} <= set(moving):
                 return None
             c = given[2]
             assert c is not None
             return a + b * values[2] + c * values[1]
-        case "high":  # its half was added at the start of the sum
+        case "high":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
-        case "asr":  # rounded down: up to a whole unit
+        case "asr" | "high_down":  # rounded down: up to a whole unit
             return 2.0 * _rounded(a * float(2.0 ** -values[1]) / 2.0, own, order)
         case "shr":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
-        case "mul" | "mul_shift":
+        case "mul" | "wide" | "mul_shift" | "mul_down":
             if moving == [0, 1]:
                 return None
-            shift = values[2] if op.function == "mul_shift" else 0.0
+            shift = values[2] if op.function in ("mul_shift", "mul_down") else 0.0
             row: Array = (a * values[1] + b * values[0]) * 2.0**-shift
+            if op.function == "mul_down":
+                return 2.0 * _rounded(row / 2.0, own, order)
             return _rounded(row, own, order) if shift else row
         case "min" | "max" | "clamp":
             if moving != [0]:

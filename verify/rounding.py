@@ -95,7 +95,8 @@ def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray
     asks = [
         k
         for k, op in enumerate(program.body)
-        if op.function == "lost" or (op.function == "eq" and op.arguments == unset)
+        if (op.function in ("lost", "none") and op.result.name == "fresh")
+        or (op.function == "eq" and op.arguments == unset)
     ]
     if not asks:
         return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)

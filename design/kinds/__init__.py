@@ -10,6 +10,7 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from design.draft import Draft
 from design.law import DesignError, Law
 from identify.plant import Plant
 from identify.signal import Signal
@@ -44,12 +45,33 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One controller kind; `example` is a request that designs well, for the tests that every kind must pass."""
+    """One controller kind; `example` is a request that designs well, for the tests that every kind must pass.
+
+    `draft`: what it computes before its outputs are limited, where that is linear: so it can be a point of a schedule.
+    `further`: more such requests, where one does not show everything.
+    """
 
     name: str
     says: str
     design: Callable[[Request], Design]
     example: Request
+    draft: Callable[[Request], Draft] | None = None
+    further: tuple[Request, ...] = ()
+
+    @property
+    def examples(self) -> Mapping[str, Request]:
+        """Every example, by the name of the kind, and of the request where there are more."""
+        return {self.name: self.example, **{f"{self.name}_{request.name}": request for request in self.further}}
+
+
+@functools.cache
+def kind_of(name: str) -> Kind | None:
+    """Return the kind of this name, which its module has too, and read no other; None where there is none."""
+    if not any(module.name == name for module in pkgutil.iter_modules(__path__)):
+        return None
+    kind = getattr(importlib.import_module(f"{__name__}.{name}"), "KIND", None)
+    assert kind is None or kind.name == name, "a kind is called like its file"
+    return kind
 
 
 @functools.cache
@@ -73,8 +95,9 @@ def design(
 
     `period` in s. Raises DesignError where the table, the period, a signal or the plant does not allow it.
     """
-    known = kinds()
-    if kind not in known:
+    found = kind_of(kind)
+    if found is None:
+        known = kinds()
         near = difflib.get_close_matches(str(kind), known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise DesignError(f"controller.kind = '{kind}' is unknown; {hint}known: {', '.join(known)}")
@@ -83,7 +106,7 @@ def design(
     own = {key: value for key, value in table.items() if key not in SHARED_KEYS}
     request = Request(name, own, period, inputs, outputs, plant)
     check_signals(request)
-    return known[kind].design(request)
+    return found.design(request)
 
 
 def check_signals(request: Request) -> None:

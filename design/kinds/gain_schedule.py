@@ -1,21 +1,27 @@
-"""Gain schedule: a PID whose factors follow a signal, linearly between points, with one state for all of them.
+"""Gain schedule: controllers that follow a signal, linearly between points.
 
-With s the signal `schedule_on` and p_i the value of a factor at `points[i]`::
+With s the signal `schedule_on`::
 
     t_i = min(max((s - points[i]) / (points[i+1] - points[i]), 0), 1)
-    p   = p_0 + sum_i t_i (p_(i+1) - p_i)
 
-and the equations of `pid.py`. Below the first and above the last point the outer controllers hold. The factors are
-kp, b, c, ki h, kd/(tf+h), tf/(tf+h) and h/tt (in Tustin's form its own): kp, ki and kd, as b and c, are interpolated as
-they are where tf is the same at every point. The integral is kept in the output's unit, ki inside, so that a change of
-gains moves nothing by itself: the transfer is bumpless.
+Below the first and above the last point the outer controllers hold.
+
+PIDs (`kind = "pid"` at every point, or left out) become one PID with one state. With p_i the value of a factor at
+`points[i]`, p = p_0 + sum_i t_i (p_(i+1) - p_i), and the equations of `pid.py`. The factors are kp, b, c, ki h,
+kd/(tf+h), tf/(tf+h) and h/tt (in Tustin's form its own): kp, ki and kd, as b and c, are interpolated as they are where
+tf is the same at every point. The integral is kept in the output's unit, ki inside, so that a change of gains moves
+nothing by itself: the transfer is bumpless. Limits, forms and modes must agree.
+
+Other kinds, those whose equations are linear before the limit (`state_space`, `transfer_function`, `lead_lag`, `notch`,
+`state_feedback`), also mixed: v = v_0 + sum_i t_i (v_(i+1) - v_i) of what they put out before the limit, one limit
+behind it, see `blend.py`. `u_min` and `u_max` must agree.
 
 `controllers` holds one table per point, `points` its value of the signal; or `points` holds the tables, with the value
-as `at`. Each table is that of a `pid` (`kind` may be left out); limits, forms and modes must agree. A point may be
-tuned: `tune` and that rule's keys stand in its table, and `plant = { gain = 3.0 }` names the parameters of the
-project's plant that are different at that operating point.
+as `at`. A point may be tuned or weighted: `tune` or `Q` and `R` and their keys stand in its table, and
+`plant = { gain = 3.0 }` names the parameters of the project's plant that are different at that operating point.
 
-The range of the state is proven in `pid_box.py`.
+The signal is no input of the controllers, unless it is called reference or measurement or they need it: where there
+are no more than two inputs, or where the tables fit the inputs only with it (a column of B, a state that K weighs).
 """
 
 from __future__ import annotations
@@ -24,86 +30,130 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import casadi as ca
-
-from design.feedforward import feedforward
-from design.kinds import Design, Kind, Request
-from design.kinds.pid import KEYS as PID_KEYS
-from design.kinds.pid import find_gains, find_wires, given_gains, read_pid
-from design.kinds.pid_box import box_ranges, whole_pid
-from design.kinds.pid_range import Pid
-from design.kinds.pid_write import Factor, Factors, Wires, factors, write
+from design.blend import Schedule, blended
+from design.draft import Draft
+from design.kinds import Design, Kind, Request, kind_of, kinds
+from design.kinds.pid_schedule import scheduled_pid
 from design.law import DesignError
-from design.table import check_keys, choice, numbers, real
-from design.tuning import Gains
+from design.table import check_keys, choice, limits, numbers, real
+from identify.plant import Plant
 from identify.signal import Signal
 
 KEYS = ("schedule_on", "points", "controllers", "feedforward")
-NOT_AT_A_POINT = ("manual", "automatic", "tracking", "feedforward", "tunable", "ranges")
-SHARED = ("form", "anti_windup", "u_min", "u_max", "rate")  # what one law has one of
+PID = "pid"
 
 
 def design(request: Request) -> Design:
-    """Read one PID per point and write the law that goes from one to the other."""
+    """Read one controller per point and write the law that goes from one to the other."""
     check_keys(request.table, KEYS, "a gain_schedule")
     at, tables = _points(request.table)
     by_name = {wire.name: wire for wire in request.inputs}
-    schedule = by_name[choice(request.table, "schedule_on", None, by_name)]
-    loop = request.inputs
-    if schedule.name not in ("reference", "measurement") and len(loop) > 2:
-        loop = tuple(wire for wire in request.inputs if wire.name != schedule.name)
-    wires = replace(find_wires(replace(request, table=tables[0], inputs=loop)), schedule=schedule)
-    misplaced = [key for key in NOT_AT_A_POINT if any(key in table for table in tables)]
-    if misplaced:
-        raise DesignError(f"controller.{misplaced[0]} does not belong to a point of a gain_schedule; remove it there")
-    pids = []
-    for k, table in enumerate(tables):
+    signal = by_name[choice(request.table, "schedule_on", None, by_name)]
+    names = [str(table.get("kind", PID)) for table in tables]
+    points = [
+        replace(
+            request,
+            table={key: value for key, value in table.items() if key not in ("kind", "plant")},
+            plant=_plant_at(request.plant, table, k),
+        )
+        for k, table in enumerate(tables, 1)
+    ]
+    others = tuple(wire for wire in request.inputs if wire != signal)
+    apart = signal.name not in ("reference", "measurement")
+    if all(name == PID for name in names):
+        schedule = Schedule(signal, at, others if apart and len(others) > 1 else request.inputs)
+        return scheduled_pid(request, schedule, [replace(point, inputs=schedule.loop) for point in points])
+    _check_kinds(names)
+    if "feedforward" in request.table:
+        raise DesignError("controller.feedforward of a gain_schedule is for points that are pids; remove it")
+    schedule = Schedule(signal, at, others if apart else request.inputs)
+    try:
+        drafts = _drafts(points, names, schedule.loop)
+    except DesignError:
+        if not apart:
+            raise
+        schedule = Schedule(signal, at, request.inputs)
         try:
-            pids.append(read_pid(table, request.period, wires, _gains(request, table, wires)))
+            drafts = _drafts(points, names, schedule.loop)
+        except DesignError:
+            drafts = _drafts(points, names, others)  # what is wrong without the signal says more
+    low, high = _limits(points)
+    rows = "; ".join(f"{value:.6g}: {draft.says}" for value, draft in zip(at, drafts, strict=True))
+    says = f"scheduled on {signal.name} ({signal.unit}), {rows}"
+    figures = {f"{key}_{k}": value for k, draft in enumerate(drafts, 1) for key, value in draft.figures.items()}
+    return Design(blended(request, schedule, drafts, says, low, high), figures, None, {})
+
+
+def _check_kinds(names: Sequence[str]) -> None:
+    """Refuse a kind that has no linear equations, and a PID beside others, whose integral they would not share."""
+    for k, name in enumerate(names, 1):
+        kind = kind_of(name)
+        if name != PID and (kind is None or kind.draft is None):
+            fit = [PID, *(kind.name for kind in kinds().values() if kind.draft is not None)]
+            raise DesignError(
+                f"point {k} of the gain_schedule has kind = '{name}', which cannot be interpolated; "
+                f"known: {', '.join(fit)}"
+            )
+    if PID in names:
+        one, other = names.index(PID) + 1, next(k for k, name in enumerate(names, 1) if name != PID)
+        raise DesignError(
+            f"point {one} of the gain_schedule is a pid and point {other} a {names[other - 1]}; "
+            "make every point a pid, or write the pid as a transfer_function"
+        )
+
+
+def _drafts(points: Sequence[Request], names: Sequence[str], loop: tuple[Signal, ...]) -> list[Draft]:
+    found = []
+    for k, (point, name) in enumerate(zip(points, names, strict=True), 1):
+        kind = kind_of(name)
+        assert kind is not None and kind.draft is not None, "checked before"
+        try:
+            found.append(kind.draft(replace(point, inputs=loop)))
         except DesignError as error:
-            raise DesignError(f"point {k + 1} of the gain_schedule: {error}") from None
-    _check_alike(pids)
-    filters = [pid.tf for pid in pids if pid.differentiates]
-    for k, table in enumerate(tables):
-        if filters and not pids[k].differentiates and "tf_s" not in table:
-            pids[k] = replace(pids[k], tf=filters[0])  # without a derivative there is no filter to go over to
-    ahead = feedforward(request.table, request.plant, wires.reference)
-    whole = replace(whole_pid(pids), added=ahead.size(wires.reference) if ahead else 0.0)
-    z = {wire.name: ca.SX.sym(wire.name) for wire in request.inputs}
-    named: dict[str, tuple[str, ca.SX]] = {}
-    shares = _shares(z[schedule.name], at, named)
-    says = _says(pids, at, schedule) + (ahead.says() if ahead else "")
-    mixed = _mixed([factors(pid) for pid in pids], shares, named)
-    ranges = box_ranges(pids, whole, wires.reference, wires.measurement, wires.output)
-    law = write(request, says, whole, mixed, z, wires, ranges, named, ahead)
-    figures = {f"{name}_{k}": getattr(pid, name) for k, pid in enumerate(pids, 1) for name in ("kp", "ki", "kd")}
-    return Design(law, figures, None, {})
+            raise DesignError(f"point {k} of the gain_schedule: {error}") from None
+    return found
 
 
-def _gains(request: Request, table: Mapping[str, object], wires: Wires) -> Gains:
-    """Take the gains of a point, or tune them for the plant as it is there: `plant` holds what is different."""
-    if "tune" not in table:
-        return given_gains(table)
-    own = {key: value for key, value in table.items() if key != "plant"}
-    plant, changed = request.plant, table.get("plant", {})
+def _limits(points: Sequence[Request]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the limits that all points have."""
+    found = []
+    for k, point in enumerate(points, 1):
+        try:
+            found.append(limits(point.table, point.outputs))
+        except DesignError as error:
+            raise DesignError(f"point {k} of the gain_schedule: {error}") from None
+        for key, first, own in zip(("u_min", "u_max"), found[0], found[-1], strict=True):
+            if first != own:
+                one, other = (", ".join(f"{value:g}" for value in values) for values in (first, own))
+                raise DesignError(
+                    f"points 1 and {k} of the gain_schedule have {key} = {one} and {other}; "
+                    "every point must have the same"
+                )
+    return found[0]
+
+
+def _plant_at(plant: Plant | None, table: Mapping[str, object], k: int) -> Plant | None:
+    """Return the plant as it is at a point: its table `plant` holds the parameters that are different."""
+    changed = table.get("plant", {})
     if not isinstance(changed, dict):
         raise DesignError(f"controller.plant = {changed!r} is no table; write it like plant = {{ gain = 3.0 }}")
-    if plant is not None:
-        names = [parameter.name for parameter in plant.parameters]
-        for name in changed:
-            choice({"plant": name}, "plant", None, names)
-        plant = replace(
-            plant,
-            parameters=tuple(
-                replace(parameter, value=real(changed, parameter.name, parameter.value))
-                for parameter in plant.parameters
-            ),
-        )
-    return find_gains(replace(request, table=own, plant=plant), wires)[1]
+    if not changed:
+        return plant
+    if plant is None:
+        raise DesignError(f"point {k} of the gain_schedule has a table plant, but the project has no [plant]; add it")
+    names = [parameter.name for parameter in plant.parameters]
+    for name in changed:
+        choice({"plant": name}, "plant", None, names)
+    return replace(
+        plant,
+        parameters=tuple(
+            replace(parameter, value=real(changed, parameter.name, parameter.value)) for parameter in plant.parameters
+        ),
+    )
 
 
 def _points(table: Mapping[str, object]) -> tuple[tuple[float, ...], list[Mapping[str, object]]]:
-    """Return the values of the signal and the tables, each a pid's own."""
+    """Return the values of the signal and the tables."""
     points = table.get("points")
     if isinstance(points, list | tuple) and points and all(isinstance(entry, dict) for entry in points):
         if "controllers" in table:
@@ -127,63 +177,64 @@ def _points(table: Mapping[str, object]) -> tuple[tuple[float, ...], list[Mappin
     for one, other in itertools.pairwise(at):
         if not one < other:
             raise DesignError(f"controller.points must rise, but {other:g} follows {one:g}; sort them, each value once")
-    for k, entry in enumerate(given, 1):
-        kind = entry.pop("kind", "pid")
-        if kind != "pid":
-            raise DesignError(f"point {k} of the gain_schedule has kind = '{kind}'; only 'pid' can be interpolated")
-        if "tune" not in entry:
-            check_keys(entry, PID_KEYS, f"point {k} of the gain_schedule, a pid,")
     return at, list(given)
 
 
-def _check_alike(pids: Sequence[Pid]) -> None:
-    first = pids[0]
-    for k, pid in enumerate(pids[1:], 2):
-        for name in SHARED:
-            if getattr(pid, name) != getattr(first, name):
-                raise DesignError(
-                    f"points 1 and {k} of the gain_schedule have {name} = {getattr(first, name)} and "
-                    f"{getattr(pid, name)}; every point must have the same"
-                )
-        if pid.anti_windup == "clamping" and (pid.ki > 0) != (first.ki > 0):
-            raise DesignError(
-                f"points 1 and {k} of the gain_schedule have ki of different signs; clamping needs one sign"
-            )
-
-
-def _shares(s: ca.SX, at: Sequence[float], named: dict[str, tuple[str, ca.SX]]) -> list[ca.SX]:
-    """Return t_i for every gap between two points."""
-    shares = []
-    for k, (one, other) in enumerate(itertools.pairwise(at), 1):
-        share = ca.fmin(ca.fmax((s - one) * (1 / (other - one)), 0), 1)
-        named[f"share_{k}"] = ("1", share)
-        shares.append(share)
-    return shares
-
-
-def _mixed(given: Sequence[Factors], shares: Sequence[ca.SX], named: dict[str, tuple[str, ca.SX]]) -> Factors:
-    """Interpolate every factor that is not the same at all points."""
-    found: dict[str, Factor] = {}
-    for name in Factors.__slots__:
-        values = [float(getattr(each, name)) for each in given]
-        mixed: Factor = values[0]
-        for share, (one, other) in zip(shares, itertools.pairwise(values), strict=True):
-            if one != other:
-                mixed = mixed + (other - one) * share
-        found[name] = mixed
-        if isinstance(mixed, ca.SX):
-            named[f"{name}_now"] = ("", mixed)
-    return Factors(**found)
-
-
-def _says(pids: Sequence[Pid], at: Sequence[float], schedule: Signal) -> str:
-    rows = [f"{value:.6g}: kp {p.kp:.6g} ki {p.ki:.6g} kd {p.kd:.6g}" for value, p in zip(at, pids, strict=True)]
-    return f"PID scheduled on {schedule.name} ({schedule.unit}), {'; '.join(rows)}"
-
-
+OPENING = Signal("opening", "%", 0.0, 100.0)
+CART = {
+    "kind": "state_feedback",
+    **{"B": [[0.0], [0.02], [0.11]], "C": [[1.0, 0.0, 0.0]], "R": 0.05, "integral_weight": 900.0},
+    **{"observer": "kalman", "process_noise": [1e-6, 1e-3, 1e-2], "measurement_noise": 1e-5},
+}
+FILTERS = Request(
+    name="filters",
+    table={
+        "schedule_on": "measurement",
+        "points": [-1.5, 0.0, 2.0],
+        "controllers": [
+            {"kind": "lead_lag", "gain": 3.0, "frequency_rad_s": 120.0, "phase_deg": 50.0},
+            {"kind": "notch", "frequency_hz": 85.0, "damping": 0.3, "depth": 0.05, "gain": 2.0},
+            {"kind": "transfer_function", "numerator": [0.4, 0.2], "denominator": [1.0, -1.1, 0.4]},
+        ],
+    },
+    period=0.001,
+    inputs=(Signal("reference", "rad", -3.2, 3.2), Signal("measurement", "rad", -3.2, 3.2)),
+    outputs=(Signal("output", "A", -5.0, 5.0),),
+    plant=None,
+)
+MATRICES = Request(
+    name="matrices",
+    table={
+        "schedule_on": "opening",
+        "points": [20.0, 80.0],
+        "controllers": [
+            {"kind": "state_space", "A": [[0.9, 0.2], [-0.2, 0.9]], "B": [[0.1], [0.2]], "C": [[1.5, 0], [0, -2.0]]},
+            {"kind": "state_space", "A": [[0.9, 0.2], [-0.2, 0.9]], "B": [[0.1], [0.2]], "C": [[0.5, 1], [1, -0.5]]},
+        ],
+    },
+    period=0.002,
+    inputs=(Signal("measurement", "m", -1.0, 2.0), OPENING),
+    outputs=(Signal("left", "N", -2.0, 2.0), Signal("right", "N", -2.5, 2.5)),
+    plant=None,
+)
+FEEDBACK = Request(
+    name="feedback",
+    table={
+        "schedule_on": "opening",
+        "points": [10.0, 90.0],
+        "controllers": [
+            {**CART, "A": [[1.0, 0.009, 0.0], [0.0, 0.82, 0.35], [0.0, -0.12, 0.64]], "Q": [400.0, 0.1, 0.01]},
+            {**CART, "A": [[1.0, 0.009, 0.0], [0.0, 0.72, 0.35], [0.0, -0.12, 0.64]], "Q": [200.0, 0.1, 0.01]},
+        ],
+    },
+    period=0.01,
+    inputs=(Signal("reference", "m", -0.4, 0.4), Signal("measurement", "m", -0.5, 0.5), OPENING),
+    outputs=(Signal("output", "V", -12.0, 12.0),),
+    plant=None,
+)
 KIND = Kind(
     name="gain_schedule",
-    says="PID whose gains follow a signal, linearly between points",
+    says="controllers that follow a signal, linearly between points",
     design=design,
     example=Request(
         name="valve_flow",
@@ -200,9 +251,10 @@ KIND = Kind(
         inputs=(
             Signal("reference", "l/min", 0.0, 60.0),
             Signal("measurement", "l/min", 0.0, 60.0),
-            Signal("opening", "%", 0.0, 100.0),
+            OPENING,
         ),
         outputs=(Signal("output", "%", 0.0, 100.0),),
         plant=None,
     ),
+    further=(FILTERS, MATRICES, FEEDBACK),
 )

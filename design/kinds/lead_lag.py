@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import math
 
+from design.draft import Draft
 from design.kinds import Design, Kind, Request
 from design.law import DesignError
+from design.linear_law import designed
 from design.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, below_nyquist, sampled, sectioned
 from design.table import check_keys, positive, real
 from identify.signal import Signal
@@ -23,6 +25,11 @@ KEYS = ("gain", "zero_rad_s", "pole_rad_s", "frequency_rad_s", "phase_deg", *MET
 
 def design(request: Request) -> Design:
     """Find zero and pole, sample, and write the law."""
+    return designed(request, draft(request))
+
+
+def draft(request: Request) -> Draft:
+    """Find zero and pole, sample, and write the equations."""
     table = request.table
     check_keys(table, KEYS, "a lead_lag")
     gain = real(table, "gain", 1.0)
@@ -49,6 +56,7 @@ KIND = Kind(
     name="lead_lag",
     says="one zero and one pole, by their frequencies or by the phase they give",
     design=design,
+    draft=draft,
     example=Request(
         name="stage_lead",
         table={"gain": 3.0, "frequency_rad_s": 120.0, "phase_deg": 50.0},

@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import math
 
+from design.draft import Draft
 from design.kinds import Design, Kind, Request
 from design.law import DesignError
+from design.linear_law import designed
 from design.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, below_nyquist, sampled, sectioned
 from design.table import check_keys, positive, real
 from identify.signal import Signal
@@ -22,6 +24,11 @@ KEYS = ("gain", "frequency_rad_s", "frequency_hz", "damping", "depth", *METHOD_K
 
 def design(request: Request) -> Design:
     """Place the notch, sample it, and write the law."""
+    return designed(request, draft(request))
+
+
+def draft(request: Request) -> Draft:
+    """Place the notch, sample it, and write the equations."""
     table = request.table
     check_keys(table, KEYS, "a notch")
     if "frequency_hz" in table and "frequency_rad_s" in table:
@@ -44,6 +51,7 @@ KIND = Kind(
     name="notch",
     says="one frequency taken out",
     design=design,
+    draft=draft,
     example=Request(
         name="arm_notch",
         table={"frequency_hz": 85.0, "damping": 0.3, "depth": 0.05, "gain": 2.0},

@@ -55,7 +55,7 @@ from design.kinds.pid_range import Pid, state_ranges
 from design.kinds.pid_tunable import pid_parameters, tunable_law
 from design.kinds.pid_write import Wires, factors, write
 from design.law import DesignError
-from design.roles import reference_and_measurement
+from design.roles import check_meeting, reference_and_measurement
 from design.table import check_keys, choice, positive, real
 from design.tunable import KEYS as TUNABLE_KEYS
 from design.tuning import Gains, rules
@@ -129,6 +129,7 @@ def find_wires(request: Request) -> Wires:
             f"signals.{reference.name} is in '{reference.unit}', signals.{measurement.name} in '{measurement.unit}'; "
             "a PID subtracts one from the other: give both the same unit"
         )
+    check_meeting(reference, measurement)
     for key in ("manual", "tracking"):
         if key in extra and extra[key].unit != output.unit:
             raise DesignError(

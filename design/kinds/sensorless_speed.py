@@ -21,9 +21,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
+from design.draft import Draft, Element
 from design.kinds import Design, Kind, Request
 from design.law import DesignError
-from design.linear_law import Draft, Element, limited_law, symbols, weighted_sum
+from design.linear_law import limited_law, symbols, weighted_sum
 from design.table import check_keys, limits, positive, real
 from identify.signal import Signal
 

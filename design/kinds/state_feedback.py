@@ -18,42 +18,30 @@ that its delay keeps are known and stand behind its own states. Keys:
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from design.draft import Draft, Element
 from design.kinds import Design, Kind, Request
+from design.kinds.feedback_gains import OBSERVERS, Gains, find_gains
 from design.law import DesignError, Law
-from design.linear_law import check_names, symbols, weighted_sum, write
-from design.model import Model, model_of, weights
+from design.linear_law import INTEGRAL_WHY, check_names, symbols, weighted_sum, write
+from design.model import Model, model_of
 from design.reach import reach, widened
-from design.regulator import check_stable, kalman, lqr, luenberger, reference_gain
-from design.table import check_keys, choice, each, limits, matrix, numbers, real
+from design.table import check_keys, choice, limits
 from identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
-OBSERVERS = ("none", "luenberger", "kalman")
 KEYS = (
     *("K", "Q", "R", "A", "B", "C", "observer", "observer_poles", "process_noise", "measurement_noise", "states"),
     *("integral_weight", "ki", "reference_gain", "u_min", "u_max"),
 )
 ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the observer, which forgets"
-INTEGRAL_WHY = "it moves outward only while the unlimited output is within its limits, at most one step beyond"
-
-
-@dataclass(frozen=True, slots=True)
-class Gains:
-    """Every constant of the law, and which inputs it reads; `feedback` (m, n), `forward` (m,), `correction` (n, r)."""
-
-    feedback: Array
-    forward: Array
-    ki: float
-    correction: Array | None  # L; None without an observer
-    reference: int | None  # index of that input
-    measured: tuple[int, ...]  # indices of the states, or of the measurements
 
 
 def design(request: Request) -> Design:
@@ -61,8 +49,35 @@ def design(request: Request) -> Design:
     check_keys(request.table, KEYS, "a state_feedback")
     if not request.outputs or not request.inputs:
         raise DesignError("controller.kind = 'state_feedback' needs inputs and an output in [signals]")
-    model = model_of(request)
-    gains, model = _gains(request, model)
+    gains, model = find_gains(request, model_of(request))
+    return Design(_law(request, model, gains), _figures(gains), None, {})
+
+
+def draft(request: Request) -> Draft:
+    """Find the gains and write the equations; the limited outputs move the observer, the error an integral."""
+    check_keys(request.table, KEYS, "a state_feedback")
+    gains, model = find_gains(request, model_of(request))
+    parts = _parts(request, model, gains)
+    applied = symbols([f"{wire.name}_applied" for wire in request.outputs])
+    units = [*model.units, *([wire.unit for wire in request.outputs] * len(model.a))][parts.first :]
+    state = (
+        Element(symbol.name(), unit, symbol, after)
+        for symbol, unit, after in zip(parts.held, units, parts.moved(applied), strict=False)
+    )
+    return Draft(
+        _says(request, model, gains),
+        parts.z,
+        tuple(state),
+        parts.sums,
+        parts.named,
+        _figures(gains),
+        applied,
+        (gains.ki * request.period) * parts.error if gains.ki else None,
+        () if gains.correction is not None else gains.measured,
+    )
+
+
+def _figures(gains: Gains) -> dict[str, float]:
     figures = {f"K_{i}_{j}": float(gains.feedback[i, j]) for i, j in np.ndindex(*gains.feedback.shape)}
     if gains.reference is not None:
         figures |= {f"N_{i}": float(value) for i, value in enumerate(gains.forward)}
@@ -70,166 +85,76 @@ def design(request: Request) -> Design:
         figures["ki"] = gains.ki
     if gains.correction is not None:
         figures |= {f"L_{i}_{j}": float(gains.correction[i, j]) for i, j in np.ndindex(*gains.correction.shape)}
-    return Design(_law(request, model, gains), figures, None, {})
+    return figures
 
 
-def _gains(request: Request, model: Model | None) -> tuple[Gains, Model]:
-    table, drives = request.table, len(request.outputs)
-    kind = choice(table, "observer", "none", OBSERVERS)
-    names = [wire.name for wire in request.inputs]
-    reference = names.index("reference") if "reference" in names else None
-    others = [k for k in range(len(names)) if k != reference]
-    if "states" in table:
-        others = [_index(names, name) for name in _texts(table["states"])]
-    if model is None:
-        model = _gain_alone(request, kind, len(others))
-    if kind == "none" and len(others) != model.order:
-        raise DesignError(
-            f"state_feedback without an observer needs one input a state, {model.order} ({', '.join(model.names)}), "
-            f"but [signals] gives {len(others)}; add signals, or give controller.observer"
-        )
-    if kind != "none":
-        model = _measured_by(model, [names[k] for k in others])
-    feedback, ki = _feedback(request, model)
-    forward = np.zeros(drives)
-    if reference is not None:
-        forward = (
-            np.array(each(table, "reference_gain", [0.0] * drives))
-            if "reference_gain" in table
-            else reference_gain(model.a, model.b, model.c, feedback)
-        )
-    correction = _correction(request, model, kind)
-    return Gains(feedback, forward, ki, correction, reference, tuple(others)), model
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """The equations before anything is limited."""
+
+    z: tuple[ca.SX, ...]
+    first: int  # of the model's states that the controller keeps
+    held: tuple[ca.SX, ...]
+    sums: tuple[ca.SX, ...]  # -K x + N r
+    error: ca.SX  # r - y of the integral
+    moved: Callable[[Sequence[ca.SX]], list[ca.SX]]  # what `held` is next, by the limited outputs
+    named: Mapping[str, tuple[str, ca.SX]]
 
 
-def _gain_alone(request: Request, kind: str, states: int) -> Model:
-    """Stand in for a model where K is all there is: nothing is known, so nothing can be checked."""
-    if kind != "none" or "Q" in request.table or "K" not in request.table:
-        raise DesignError("state_feedback needs a model for this; add [plant], or A, B (and C) to [controller]")
-    if "reference" in [wire.name for wire in request.inputs] and "reference_gain" not in request.table:
-        raise DesignError(
-            "controller.reference_gain is missing; without a model it cannot be computed: give it, or [plant]"
-        )
-    if "ki" in request.table:
-        raise DesignError("controller.ki needs a model that says what is measured; add [plant], or A, B and C")
-    still = np.zeros((states, states))
-    names = tuple(f"x_{k}" for k in range(1, states + 1))
-    return Model(still, np.zeros((states, len(request.outputs))), still, states, names, ("1",) * states, ())
-
-
-def _measured_by(model: Model, names: list[str]) -> Model:
-    """Keep the rows of C that the inputs carry, in the order of the inputs."""
-    if not names or len(names) > len(model.outputs):
-        raise DesignError(
-            f"the observer has {len(names)} measurement(s) ({', '.join(names)}) of a model with {len(model.outputs)} "
-            f"output(s) ({', '.join(model.outputs)}); correct [signals] or the model's outputs"
-        )
-    by_name = {output.lower(): k for k, output in enumerate(model.outputs)}
-    rows = [by_name[name] for name in names] if all(name in by_name for name in names) else list(range(len(names)))
-    outputs = tuple(model.outputs[k] for k in rows)
-    return Model(model.a, model.b, model.c[rows], model.order, model.names, model.units, outputs)
-
-
-def _feedback(request: Request, model: Model) -> tuple[Array, float]:
-    """Return K (m, n), past inputs included, and ki."""
-    table, drives, size = request.table, len(request.outputs), len(model.a)
-    h = request.period
-    for one, other in (("K", "Q"), ("K", "R"), ("ki", "Q"), ("integral_weight", "K")):
-        if one in table and other in table:
-            raise DesignError(f"controller.{one} is given beside {other}; remove one of the two")
-    if ("ki" in table or "integral_weight" in table) and (
-        drives != 1 or "reference" not in [wire.name for wire in request.inputs]
-    ):
-        raise DesignError(
-            "integral action needs one output and an input named 'reference'; remove it or add the signal"
-        )
-    ring = np.block([[model.a, np.zeros((size, 1))], [-h * model.c[:1], np.ones((1, 1))]])
-    drive = np.vstack([model.b, np.zeros((1, drives))])
-    if "K" in table:
-        given = matrix(table, "K", drives, None, "controller.outputs")
-        if given.shape[1] not in (model.order, size):
-            raise DesignError(
-                f"controller.K has {given.shape[1]} columns for {model.order} states; correct one of them"
-            )
-        feedback = np.hstack([given, np.zeros((drives, size - given.shape[1]))])
-        ki = real(table, "ki", 0.0)
-        if np.any(model.b):
-            whole = np.hstack([feedback, [[-ki]]]) if ki else feedback
-            check_stable(ring - drive @ whole if ki else model.a - model.b @ feedback, "the loop of controller.K")
-        return feedback, ki
-    q = np.zeros((size, size))
-    q[: model.order, : model.order] = weights(table, "Q", model.order, False)
-    r = weights(table, "R", drives, True)
-    weight = real(table, "integral_weight", 0.0, 0.0)
-    if not weight:
-        return lqr(model.a, model.b, q, r, "the weights Q and R"), 0.0
-    full = np.block([[q, np.zeros((size, 1))], [np.zeros((1, size)), np.full((1, 1), weight)]])
-    whole = lqr(ring, drive, full, r, "the weights Q, R and integral_weight")
-    return whole[:, :size], float(-whole[0, size])
-
-
-def _correction(request: Request, model: Model, kind: str) -> Array | None:
-    """Return L (n, r); the past inputs are known and need none."""
-    table, own = request.table, model.order
-    keys = {"luenberger": ("observer_poles",), "kalman": ("process_noise", "measurement_noise"), "none": ()}
-    for other in ("observer_poles", "process_noise", "measurement_noise"):
-        if other in table and other not in keys[kind]:
-            raise DesignError(
-                f"controller.{other} has no use with observer = '{kind}'; remove it or change the observer"
-            )
-    if kind == "none":
-        return None
-    if kind == "luenberger":
-        found = luenberger(model.a_own, model.c_own, numbers(table, "observer_poles", None))
-    else:
-        w, v = weights(table, "process_noise", own, False), weights(table, "measurement_noise", len(model.c), True)
-        found = kalman(model.a_own, model.c_own, w, v)
-    check_stable(model.a_own - found @ model.c_own, "the observer")
-    return np.vstack([found, np.zeros((len(model.a) - own, len(model.c)))])
-
-
-def _law(request: Request, model: Model, gains: Gains) -> Law:
-    """Write the equations of the module docstring."""
-    low, high = limits(request.table, request.outputs)
+def _parts(request: Request, model: Model, gains: Gains) -> _Parts:
+    """Write -K x + N r, what the observer sees, and what it does with it."""
     z = symbols([wire.name for wire in request.inputs])
     seen = [z[k] for k in gains.measured]
     estimated = gains.correction is not None
     first = 0 if estimated else model.order  # without an observer the own states are inputs, not state
     held = symbols(_state_names(model)[first:])
     x = [*([] if estimated else seen), *held]
-    named: dict[str, tuple[str, ca.SX]] = {}
     r = z[gains.reference] if gains.reference is not None else ca.SX(0)
     sums = [weighted_sum([*(-row), n], [*x, r]) for row, n in zip(gains.feedback, gains.forward, strict=True)]
-    state: list[tuple[ca.SX, ca.SX]] = []
-    free = list(sums)
-    integral = ca.SX.sym("integral")
-    if gains.ki:
-        free = [sums[0] + integral]
-    limited = [ca.fmin(ca.fmax(v, a), b) for v, a, b in zip(free, low, high, strict=True)]
-    ends = ["unlimited"] if len(free) == 1 else [f"{wire.name}_unlimited" for wire in request.outputs]
-    named |= {end: (wire.unit, v) for end, wire, v in zip(ends, request.outputs, free, strict=True)}
+    named: dict[str, tuple[str, ca.SX]] = {}
     wrong: list[ca.SX] = []
     if gains.correction is not None:
         wrong = [y - weighted_sum(row, x) for y, row in zip(seen, model.c, strict=True)]
         units = [request.inputs[k].unit for k in gains.measured]
         named |= {f"innovation_{k}": (unit, e) for k, (unit, e) in enumerate(zip(units, wrong, strict=True), 1)}
     correction = gains.correction if gains.correction is not None else np.zeros((len(model.a), 0))
-    for k, symbol in enumerate(held, first):
-        after = weighted_sum([*model.a[k], *model.b[k], *correction[k]], [*x, *limited, *wrong])
-        state.append((symbol, after))
-    ranges = _ranges(request, model, gains, first, (low, high))
+
+    def moved(applied: Sequence[ca.SX]) -> list[ca.SX]:
+        return [
+            weighted_sum([*model.a[k], *model.b[k], *correction[k]], [*x, *applied, *wrong])
+            for k in range(first, len(model.a))
+        ]
+
+    error = ca.SX(0)
     if gains.ki:
-        y = seen[0] if estimated else weighted_sum(model.c[0], x)
-        error = r - y
+        error = r - (seen[0] if estimated else weighted_sum(model.c[0], x))
         named["error"] = (request.inputs[gains.measured[0]].unit if estimated else "", error)
+    return _Parts(z, first, held, tuple(sums), error, moved, named)
+
+
+def _law(request: Request, model: Model, gains: Gains) -> Law:
+    """Write the equations of the module docstring."""
+    low, high = limits(request.table, request.outputs)
+    parts = _parts(request, model, gains)
+    integral = ca.SX.sym("integral")
+    free = [parts.sums[0] + integral] if gains.ki else list(parts.sums)
+    limited = [ca.fmin(ca.fmax(v, a), b) for v, a, b in zip(free, low, high, strict=True)]
+    ends = ["unlimited"] if len(free) == 1 else [f"{wire.name}_unlimited" for wire in request.outputs]
+    named = {end: (wire.unit, v) for end, wire, v in zip(ends, request.outputs, free, strict=True)}
+    named |= parts.named
+    state = list(zip(parts.held, parts.moved(limited), strict=True))
+    ranges = _ranges(request, model, gains, parts.first, (low, high))
+    if gains.ki:
+        error = parts.error
         up, down = (error > 0, error < 0) if gains.ki > 0 else (error < 0, error > 0)
         outward = ca.logic_or(ca.logic_and(free[0] > high[0], up), ca.logic_and(free[0] < low[0], down))
         step = (gains.ki * request.period) * error
         state.append((integral, integral + ca.if_else(ca.logic_not(outward), step, 0)))
         ranges.append(_integral_range(request, model, gains, [s for s, _ in ranges], (low[0], high[0])))
     check_names(request, [*(symbol.name() for symbol, _ in state), *named])
-    law = write(request, _says(request, model, gains), z, state, ranges, list(zip(limited, free, strict=True)), named)
-    return law if estimated else replace(law, states=gains.measured)
+    pairs = list(zip(limited, free, strict=True))
+    law = write(request, _says(request, model, gains), parts.z, state, ranges, pairs, named)
+    return law if gains.correction is not None else replace(law, states=gains.measured)
 
 
 def _ranges(
@@ -292,24 +217,11 @@ def _says(request: Request, model: Model, gains: Gains) -> str:
     return f"{how}, {seen}{extra}: {model.order} states, K " + " ".join(f"{k:.6g}" for k in gains.feedback.ravel())
 
 
-def _texts(value: object) -> list[str]:
-    if not isinstance(value, list | tuple) or not value or not all(isinstance(name, str) for name in value):
-        raise DesignError(
-            f'controller.states = {value!r} is not a list of names; write it like states = ["p_m", "v_m_s"]'
-        )
-    return [str(name) for name in value]
-
-
-def _index(names: list[str], name: str) -> int:
-    if name not in names:
-        raise DesignError(f"controller.states names '{name}', which is no input; inputs: {', '.join(names)}")
-    return names.index(name)
-
-
 KIND = Kind(
     name="state_feedback",
     says="u = -K x + N r from given gains or LQR weights, the state measured or estimated",
     design=design,
+    draft=draft,
     example=Request(
         name="cart_lqg",
         table={

@@ -14,10 +14,11 @@ import math
 
 import numpy as np
 
+from design.draft import Draft, Element
 from design.kinds import Design, Kind, Request
 from design.law import DesignError
-from design.linear_law import Draft, Element, limited_law, symbols, weighted_sum
-from design.table import check_keys, each, limits, matrix
+from design.linear_law import designed, symbols, weighted_sum
+from design.table import check_keys, each, matrix
 from identify.signal import Signal
 
 KEYS = ("A", "B", "C", "D", "u_min", "u_max", "x_min", "x_max")
@@ -25,6 +26,11 @@ KEYS = ("A", "B", "C", "D", "u_min", "u_max", "x_min", "x_max")
 
 def design(request: Request) -> Design:
     """Read the matrices and write the law."""
+    return designed(request, draft(request))
+
+
+def draft(request: Request) -> Draft:
+    """Read the matrices and write the equations."""
     table = request.table
     check_keys(table, KEYS, "a state_space")
     if not request.inputs or not request.outputs:
@@ -39,7 +45,6 @@ def design(request: Request) -> Design:
         if "D" in table
         else np.zeros((drives, wires))
     )
-    low, high = limits(table, request.outputs)
     least, most = each(table, "x_min", [-math.inf] * order), each(table, "x_max", [math.inf] * order)
     for k, (down, up) in enumerate(zip(least, most, strict=True)):
         if not down <= 0 <= up or math.isinf(down) != math.isinf(up) or down == up:
@@ -58,13 +63,14 @@ def design(request: Request) -> Design:
     named = {end: (wire.unit, value) for end, wire, value in zip(ends, request.outputs, outputs, strict=True)}
     says = f"state space: {order} state{'' if order == 1 else 's'}, {wires} in, {drives} out"
     figures = {"slowest_pole": float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0))}
-    return Design(limited_law(request, Draft(says, z, state, outputs, named), low, high), figures, None, {})
+    return Draft(says, z, state, outputs, named, figures)
 
 
 KIND = Kind(
     name="state_space",
     says="a discrete linear controller given by its matrices",
     design=design,
+    draft=draft,
     example=Request(
         name="two_axis",
         table={

@@ -13,8 +13,10 @@ which only floating point can hold.
 
 from __future__ import annotations
 
+from design.draft import Draft
 from design.kinds import Design, Kind, Request
 from design.law import DesignError
+from design.linear_law import designed
 from design.rational import from_z
 from design.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, sampled, sectioned
 from design.table import check_keys, choice, numbers
@@ -25,6 +27,11 @@ KEYS = ("numerator", "denominator", "domain", *METHOD_KEYS, *OUTPUT_KEYS)
 
 def design(request: Request) -> Design:
     """Read the coefficients, sample them where they are in s, and write the law."""
+    return designed(request, draft(request))
+
+
+def draft(request: Request) -> Draft:
+    """Read the coefficients, sample them where they are in s, and write the equations."""
     table = request.table
     check_keys(table, KEYS, "a transfer_function")
     above, below = list(numbers(table, "numerator", None)), list(numbers(table, "denominator", None))
@@ -55,6 +62,7 @@ KIND = Kind(
     name="transfer_function",
     says="a transfer function in z or s on reference - measurement, as second-order sections",
     design=design,
+    draft=draft,
     example=Request(
         name="position_loop",
         table={

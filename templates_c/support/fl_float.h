@@ -28,6 +28,18 @@ static inline int32_t fl_outside_f32(float x, float low, float high)
     return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
+/* The limit that `x` is beyond where fl_outside holds; `low` for what is not a number. */
+static inline float fl_beyond_f32(float x, float low, float high)
+{
+    return (x >= low) ? high : low;
+}
+
+/* Whether `a` is not a number. */
+static inline int32_t fl_none_f32(float a)
+{
+    return (a == a) ? 0 : 1;
+}
+
 /* Whether `a` is not a number, or infinite. */
 static inline int32_t fl_lost_f32(float a)
 {
@@ -66,6 +78,18 @@ static inline double fl_clamp_f64(double x, double low, double high)
 static inline int32_t fl_outside_f64(double x, double low, double high)
 {
     return (x >= low) ? ((x > high) ? 1 : 0) : 1;
+}
+
+/* The limit that `x` is beyond where fl_outside holds; `low` for what is not a number. */
+static inline double fl_beyond_f64(double x, double low, double high)
+{
+    return (x >= low) ? high : low;
+}
+
+/* Whether `a` is not a number. */
+static inline int32_t fl_none_f64(double a)
+{
+    return (a == a) ? 0 : 1;
 }
 
 /* Whether `a` is not a number, or infinite. */

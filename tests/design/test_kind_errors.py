@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -23,6 +24,7 @@ SPACE = {"A": [[0.5]], "B": [[1.0, -1.0]], "C": [[1.0]]}
 LQR = {"A": [[1.0, 0.01], [0.0, 0.9]], "B": [[0.0], [0.1]], "C": [[1.0, 0.0]], "Q": 1.0, "R": 1.0}
 SEEN = {**LQR, "observer": "kalman", "process_noise": 0.1, "measurement_noise": 0.1}
 TWO = [{"kp": 1.0, "ki": 1.0}, {"kp": 2.0, "ki": 1.0}]
+LEAD = {"kind": "lead_lag", "zero_rad_s": 10.0, "pole_rad_s": 60.0}
 PLAN = {"schedule_on": "level", "points": [0.0, 10.0], "controllers": TWO}
 
 
@@ -48,6 +50,7 @@ def raised(kind: str, table: dict[str, object], inputs=(R, Y), outputs=(U,)) -> 
         ({"numerator": [1.0], "denominator": [1.0, -1.5]}, ["unstable", "z = 1.5"]),
         ({"numerator": [1.0], "denominator": [1.0, -2.0, 1.7]}, ["unstable", "1+0.83666j"]),
         ({"numerator": [1.0], "denominator": [1.0, -5.0], "domain": "s"}, ["unstable"]),
+        ({"numerator": [1.0], "denominator": [1.0, *[0.0] * 99, -0.5]}, ["100 states", "at most 64", "split"]),
         ({"numerator": [1.0], "denominator": [1.0, -0.5], "discretize": "zoh"}, ["discretize", "domain"]),
         ({"numerator": [1.0], "denominator": [1.0, 5.0], "domain": "s", "discretize": "euler"}, ["euler", "zoh"]),
         ({"numerator": [1.0], "denominator": [1.0, 5.0], "domain": "s", "discretize": "prewarp"}, ["prewarp_rad_s"]),
@@ -147,9 +150,20 @@ def test_state_feedback(table, words):
         ({**PLAN, "points": [5.0, 1.0]}, ["points", "rise", "1 follows 5"]),
         ({**PLAN, "points": [1.0, 2.0, 3.0]}, ["3 values", "2 controllers"]),
         ({**PLAN, "points": [1.0], "controllers": TWO[:1]}, ["at least two"]),
+        ({**PLAN, "points": [0.0, 1e-320]}, ["0 and 9.99989e-321", "near"]),
         ({**PLAN, "schedule_on": "lever"}, ["lever", "did you mean 'level'"]),
         ({**PLAN, "controllers": [{"kp": 1.0}, {"kq": 1.0}]}, ["point 2", "kq"]),
-        ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "notch"}]}, ["point 2", "notch"]),
+        ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "notch"}]}, ["point 1", "pid", "point 2", "notch"]),
+        ({**PLAN, "controllers": [{"kp": 1.0}, {"kind": "mpc"}]}, ["point 2", "mpc", "known: pid, lead_lag, notch"]),
+        ({**PLAN, "controllers": [LEAD, {"kind": "notch"}]}, ["point 2", "frequency_rad_s", "missing"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "frequency_rad_s": 400.0}]}, ["point 2", "zero_rad_s"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "u_max": 2.0}]}, ["1 and 2", "u_max = 12 and 2", "same"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "u_max": -20.0}]}, ["point 2", "u_max", "out of order or range"]),
+        ({**PLAN, "controllers": [LEAD, {"kind": "state_space"}]}, ["point 2", "controller.A", "missing"]),
+        ({**PLAN, "controllers": [LEAD, {"kind": "state_space", **SPACE, "A": [[1.5]]}]}, ["point 2", "unstable"]),
+        ({**PLAN, "controllers": [LEAD, LEAD], "feedforward": {"from": "effects"}}, ["feedforward", "pids"]),
+        ({**PLAN, "controllers": [LEAD, {**LEAD, "plant": {"gain": 2.0}}]}, ["point 2", "plant", "[plant]"]),
+        ({**PLAN, "controllers": [{"kind": "lead_lag"}, LEAD]}, ["point 1", "zero_rad_s"]),
         ({**PLAN, "controllers": [TWO[0], {"kp": 1.0, "u_max": 3.0}]}, ["1 and 2", "u_max", "same"]),
         ({**PLAN, "points": [{"at": 0.0, "kp": 1.0}, {"kp": 1.0}]}, ["controllers", "beside"]),
     ],
@@ -186,6 +200,21 @@ def test_an_integrator_is_for_floats_unless_it_is_limited() -> None:
         lower(design("state_space", "x", limited, H, (R, Y), (U,), None).law, "fixed16")
 
 
+@pytest.mark.parametrize("span", [1e-300, 1e300])
+def test_ranges_beyond_all_formats_are_told(span: float) -> None:
+    wires = (Signal("reference", "m", -span, span), Signal("measurement", "m", -span, span))
+    with pytest.raises((QuantizeError, DesignError), match=r"smaller unit|leave all numbers|rescale"):
+        lower(design("lead_lag", "x", {"zero_rad_s": 10.0, "pole_rad_s": 60.0}, H, wires, (U,), None).law, "fixed32")
+    with pytest.raises(QuantizeError, match="leave all numbers"):
+        lower(design("pid", "x", {"kp": 1e308}, H, (R, replace(Y, high=9.0)), (U,), None).law, "fixed32")
+
+
+def test_what_has_no_range_says_why() -> None:
+    law = design("transfer_function", "x", {"numerator": [0.1], "denominator": [1.0, -1.0]}, H, (R, Y), (U,), None).law
+    with pytest.raises(QuantizeError, match=r"w1_1 has no finite proven range \(no bound: a pole on the unit circle"):
+        lower(law, "fixed32")
+
+
 def test_coefficients_beyond_fixed_point_are_told() -> None:
     for size in (1e-30, 1e30):
         law = design("state_space", "x", {**SPACE, "B": [[size, 1.0]]}, H, (R, Y), (U,), None).law
@@ -215,3 +244,25 @@ def test_no_table_ends_in_anything_but_a_law_or_a_sentence(data, kind):
         assert re.search(r"[.;:,]", str(error)) and "\n" not in str(error)
         return
     assert all(state.low <= start <= state.high for state, start in zip(found.law.state, found.law.start, strict=True))
+
+
+@pytest.mark.parametrize("kind", ["pid", "transfer_function"])
+def test_a_reference_that_no_measurement_reaches(kind: str) -> None:
+    table = {"kp": 1.0} if kind == "pid" else {"numerator": [1.0], "denominator": [1.0, -0.5]}
+    said = raised(kind, table, inputs=(R, Signal("measurement", "m", 10.0, 20.0)))
+    assert "from -1 to 1" in said and "from 10 to 20" in said and "never meet" in said
+
+
+def test_a_rate_that_moves_nothing_in_fixed_point_is_told() -> None:
+    law = design("pid", "x", {"kp": 1.0, "rate_limit_per_s": 1e-9}, H, (R, Y), (U,), None).law
+    with pytest.raises(QuantizeError, match="moved by -1e-11, which is nothing there"):
+        lower(law, "fixed32")
+    lower(law, "float64")
+
+
+def test_numbers_beyond_all_numbers_are_told() -> None:
+    table = {"kp": 1.0, "ki": 1.0, "kd": 0.0, "error_width": 1e-320, "change_width": 1.0}
+    with pytest.raises(QuantizeError, match="beyond all numbers"):
+        lower(design("fuzzy_pid", "x", table, H, (R, Y), (U,), None).law, "fixed32")
+    fast = {"numerator": [1.0], "denominator": [1.0, 1e9, 1e30], "domain": "s", "discretize": "zoh"}
+    assert "nothing but rounding" in raised("transfer_function", fast)

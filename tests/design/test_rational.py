@@ -108,3 +108,22 @@ def test_the_delta_form_keeps_what_a_rounded_coefficient_would_move() -> None:
         found = np.roots([1.0, *rounded]) - (1 if form == "shift" else 0)
         moved[form] = np.max(np.abs(np.sort_complex(found) - np.sort_complex(poles)))
     assert moved["shift"] > 100 * moved["delta"]
+
+
+@pytest.mark.parametrize("order", [4, 12, 20, 30, 60])
+def test_roots_around_the_circle_keep_their_places(order: int) -> None:
+    """Powers of z - 1 have coefficients as large as 2^order there; powers of z lose nothing."""
+    rational = from_z([1.0], [1.0, *[0.0] * (order - 1), -0.5])
+    np.testing.assert_allclose(np.abs(1 + rational.poles), 0.5 ** (1 / order), rtol=1e-12)
+
+
+def test_roots_that_crowd_one_keep_their_places() -> None:
+    distances = np.array([1e-6, 2e-6, 5e-4])
+    rational = from_z([1.0], np.poly(1 - distances).tolist())
+    np.testing.assert_allclose(np.sort(-rational.poles.real)[2], 5e-4, rtol=1e-6)
+
+
+def test_a_middle_coefficient_of_nothing_but_rounding_is_none() -> None:
+    """A pair at +-i r has a1 = 0, whatever its two roots round to."""
+    for section in sections(from_z([1.0], [1.0, *[0.0] * 29, -0.5]), "shift"):
+        assert all(value == 0 or abs(value) > 1e-9 for value in (*section.a, *section.b))

@@ -88,7 +88,7 @@ def test_fixed_formats_are_words_of_their_width(arithmetic: str) -> None:
         assert value.number.bits == bits
         assert -(2 ** (bits - 1)) <= value.low < value.high < 2 ** (bits - 1)
     for op in program.body:
-        half = 2 ** (63 if op.function in ("acc", "mac") else 31)
+        half = 2 ** (63 if op.function in ("wide", "mac") else 31)
         assert -half <= op.result.low <= op.result.high < half
 
 

@@ -42,9 +42,9 @@ def named(found: dict[str, Any], function: str) -> dict[str, Any]:
     return next(o for o in found["operations"] if o["function"] == function)
 
 
-@pytest.mark.parametrize("function", ["acc", "mac", "high", "sub", "max", "clamp", "select", "shl"])
+@pytest.mark.parametrize("function", ["wide", "mac", "high", "sub", "max", "clamp", "select", "shl"])
 def test_a_range_claimed_too_small_is_refused(function: str) -> None:
-    found = document("fixed32")
+    found = document("fixed16")
     named(found, function)["high"] -= 1
     with pytest.raises(ProofError):
         check_proof(found)
@@ -53,7 +53,7 @@ def test_a_range_claimed_too_small_is_refused(function: str) -> None:
 def test_a_state_that_is_not_set_yet_is_read_by_its_test_alone() -> None:
     found = document("fixed32")
     assert found["unset"] == "filtered"
-    named(found, "shl")["arguments"][0] = "self.filtered"
+    named(found, "sub")["arguments"][1] = "self.filtered"
     with pytest.raises(ProofError, match=r"reads self\.filtered, which may not be set yet"):
         check_proof(found)
 

@@ -1,4 +1,4 @@
-/* fl_fixed.h -- the arithmetic of fixed-point controllers: 32-bit values, proven ranges, rounding to nearest.
+/* fl_fixed.h -- the arithmetic of fixed-point controllers: 32-bit values, proven ranges, one rounding each.
  *
  * No function here checks for overflow: the generator has proven for every call that the result fits.
  */
@@ -31,10 +31,10 @@ static inline int32_t fl_shr_i32(int32_t a, uint32_t s)
     return (a + (int32_t)((uint32_t)1 << (s - 1U))) >> s;
 }
 
-/* a * b / 2^s in 64 bits, rounded to nearest, halves up; s from 1 to 62, the result fits 32 bits. */
-static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s)
+/* a * b / 2^s in 64 bits, rounded down; s from 1 to 62, the result fits 32 bits. */
+static inline int32_t fl_mul_down_i32(int32_t a, int32_t b, uint32_t s)
 {
-    return fl_low_i32((int64_t)a * b + (int64_t)((uint64_t)1 << (s - 1U)), s);
+    return fl_low_i32((int64_t)a * b, s);
 }
 
 /* a / 2^s, rounded down; s from 1 to 31. */
@@ -43,24 +43,35 @@ static inline int32_t fl_asr_i32(int32_t a, uint32_t s)
     return a >> s;
 }
 
-/* A sum of products, rounded once: it starts as a * 2^s and the half that rounds it, s from 1 to 62; ... */
-static inline int64_t fl_acc_i64(int32_t a, uint32_t s)
+/* A sum of products, rounded once: it starts as a product, ... */
+static inline int64_t fl_wide_i64(int32_t a, int32_t b)
 {
-    const uint64_t power = (uint64_t)1 << s;
-    const int64_t one = (int64_t)power;
-    return (a * one) + (one / 2);
+    return (int64_t)a * b;
 }
 
-/* ... then come the products, each as it is; ... */
+/* ... then come the others; ... */
 static inline int64_t fl_mac_i64(int64_t acc, int32_t a, int32_t b)
 {
     return acc + (int64_t)a * b;
 }
 
-/* ... and sum / 2^s is its value, rounded to nearest, halves up; it fits 32 bits. */
-static inline int32_t fl_high_i32(int64_t acc, uint32_t s)
+/* ... and sum / 2^s is its value, rounded down; s from 1 to 62, it fits 32 bits; ... */
+static inline int32_t fl_down_i32(int64_t acc, uint32_t s)
 {
     return fl_low_i32(acc, s);
+}
+
+/* ... or rounded to nearest, halves up; s from 1 to 62, it fits 32 bits. The half that rounds
+ * is the last bit that is shifted out: so it costs nothing beside an addition. */
+static inline int32_t fl_high_i32(int64_t acc, uint32_t s)
+{
+    return fl_low_i32(acc, s) + (int32_t)((uint32_t)((uint64_t)acc >> (s - 1U)) & 1U);
+}
+
+/* a * b / 2^s in 64 bits, rounded to nearest, halves up; s from 1 to 62, the result fits 32 bits. */
+static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s)
+{
+    return fl_high_i32((int64_t)a * b, s);
 }
 
 static inline int32_t fl_min_i32(int32_t a, int32_t b)

@@ -20,32 +20,30 @@ void motor_pid_init(motor_pid_t *self)
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
     const int32_t fresh = (self->filtered == (-2147483647 - 1)) ? 1 : 0; /* truth */
-    const int64_t t1 = fl_acc_i64(0, 32U); /* Q51, 9.53674e-07 to 9.53674e-07 */
-    const int64_t t2 = fl_mac_i64(t1, in->reference, 107374182); /* Q51, -102.4 to 102.4 */
-    const int64_t t3 = fl_mac_i64(t2, in->measurement, -536870912); /* Q51, -614.4 to 614.4 */
-    const int32_t t4 = fl_high_i32(t3, 32U); /* Q19, -614.4 to 614.4 */
-    const int32_t t5 = (fresh != 0) ? t4 : self->filtered; /* Q19, -614.4 to 614.4 */
-    const int64_t t6 = fl_acc_i64(self->integral, 32U); /* Q55, -128 to 128 */
-    const int64_t t7 = fl_mac_i64(t6, in->reference, 363119962); /* Q55, -149.644 to 149.644 */
-    const int64_t t8 = fl_mac_i64(t7, in->measurement, -741857987); /* Q55, -193.862 to 193.862 */
-    const int32_t t9 = fl_shl_i32(t5, 1U); /* Q20, -614.4 to 614.4 */
-    const int64_t t10 = fl_mac_i64(t8, t9, -1249445032); /* Q55, -216.204 to 216.204 */
-    const int32_t unlimited = fl_high_i32(t10, 32U); /* V, Q23, -216.204 to 216.204 */
-    const int32_t t11 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 216.204 */
-    const int32_t output_limited = fl_min_i32(t11, 100663296); /* V, Q23, -12 to 12 */
-    const int32_t t12 = output_limited - unlimited; /* Q23, -228.204 to 228.204 */
-    const int64_t t13 = fl_mac_i64(t6, in->reference, 12025908); /* Q55, -128.717 to 128.717 */
-    const int64_t t14 = fl_mac_i64(t13, in->measurement, -12025908); /* Q55, -129.434 to 129.434 */
-    const int64_t t15 = fl_mac_i64(t14, t12, 85899346); /* Q55, -133.998 to 133.998 */
-    const int32_t integral_new = fl_high_i32(t15, 32U); /* V, Q23, -133.998 to 133.998 */
-    const int64_t t16 = fl_acc_i64(t5, 32U); /* Q51, -614.4 to 614.4 */
-    const int64_t t17 = fl_mac_i64(t16, t5, -390451572); /* Q51, -670.255 to 670.255 */
-    const int64_t t18 = fl_mac_i64(t17, in->reference, 9761289); /* Q51, -679.564 to 679.564 */
-    const int64_t t19 = fl_mac_i64(t18, in->measurement, -48806447); /* Q51, -726.109 to 726.109 */
-    const int32_t filtered_new = fl_high_i32(t19, 32U); /* rad/s, Q19, -726.109 to 726.109 */
+    const int64_t t1 = fl_wide_i64(in->reference, 214748365); /* Q52, -102.4 to 102.4 */
+    const int64_t t2 = fl_mac_i64(t1, in->measurement, -1073741824); /* Q52, -614.4 to 614.4 */
+    const int32_t t3 = fl_high_i32(t2, 32U); /* Q20, -614.4 to 614.4 */
+    const int32_t t4 = (fresh != 0) ? t3 : self->filtered; /* Q20, -614.4 to 614.4 */
+    const int32_t t5 = t3 - t4; /* Q20, -1228.8 to 1228.8 */
+    const int64_t t6 = fl_wide_i64(t5, 1249445032); /* Q55, -44.6836 to 44.6836 */
+    const int64_t t7 = fl_mac_i64(t6, in->reference, 300647711); /* Q55, -62.6036 to 62.6036 */
+    const int64_t t8 = fl_mac_i64(t7, in->measurement, -429496730); /* Q55, -88.2036 to 88.2036 */
+    const int32_t t9 = fl_high_i32(t8, 32U); /* Q23, -88.2036 to 88.2036 */
+    const int32_t unlimited = self->integral + t9; /* V, Q23, -216.204 to 216.204 */
+    const int32_t t10 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 216.204 */
+    const int32_t output_limited = fl_min_i32(t10, 100663296); /* V, Q23, -12 to 12 */
+    const int32_t t11 = output_limited - unlimited; /* Q23, -228.204 to 228.204 */
+    const int64_t t12 = fl_wide_i64(t11, 85899346); /* Q55, -4.56407 to 4.56407 */
+    const int64_t t13 = fl_mac_i64(t12, in->reference, 12025908); /* Q55, -5.28087 to 5.28087 */
+    const int64_t t14 = fl_mac_i64(t13, in->measurement, -12025908); /* Q55, -5.99767 to 5.99767 */
+    const int32_t t15 = fl_high_i32(t14, 32U); /* Q23, -5.99767 to 5.99767 */
+    const int32_t integral_new = self->integral + t15; /* V, Q23, -133.998 to 133.998 */
+    const int64_t t16 = fl_wide_i64(t5, 390451572); /* Q52, -111.709 to 111.709 */
+    const int32_t t17 = fl_high_i32(t16, 32U); /* Q20, -111.709 to 111.709 */
+    const int32_t filtered_new = t4 + t17; /* rad/s, Q20, -726.109 to 726.109 */
     const int32_t saturated = (output_limited != unlimited) ? 1 : 0; /* truth */
     const int32_t integral_next = fl_clamp_i32(integral_new, -1073741824, 1073741823); /* V, Q23, -128 to 128 */
-    const int32_t filtered_next = fl_clamp_i32(filtered_new, -268435456, 268435455); /* rad/s, Q19, -512 to 512 */
+    const int32_t filtered_next = fl_clamp_i32(filtered_new, -536870912, 536870911); /* rad/s, Q20, -512 to 512 */
 
     out->output = output_limited;
     self->integral = integral_next;

@@ -19,29 +19,31 @@ void motor_pid_init(motor_pid_t *self)
 
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
-    const int32_t fresh = fl_lost_f32(self->integral); /* truth */
+    const int32_t fresh = fl_none_f32(self->integral); /* truth */
     const float t1 = 0.2F * in->reference; /* -80 to 80 */
     const float t2 = t1 - in->measurement; /* -480 to 480 */
-    const float t3 = (fresh != 0) ? 0.0F : self->integral; /* -69.5982 to 69.5982 */
-    const float t4 = (fresh != 0) ? t2 : self->filtered; /* -484.8 to 484.8 */
     const float error = in->reference - in->measurement; /* rad/s, -800 to 800 */
-    const float t5 = 0.0014F * error; /* -1.12 to 1.12 */
-    const float t6 = t3 + t5; /* -70.7182 to 70.7182 */
-    const float t7 = 0.7F * in->reference; /* -280 to 280 */
-    const float t8 = t7 - in->measurement; /* -680 to 680 */
-    const float proportional = 0.05F * t8; /* V, -34 to 34 */
-    const float t9 = proportional + t3; /* -103.598 to 103.598 */
-    const float t10 = t2 - t4; /* -964.8 to 964.8 */
-    const float derivative_term = 0.036363635F * t10; /* V, -35.0836 to 35.0836 */
-    const float unlimited = t9 + derivative_term; /* V, -138.682 to 138.682 */
-    const float output_limited = fl_clamp_f32(unlimited, -12.0F, 12.0F); /* V, -12 to 12 */
-    const float t11 = output_limited - unlimited; /* -150.682 to 150.682 */
-    const float t12 = 0.02F * t11; /* -3.01364 to 3.01364 */
-    const float t13 = t6 + t12; /* -73.7318 to 73.7318 */
+    const float t3 = 0.0014F * error; /* -1.12 to 1.12 */
+    const float t4 = 0.7F * in->reference; /* -280 to 280 */
+    const float t5 = t4 - in->measurement; /* -680 to 680 */
+    const float proportional = 0.05F * t5; /* V, -34 to 34 */
+    const float t6 = self->integral + t3; /* -70.7182 to 70.7182 */
+    const float t7 = proportional + self->integral; /* -103.598 to 103.598 */
+    const float t8 = t2 - self->filtered; /* -964.8 to 964.8 */
+    const float t9 = 0.036363635F * t8; /* -35.0836 to 35.0836 */
+    const float t10 = t7 + t9; /* -138.682 to 138.682 */
+    const float t11 = 0.09090909F * t8; /* -87.7091 to 87.7091 */
+    const float t12 = self->filtered + t11; /* -572.509 to 572.509 */
+    const float unlimited = (fresh != 0) ? proportional : t10; /* V, -138.682 to 138.682 */
+    const float t13 = (fresh != 0) ? t3 : t6; /* -70.7182 to 70.7182 */
+    const float filtered_new = (fresh != 0) ? t2 : t12; /* rad/s, -572.509 to 572.509 */
     const int32_t saturated = fl_outside_f32(unlimited, -12.0F, 12.0F); /* truth */
-    const float integral_new = (saturated != 0) ? t13 : t6; /* V, -73.7318 to 73.7318 */
-    const float t14 = 0.09090909F * t10; /* -87.7091 to 87.7091 */
-    const float filtered_new = t4 + t14; /* rad/s, -572.509 to 572.509 */
+    const float output_limited = fl_clamp_f32(unlimited, -12.0F, 12.0F); /* V, -12 to 12 */
+    const float t14 = fl_beyond_f32(unlimited, -12.0F, 12.0F); /* -12 to 12 */
+    const float t15 = t14 - unlimited; /* -150.682 to 150.682 */
+    const float t16 = 0.02F * t15; /* -3.01364 to 3.01364 */
+    const float t17 = t13 + t16; /* -73.7318 to 73.7318 */
+    const float integral_new = (saturated != 0) ? t17 : t13; /* V, -73.7318 to 73.7318 */
 
     out->output = output_limited;
     self->integral = integral_new;

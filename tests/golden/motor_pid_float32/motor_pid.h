@@ -4,8 +4,8 @@
  *
  *   period    0.001 s between two calls of step()
  *   number    single precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)
- *   program   21ba40a755514b0b
- *   rounding  output differs from the exact law by at most 1.48e-05 V in one step
+ *   program   55543cc1a7201ed6
+ *   rounding  output differs from the exact law by at most 2.13e-05 V in one step
  */
 #ifndef MOTOR_PID_H
 #define MOTOR_PID_H
@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-#define MOTOR_PID_PROGRAM_ID "21ba40a755514b0b" /* a board answers with this; the verifier compares it */
+#define MOTOR_PID_PROGRAM_ID "55543cc1a7201ed6" /* a board answers with this; the verifier compares it */
 #define MOTOR_PID_PERIOD_S 0.001
 
 /** Bits of what step() returns; 0 when none holds. */
