@@ -3,6 +3,7 @@
 Both expressions are read as bit-vectors (fixed point) or IEEE floats and compared over all values their operands can
 have: those of the proven ranges. These arguments are tried:
 
+0. only the type is another, and the line's proven range fits it;
 1. the line's value is the same;
 2. it is not, but every line that reads it, and every line of the next step that reads the state it is stored in, is;
 3. nor is every such line, but the outputs, the status and the state that the rest of the step makes of it are;
@@ -43,9 +44,11 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
     if first is not None and any(v.name == first[1] for v in program.state):
         return _at_the_start(program, meaning, first[1], mutant)
     before, after = LINE.match(mutant.before), LINE.match(mutant.after)
-    if before is None or after is None or before[1] != after[1] or before[2] != after[2]:
+    if before is None or after is None or before[2] != after[2]:
         return None
     name = before[2]
+    if before[1] != after[1]:
+        return _fits(program, name, after[1]) if before[3] == after[3] else None
     try:
         old, new = meaning.value(before[3], {}), meaning.value(after[3], {})
         if meaning.same(old, new):
@@ -67,6 +70,16 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
         return "every line that reads it has the same value on the proven ranges, by z3"
     except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
         return None  # a text that is no expression of ours
+
+
+def _fits(program: Program, name: str, kind: str) -> str | None:
+    """Tell whether an integer's proven range is one of the type that it is put into."""
+    result = next((op.result for op in program.body if op.result.name == name), None)
+    bits = re.fullmatch(r"int(\d+)_t", kind)
+    if result is None or bits is None or result.number.kind == "float":
+        return None
+    half = 2 ** (int(bits[1]) - 1)
+    return "its proven range fits the other type" if -half <= result.low and result.high < half else None
 
 
 def _same_step(program: Program, meaning: _Meaning, name: str, old: Any, new: Any) -> bool:
@@ -124,7 +137,7 @@ class _Meaning:
         for op in program.body:
             self.ranges[op.result.name] = (op.result.low, op.result.high)
         self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
-        self.only: dict[str, tuple[float, float]] = {}  # state that is what init() set, or one constant
+        self.only: dict[str, tuple[float, ...]] = {}  # state that is what init() set, or one constant
         self._narrow_states(program)
         self.assumed: list[Any] = []
         self.symbols: dict[str, Any] = {}
@@ -133,8 +146,9 @@ class _Meaning:
         writers = {op.result.name: op for op in program.body}
         for store, start in zip(program.next_state, program.start, strict=True):
             op = writers.get(store.source)
-            if op is not None and op.function == "copy" and not isinstance(op.arguments[0], str):
-                self.only[f"self.{store.target}"] = (start, op.arguments[0])
+            given = _literals(op) if op is not None else ()
+            if given:
+                self.only[f"self.{store.target}"] = (start, *given)
             if op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
                 low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
                 least, most = self.ranges[op.arguments[0]]
@@ -223,6 +237,13 @@ class _Meaning:
             found[f"fl_clamp_{end}"] = lambda x, low, high: least(most(x, low), high)
             found[f"fl_abs_{end}"] = lambda a: z3.If(a < 0, -a, a)
         return found
+
+
+def _literals(op: Op) -> tuple[float, ...]:
+    """Return the constants of which an operation gives one; none where it gives anything else."""
+    taken = op.arguments[1:] if op.function == "select" else op.arguments if op.function == "copy" else ()
+    found = tuple(a for a in taken if not isinstance(a, str))
+    return found if len(found) == len(taken) else ()
 
 
 def _is_truth(op: Op) -> bool:

@@ -1,11 +1,13 @@
-"""First samples that bring a value of a program to the edge of a limit: on it, or next to it on either side.
+"""Samples that bring a value of a program to the edge of a limit: on it, or next to it on either side.
 
-A limit that is wrong by one unit in the last place shows nowhere else.
+A limit that is wrong by one unit in the last place shows nowhere else. A short input moves a long value by thousands of
+its units; so many lanes are tried, each behind another noise, and those kept that meet their limit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,48 +18,102 @@ from verify.reference import Machine, Raw, start_state, working_type
 
 Array = NDArray[np.float64]
 Convert = Callable[[Value, Array], Raw]
-HALVINGS = 64  # of the way from one input to the other: to neighbors in any format
+TRIED = 4  # lanes for each that is kept
+TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
+MOST_TRIED = 2**18  # lanes in all
+HALVINGS = 64  # of the way from one input to the other: to neighbors in any format,
+HALVINGS_SHORT = 18  # and in a short one
 
 
 def limits(program: Program) -> list[tuple[str, float]]:
-    """Return each value that an operation limits, with the limit."""
+    """Return each value that an operation limits, with the limit; of a state, what it becomes in this sample."""
+    becomes = {f"self.{a.target}": a.source for a in program.next_state}
     found = []
     for op in program.body:
-        if op.function in (*LIMITS, "min", "max") and isinstance(op.arguments[0], str):
-            found += [(op.arguments[0], float(a)) for a in op.arguments[1:] if not isinstance(a, str)]
+        value = op.arguments[0]
+        if op.function in (*LIMITS, "min", "max") and isinstance(value, str):
+            found += [(becomes.get(value, value), float(a)) for a in op.arguments[1:] if not isinstance(a, str)]
     return found
 
 
 def edges(program: Program, random: np.random.Generator, lanes: int, length: int, convert: Convert) -> Raw:
-    """Return inputs (lanes, length, m): noise, but the first sample of a lane at an edge where a way across was found.
+    """Return inputs (lanes, length, m): noise, but one sample of a lane at an edge where a way across was found.
 
+    That is the first one in a quarter of the lanes, the last but one in the others: the last shows what it left.
     `convert` rounds physical values into the type of an input.
     """
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
-    noise = np.stack([random.uniform(*span, size=(lanes, length)) for span in spans], axis=-1)
     wanted = limits(program)
+    many = lanes * _tried(program, lanes) if wanted else lanes
+    noise = np.stack([random.uniform(*span, size=(many, length)) for span in spans], axis=-1)
     if wanted:
-        here, there = (np.stack([random.uniform(*span, size=lanes) for span in spans], axis=-1) for _ in range(2))
-        which = random.integers(len(wanted), size=lanes)
-        near, far = np.zeros((lanes, 1)), np.ones((lanes, 1))
-        side = _above(program, wanted, which, here, convert)
-        for _ in range(HALVINGS):
-            middle = (near + far) / 2
-            same = (_above(program, wanted, which, here + middle * (there - here), convert) == side)[:, None]
-            near, far = np.where(same, middle, near), np.where(same, far, middle)
-        noise[:, 0] = here + np.where(random.random((lanes, 1)) < 0.5, near, far) * (there - here)
+        machine, kind = Machine(program), working_type(program)
+        kept = []
+        for at, count in ((0, lanes - lanes * 3 // 4), (max(0, length - 2), lanes * 3 // 4)):
+            part = noise[: many * count // lanes]
+            noise = noise[len(part) :]
+            state = start_state(program, len(part))
+            for k in range(at):
+                state = _after(machine, _row(program, part[:, k], convert, kind), state)
+            near = _to_an_edge(program, machine, random, part, at, state, wanted, convert)
+            kept.append(part[np.argsort(near, kind="stable")[:count]])
+        noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
 
 
-def _above(
-    program: Program, wanted: list[tuple[str, float]], which: NDArray[np.int64], inputs: Array, convert: Convert
-) -> NDArray[np.bool_]:
-    """Tell of each lane whether its value is above its limit in the first sample, of every other lane: or on it."""
-    machine, kind = Machine(program), working_type(program)
-    row = [convert(v, inputs[:, j]).astype(kind) for j, v in enumerate(program.inputs)]
+def _short(program: Program) -> bool:
+    return all(v.number.kind == "fixed" and v.number.bits == 16 for v in program.inputs)
+
+
+def _tried(program: Program, lanes: int) -> int:
+    """Return how many lanes to try for each that is kept; a program that solves takes long to try."""
+    if program.tables:
+        return 1
+    return max(TRIED, min(TRIED_SHORT, MOST_TRIED // max(lanes, 1))) if _short(program) else TRIED
+
+
+def _to_an_edge(
+    program: Program,
+    machine: Machine,
+    random: np.random.Generator,
+    noise: Array,
+    at: int,
+    state: list[Raw],
+    wanted: list[tuple[str, float]],
+    convert: Convert,
+) -> Array:
+    """Put sample `at` of every lane at an edge that it can cross; return how far its value then is from its limit."""
+    kind, lanes = working_type(program), np.arange(len(noise))
+    limit = np.array([limit for _, limit in wanted])[:, None]
+    odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
+
+    def beyond(inputs: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Tell of every limit (rows) and lane on which side of it the value is, and how far."""
+        with np.errstate(all="ignore"):
+            named = machine.named(machine.step(_row(program, inputs, convert, kind), state))
+            values = np.stack([np.broadcast_to(named[name], len(noise)).astype(np.float64) for name, _ in wanted])
+            return np.where(odd, values > limit, values >= limit), np.abs(values - limit)
+
+    spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
+    here, there = noise[:, at], np.stack([random.uniform(*span, size=len(noise)) for span in spans], axis=-1)
+    crossed = beyond(here)[0] != beyond(there)[0]
+    which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
+    side = beyond(here)[0][which, lanes]
+    near, far = np.zeros((len(noise), 1)), np.ones((len(noise), 1))
+    for _ in range(HALVINGS_SHORT if _short(program) else HALVINGS):
+        middle = (near + far) / 2
+        same = (beyond(here + middle * (there - here))[0][which, lanes] == side)[:, None]
+        near, far = np.where(same, middle, near), np.where(same, far, middle)
+    noise[:, at] = here + np.where(random.random((len(noise), 1)) < 0.5, near, far) * (there - here)
+    missed = beyond(noise[:, at])[1][which, lanes]
+    return np.where(crossed[which, lanes], missed, np.inf)
+
+
+def _row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
+    return [convert(v, inputs[:, j]).astype(kind) for j, v in enumerate(program.inputs)]
+
+
+def _after(machine: Machine, row: list[Raw], state: list[Raw]) -> list[Raw]:
     with np.errstate(all="ignore"):
-        named = machine.named(machine.step(row, start_state(program, len(inputs))))
-    values = np.stack([np.broadcast_to(named[name], len(inputs)).astype(np.float64) for name, _ in wanted])
-    own = values[which, np.arange(len(inputs))]
-    limit = np.array([limit for _, limit in wanted])[which]
-    return np.where(np.arange(len(inputs)) % 2, own > limit, own >= limit)
+        values = machine.step(row, state)
+    return [np.broadcast_to(values[slot], len(row[0])) for slot in machine.next]

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 LANE_STEPS = 1000
 FRESH_STEPS = 8
 LONGEST_WORST = 40_000  # steps of a worst case
-EDGE_STEPS = 2
+EDGE_STEPS = 3
 RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
