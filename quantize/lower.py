@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from design.law import Law
+from design.law import Horizon, Law
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
+from quantize.course import table_of as course_table
 from quantize.formats import Formats, choose_formats
-from quantize.graph import Node, needed
+from quantize.graph import FLOATING_ONLY, Node, needed
 from quantize.limits import with_limits
 from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 from quantize.quadratic import table_of
 from quantize.sums import Sum, gather, is_linear
 
-PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
+PLAN, PLAN_DATA, MODEL = "plan", "plan_data", "plan_model"  # a program's solution, its constants and its model
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
 
 
@@ -36,10 +37,16 @@ def lower(law: Law, arithmetic: str) -> Program:
     floating = arithmetic.startswith("float")
     if law.solve is not None and not floating:
         raise QuantizeError(
-            f"{law.name} solves a quadratic program in every step, which has no fixed-point form: use "
+            f"{law.name} solves a program in every step, which has no fixed-point form: use "
             'arithmetic.number = "float32"'
         )
     found = opened(law, floating)
+    curved = sorted({node.function for node in found.graph.nodes if node.function in FLOATING_ONLY})
+    if curved and not floating:
+        raise QuantizeError(
+            f"{law.name} computes {', '.join(curved)}, which has no fixed-point form: use "
+            'arithmetic.number = "float32"'
+        )
     if floating:
         found = replace(found, graph=with_limits(found.graph))
         order, states = len(found.graph.nodes), len(found.law.state)
@@ -103,6 +110,7 @@ class _Lowering:
             status=self._status([nodes[n] for n in flag_row]),
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, results, strict=True)),
             tables=self._tables(),
+            routines=self._routines(),
         )
 
     def _value(self, signal: Signal, q: int) -> Value:
@@ -181,6 +189,9 @@ class _Lowering:
             case "solve", parameters:
                 self.ops.wish = (PLAN, "")
                 return self._floats().plan(PLAN_DATA, parameters)
+            case "improve", parameters:
+                self.ops.wish = (PLAN, "")
+                return self._floats().course(PLAN_DATA, MODEL, parameters)
             case "move", [plan]:
                 return self._floats().part(function, plan, node.place[1])
             case (("capped" | "infeasible"), [plan]):
@@ -208,8 +219,15 @@ class _Lowering:
         if self.law.solve is None:
             return ()
         problem = self.law.solve.problem
+        if isinstance(problem, Horizon):
+            return (course_table(problem, self.arithmetic, PLAN_DATA),)
         budget, checked = budget_of(self.law, problem, self.arithmetic)
         return (table_of(problem, self.arithmetic, PLAN_DATA, problem.budget or budget, checked),)
+
+    def _routines(self) -> tuple[Program, ...]:
+        if self.law.solve is None or not isinstance(self.law.solve.problem, Horizon):
+            return ()
+        return (replace(lower(self.law.solve.problem.model, self.arithmetic), name=MODEL),)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

@@ -106,6 +106,7 @@ class Program:
     status: tuple[StatusBit, ...]
     rounding: tuple[Rounding, ...]
     tables: tuple[Table, ...] = ()
+    routines: tuple[Program, ...] = ()  # without state; an operation calls one as its argument `routine.<name>`
     unset: str | None = None  # state that starts at the least integer, or as no number, until the first sample sets it
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
 
@@ -117,6 +118,6 @@ class Program:
     @property
     def id(self) -> str:
         """64 bits of the SHA-256 of everything above, as 16 hexadecimal digits."""
-        told = {key: part for key, part in asdict(self).items() if part or key != "tables"}
+        told = {key: part for key, part in asdict(self).items() if part or key not in ("tables", "routines")}
         text = json.dumps(told, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]

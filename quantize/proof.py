@@ -14,6 +14,7 @@ ARGUMENTS = {
     "copy": "a constant",
     "select": "the union of both branches",
     "solve": "none: what follows limits the moves",
+    "improve": "none: what follows limits the moves",
     "move": "none: what follows limits it",
 }
 INTERVAL = "interval: the rule of the operation applied to the ranges of its operands"
