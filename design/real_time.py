@@ -32,6 +32,8 @@ Model = Callable[[Sequence[Raw]], Sequence[Raw]]  # x and u -> x of the next sam
 
 SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
 FAR = 1e30  # a step that nothing stops, and a limit that is none
+CHUNK = 256  # lanes at a time: their tableaus stay within the processor's cache
+MANY = 500  # sums at a time from which on each addend of all of them is one operation
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,11 @@ def improve(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray
     Parameters are x[0], t, the last output, 1 where there is a plan, x[1..N] and u[0..N-1] of that plan. Results are
     the outputs, 1 where there is a plan for the next sample, the largest change of a move in its span, and that plan.
     """
+    parts = [_chunk(course, model, parameters[at : at + CHUNK]) for at in range(0, max(1, len(parameters)), CHUNK)]
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+
+def _chunk(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
     n, m, length = len(course.q), len(course.r), course.length
     edges = np.cumsum([n, n, m, 1, length * n])
     first, target, last, planned, states, moves = np.split(parameters, edges, axis=1)
@@ -147,10 +154,7 @@ class _Iteration:
         self.e = self.x.copy()  # the states that the plan's moves lead to, linearized
         s = np.zeros((lanes, n), self.x.dtype)
         for k in range(length):
-            after = self.d[:, k]
-            for j in range(n):
-                after = after + self.a[:, k, :, j] * s[:, j : j + 1]
-            s = after
+            s = _sum(self.d[:, k], self.a[:, k] * s[:, None])
             self.e[:, k + 1] = self.x[:, k + 1] + s
 
     def _modeled(self, x: Raw, u: Raw) -> Raw:
@@ -163,13 +167,9 @@ class _Iteration:
         slope = _product(own.p, self.e[:, length] - self.target)
         for k in range(length - 1, -1, -1):
             row = _product(own.r, self.u[:, k] - own.rest)
-            for j in range(len(own.q)):
-                row = row + self.b[:, k, j] * slope[:, j : j + 1]
-            g[:, k] = row
+            g[:, k] = _sum(row, self.b[:, k].swapaxes(1, 2) * slope[:, None])
             before = _product(own.q, self.e[:, k] - self.target)
-            for j in range(len(own.q)):
-                before = before + self.a[:, k, j] * slope[:, j : j + 1]
-            slope = before
+            slope = _sum(before, self.a[:, k].swapaxes(1, 2) * slope[:, None])
         for k in range(length):
             g[:, k] = g[:, k] + own.change * (self.u[:, k] - (self.u[:, k - 1] if k else self.last))
             if k + 1 < length:
@@ -195,9 +195,7 @@ class _Iteration:
             h[:, done : done + m, : done + m] = rows.swapaxes(1, 2)
             if done:
                 back = _turned(np.broadcast_to(own.q, (lanes, n, n)), w[:, k, :done])
-                for j in range(n):
-                    back = back + self.a[:, k, None, j] * slope[:, :done, j : j + 1]
-                slope = back
+                slope = _sum(back, self.a[:, k, None].swapaxes(2, 3) * slope[:, :done, None])
         for k in range(length):
             here = np.arange(k * m, k * m + m)
             h[:, here, here] = h[:, here, here] + (own.change + own.change if k + 1 < length else own.change)
@@ -218,13 +216,10 @@ class _Iteration:
         good = np.ones(self.lanes, bool)
         for j in range(size):
             scaled = self.factor[:, j, :j] * pivots[:, :j]
-            pivot, column = self.h[:, j, j], self.h[:, j + 1 :, j]
-            for k in range(j):
-                pivot = pivot - scaled[:, k] * self.factor[:, j, k]
-                column = column - self.factor[:, j + 1 :, k] * scaled[:, k : k + 1]
-            good &= (pivot > 0) & (pivot < FAR)
-            pivots[:, j], self.inverse[:, j] = pivot, self.kind(1) / pivot
-            self.factor[:, j + 1 :, j] = column * self.inverse[:, j : j + 1]
+            column = _sum(self.h[:, j:, j], -(self.factor[:, j:, :j] * scaled[:, None]))
+            good &= (column[:, 0] > 0) & (column[:, 0] < FAR)
+            pivots[:, j], self.inverse[:, j] = column[:, 0], self.kind(1) / column[:, 0]
+            self.factor[:, j + 1 :, j] = column[:, 1:] * self.inverse[:, j : j + 1]
         return good
 
     def _optimal(self, step: Raw, search: _Search) -> NDArray[np.bool_]:
@@ -233,44 +228,28 @@ class _Iteration:
         toward = search.side.astype(self.x.dtype)
         held = search.value * toward
         held = np.where((search.side != 0) & (held > 0), held * toward, self.kind(0))
-        good = np.ones(self.lanes, bool)
-        for i in range(size):
-            error = self.g[:, i] + held[:, i]
-            for j in range(size):
-                error = error + (self.h[:, i, j] if j <= i else self.h[:, j, i]) * step[:, j]
-            for row in range(size, own.rows):
-                error = error + self.rows[:, row, i] * held[:, row]
-            error = error * search.weight[i]
-            most = self.kind(own.trusted) * self.h[:, i, i]
-            good &= (error < most) & (error > -most)
-        for row in range(size, own.rows):
-            y = self.zero
-            for j in range(size):
-                y = y + self.rows[:, row, j] * step[:, j]
-            good &= (y - search.high[:, row]) * search.weight[row] < self.kind(own.trusted)
-            good &= (search.low[:, row] - y) * search.weight[row] < self.kind(own.trusted)
-        return good
+        lower = np.tril(self.h)
+        whole = lower + np.tril(self.h, -1).swapaxes(1, 2)
+        terms = [whole * step[:, None], self.rows[:, size:].swapaxes(1, 2) * held[:, None, size:]]
+        error = _sum(self.g + held[:, :size], np.concatenate(terms, axis=2)) * search.weight[:size]
+        most = self.kind(own.trusted) * np.diagonal(lower, axis1=1, axis2=2)
+        good = np.all((error < most) & (error > -most), axis=1)
+        y = _sum(np.zeros_like(held[:, size:]), self.rows[:, size:] * step[:, None])
+        beyond = np.stack([y - search.high[:, size:], search.low[:, size:] - y]) * search.weight[size:]
+        return good & np.all(beyond < self.kind(own.trusted), axis=(0, 2))
 
     def _advance(self, step: Raw, solved: NDArray[np.bool_]) -> None:
         """Take the step in moves and states."""
         own, (lanes, length, m) = self.course, self.u.shape
         v = step.reshape(lanes, length, m)
-        largest = self.zero
-        for k in range(length):
-            for j in range(m):
-                size = np.where(v[:, k, j] < 0, -v[:, k, j], v[:, k, j]) * own.weight[j]
-                largest = np.where(size > largest, size, largest)
+        largest = np.fmax(np.max(np.fmax(np.abs(v) * own.weight[:m], self.kind(0)), axis=(1, 2)), self.kind(0))
         self.largest = np.where(solved, largest, self.kind(FAR))
         x, u, s = self.x.copy(), self.u + v, np.zeros_like(self.x[:, 0])
         low, high = own.low[:m], own.high[:m]
         u = np.where(u >= low, np.where(u > high, high, u), low)
         for k in range(length):
-            after = self.d[:, k]
-            for j in range(s.shape[1]):
-                after = after + self.a[:, k, :, j] * s[:, j : j + 1]
-            for j in range(m):
-                after = after + self.b[:, k, :, j] * v[:, k, j : j + 1]
-            s = after
+            terms = [self.a[:, k] * s[:, None], self.b[:, k] * v[:, k, None]]
+            s = _sum(self.d[:, k], np.concatenate(terms, axis=2))
             x[:, k + 1] = self.x[:, k + 1] + s
         self.x = np.where(solved[:, None, None], x, self.x)
         self.u = np.where(solved[:, None, None], u, self.u)
@@ -286,20 +265,27 @@ class _Iteration:
         return np.concatenate([output, flag, self.largest[:, None], plan], axis=1)
 
 
+def _sum(first: Raw, terms: Raw) -> Raw:
+    """Return first (..., ) + terms (..., n), added one after the other, as C does."""
+    if first.size < MANY:
+        whole: Raw = np.add.accumulate(np.concatenate([first[..., None], terms], axis=-1), axis=-1)[..., -1]
+        return whole
+    whole = first
+    for j in range(terms.shape[-1]):
+        whole = whole + terms[..., j]
+    return whole
+
+
 def _product(matrix: Raw, v: Raw) -> Raw:
     """Return matrix v for every lane of v (lanes, n), added up in order."""
-    found = matrix[:, 0] * v[:, :1]
-    for j in range(1, matrix.shape[1]):
-        found = found + matrix[:, j] * v[:, j : j + 1]
-    return found
+    terms = matrix * v[:, None]
+    return _sum(terms[..., 0], terms[..., 1:])
 
 
 def _turned(matrix: Raw, w: Raw) -> Raw:
     """Return matrix w for every lane of matrix (lanes, r, n) and every row of w (lanes, rows, n), in order."""
-    found = matrix[:, None, :, 0] * w[..., :1]
-    for j in range(1, matrix.shape[2]):
-        found = found + matrix[:, None, :, j] * w[..., j : j + 1]
-    return found
+    terms = matrix[:, None] * w[:, :, None]
+    return _sum(terms[..., 0], terms[..., 1:])
 
 
 class _Search:
@@ -320,19 +306,14 @@ class _Search:
         self.v = np.zeros_like(of.rows)  # L^-1 G'
         right = -of.g
         for j in range(size):
-            column, free = of.rows[:, :, j].copy(), right[:, j]
-            for k in range(j):
-                here = np.flatnonzero(self.first <= k)
-                column[:, here] = column[:, here] - of.factor[:, j, k, None] * self.v[:, here, k]
-                free = free - of.factor[:, j, k] * right[:, k]
-            self.v[:, :, j] = column
-            right[:, j] = free
-        scaled = right * of.inverse
+            kept = np.arange(j) >= self.first[:, None]  # before, there is nothing yet
+            taken = np.where(kept, -(of.factor[:, j, None, :j] * self.v[:, :, :j]), self.kind(0))
+            self.v[:, :, j] = _sum(of.rows[:, :, j], taken)
+            right[:, j] = _sum(right[:, j], -(of.factor[:, j, :j] * right[:, :j]))
         self.inverse = of.inverse
-        self.value = np.zeros((lanes, rows), of.x.dtype)
-        for j in range(size):
-            here = np.flatnonzero(self.first <= j)
-            self.value[:, here] = self.value[:, here] + self.v[:, here, j] * scaled[:, j : j + 1]
+        kept = np.arange(size) >= self.first[:, None]
+        terms = np.where(kept, self.v * (right * of.inverse)[:, None], self.kind(0))
+        self.value = _sum(np.zeros((lanes, rows), of.x.dtype), terms)
         self.free = self.value[:, :size].copy()
         self.side = np.zeros((lanes, rows), np.int64)
 
@@ -407,9 +388,9 @@ class _Search:
         scaled = v * self.inverse[lanes][:, None]
         t = np.zeros((len(lanes), v.shape[1], v.shape[1]), v.dtype)
         for j in range(v.shape[2]):
-            here = np.flatnonzero(self.first <= j)
-            product = v[:, here, j][:, :, None] * scaled[:, here, j][:, None]
-            t[:, here[:, None], here] = t[:, here[:, None], here] + product
+            kept = self.first <= j
+            product = v[:, :, None, j] * scaled[:, None, :, j]
+            t = t + np.where(kept[:, None] & kept, product, self.kind(0))
         self.t = np.tril(t) + np.tril(t, -1).swapaxes(1, 2)
         self.least = self.kind(self.own.least) * np.diagonal(self.t, axis1=1, axis2=2)
 
