@@ -59,7 +59,6 @@ class Quadratic:
     freedom: int
     budget: int
 
-
     @property
     def results(self) -> int:
         """How many moves there are."""

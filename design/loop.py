@@ -155,7 +155,7 @@ def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> T
     z = ca.SX(list(law.rest) or [min(max(0.0, wire.low), wire.high) for wire in law.inputs])
     z[at_reference] = r
     z[wires] = seen @ plant
-    moves = ca.SX.sym("moves", 0 if law.solve is None else len(law.solve.problem.scale) + 2)
+    moves = ca.SX.sym("moves", 0 if law.solve is None else law.solve.problem.results + 2)
     x_next, u, flags, _ = law.last.function(x, z, *([] if law.solve is None else [moves]))
     step = ca.Function(
         "step",
@@ -169,6 +169,7 @@ def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> T
         _, rows = step.mapaccum(steps)(start, told, np.zeros((0, steps)))
     else:
         parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
+        assert isinstance(law.solve.problem, Quadratic), "a loop on paper is a linear one"
         rows = _solved_run(law.solve.problem, parameters, step, start, told)
     measured, output, flagged = np.array(rows, dtype=np.float64)
     time = np.arange(steps, dtype=np.float64) * law.period

@@ -233,10 +233,12 @@ class _Iteration:
         terms = [whole * step[:, None], self.rows[:, size:].swapaxes(1, 2) * held[:, None, size:]]
         error = _sum(self.g + held[:, :size], np.concatenate(terms, axis=2)) * search.weight[:size]
         most = self.kind(own.trusted) * np.diagonal(lower, axis1=1, axis2=2)
-        good = np.all((error < most) & (error > -most), axis=1)
+        met = np.all((error < most) & (error > -most), axis=1)
         y = _sum(np.zeros_like(held[:, size:]), self.rows[:, size:] * step[:, None])
         beyond = np.stack([y - search.high[:, size:], search.low[:, size:] - y]) * search.weight[size:]
-        return good & np.all(beyond < self.kind(own.trusted), axis=(0, 2))
+        kept = np.all(beyond < self.kind(own.trusted), axis=(0, 2))
+        good: NDArray[np.bool_] = met & kept
+        return good
 
     def _advance(self, step: Raw, solved: NDArray[np.bool_]) -> None:
         """Take the step in moves and states."""

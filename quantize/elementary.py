@@ -95,7 +95,8 @@ def _wave(x: Any, ahead: int) -> Raw:
         even = r + r * (z * even)
         odd = kind(1) + z * odd
         value = np.where((quarter == -1) | (quarter == 1) | (quarter == 3), odd, even)
-        return np.where((quarter < 0) | (quarter > kind(1.5)), -value, value)
+        signed: Raw = np.where((quarter < 0) | (quarter > kind(1.5)), -value, value)
+        return signed
 
 
 def sine(x: Any) -> Raw:

@@ -9,9 +9,9 @@ from design.law import Horizon, Law
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
+from quantize.course import table_of as course_table
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
-from quantize.course import table_of as course_table
 from quantize.formats import Formats, choose_formats
 from quantize.graph import FLOATING_ONLY, Node, needed
 from quantize.limits import with_limits
@@ -44,8 +44,7 @@ def lower(law: Law, arithmetic: str) -> Program:
     curved = sorted({node.function for node in found.graph.nodes if node.function in FLOATING_ONLY})
     if curved and not floating:
         raise QuantizeError(
-            f"{law.name} computes {', '.join(curved)}, which has no fixed-point form: use "
-            'arithmetic.number = "float32"'
+            f'{law.name} computes {", ".join(curved)}, which has no fixed-point form: use arithmetic.number = "float32"'
         )
     if floating:
         found = replace(found, graph=with_limits(found.graph))

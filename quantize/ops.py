@@ -41,8 +41,8 @@ Interval = tuple[float, float]
 class Operation:
     """One operation.
 
-    Its C text is a format of the arguments' texts; `{rest}` stands for all but the first, with commas between them, `{others}` for all but the
-    first two.
+    Its C text is a format of the arguments' texts; `{rest}` stands for all but the first, with commas
+    between them, `{others}` for all but the first two.
     """
 
     says: str

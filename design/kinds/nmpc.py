@@ -193,7 +193,7 @@ def _terminal(model: Law, target: Array, rest: Array, q: Array, r: Array) -> Arr
         found = np.asarray(scipy.linalg.solve_discrete_are(slopes[:, :n], slopes[:, n:], q, r))
     except (np.linalg.LinAlgError, ValueError):
         return q
-    return (found + found.T) / 2
+    return np.asarray((found + found.T) / 2)
 
 
 def _flag(table: object) -> bool:
@@ -217,9 +217,7 @@ def _law(request: Request, setup: Setup) -> Law:
     parameters = ca.vertcat(*(z[k] for k in setup.wires), *target, *plan)
     results = symbols([f"result_{k}" for k in range(horizon.results)])
     capped, infeasible = ca.SX.sym("capped"), ca.SX.sym("infeasible")
-    outputs = [
-        ca.fmin(ca.fmax(u, horizon.low[k]), horizon.high[k]) for k, u in enumerate(results[:m])
-    ]
+    outputs = [ca.fmin(ca.fmax(u, horizon.low[k]), horizon.high[k]) for k, u in enumerate(results[:m])]
     kept = [
         ca.fmin(ca.fmax(value, signal.low), signal.high)
         for value, signal in zip((results[m], *results[m + 2 :]), planned[m:], strict=False)
@@ -297,19 +295,19 @@ KIND = Kind(
     example=Request(
         name="pendulum_nmpc",
         table={
-            "Q": [20.0, 1.0],
-            "R": 0.5,
-            "P": [40.0, 4.0],
-            "horizon": 8,
+            "Q": [5.0, 0.2],
+            "R": 2.0,
+            "P": [20.0, 1.0],
+            "horizon": 5,
             "target": [0.5, 0.0],
             "u_target": [0.9588510772],
-            "x_max": [math.inf, 4.0],
+            "x_max": [math.inf, 2.5],
             "warm_start": False,
             "iterations": 1,
         },
         period=0.05,
         inputs=(Signal("angle", "rad", -0.6, 1.2), Signal("speed", "rad/s", -3.0, 3.0)),
-        outputs=(Signal("output", "N*m", -1.5, 1.5),),
+        outputs=(Signal("output", "N*m", -0.5, 1.8),),
         plant=PENDULUM,
     ),
 )
