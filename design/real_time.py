@@ -10,76 +10,23 @@ is none, from the states that the moves lead to. The steps of the states are eli
 
     min 1/2 v'Hv + g'v,   low <= G v <= high,   H = L D L'
 
-and solved by the dual active-set method of `active_set.py`, on a tableau: y = y0 - T m, the rows y of the limits
-against their multipliers m, T = G H^-1 G'. A row that enters or leaves the active set is a pivot of the tableau
-(principal pivoting: Cottle, Pang and Stone, The Linear Complementarity Problem, 1992). What is found counts only where
-it meets the optimality conditions of the problem's own H, g and G.
+and solved by the dual active-set method of `tableau.py`. What is found counts only where it meets the optimality
+conditions of the problem's own H, g and G.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.law import Horizon
+from design.course import CAPPED, FAR, SOLVED, Course, Raw, add_up
+from design.tableau import Search
 
-Raw = NDArray[Any]
 Model = Callable[[Sequence[Raw]], Sequence[Raw]]  # x and u -> x of the next sample, then its slopes row by row
 
-SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
-FAR = 1e30  # a step that nothing stops, and a limit that is none
 CHUNK = 256  # lanes at a time: their tableaus stay within the processor's cache
-MANY = 500  # sums at a time from which on each addend of all of them is one operation
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """A problem in its number format; n states, m inputs, c states with limits.
-
-    A row is violated beyond `tolerance` of its span (`weight` is one over that: of each input, then of each limited
-    state); an answer counts where it is within `trusted` spans of optimal; a pivot below `least` of its first value
-    depends on the active rows.
-    """
-
-    q: Raw  # (n, n)
-    r: Raw  # (m, m)
-    p: Raw  # (n, n)
-    change: Raw  # (m,), the diagonal of S
-    rest: Raw  # (m,)
-    low: Raw  # (m + c,)
-    high: Raw
-    weight: Raw
-    limited: tuple[int, ...]  # those c states
-    length: int
-    iterations: int
-    budget: int  # pivots of one iteration
-    tolerance: float
-    trusted: float
-    least: float
-
-    @property
-    def unknowns(self) -> int:
-        """Moves of the whole horizon."""
-        return self.length * len(self.r)
-
-    @property
-    def rows(self) -> int:
-        """Limits of moves, then of states."""
-        return self.unknowns + self.length * len(self.limited)
-
-
-def course_of(problem: Horizon, kind: np.dtype[Any], tolerance: float, trusted: float, least: float) -> Course:
-    """Round a problem to a number format."""
-    low, high, weight = (np.clip(part, -FAR, FAR).astype(kind) for part in (problem.low, problem.high, problem.weight))
-    return Course(
-        problem.q.astype(kind), problem.r.astype(kind), problem.p.astype(kind), problem.change.astype(kind),
-        problem.rest.astype(kind), low, high, weight, problem.limited, problem.length, problem.iterations,
-        problem.budget, float(kind.type(tolerance)), float(kind.type(trusted)), float(kind.type(least)),
-    )  # fmt: skip
 
 
 def improve(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
@@ -125,7 +72,9 @@ class _Iteration:
         self._gradient()
         self._hessian()
         factored = self._factor()
-        search = _Search(self)
+        limited = self.e[:, 1:, self.course.limited].reshape(self.lanes, -1)
+        plan = np.concatenate([self.u.reshape(self.lanes, -1), limited], axis=1)
+        search = Search(self.course, self.rows, plan, self.g, self.factor, self.inverse)
         outcome = np.where(factored, search.run(factored), CAPPED)
         step = search.moves()
         outcome = np.where((outcome == SOLVED) & ~self._optimal(step, search), CAPPED, outcome)
@@ -154,7 +103,7 @@ class _Iteration:
         self.e = self.x.copy()  # the states that the plan's moves lead to, linearized
         s = np.zeros((lanes, n), self.x.dtype)
         for k in range(length):
-            s = _sum(self.d[:, k], self.a[:, k] * s[:, None])
+            s = add_up(self.d[:, k], self.a[:, k] * s[:, None])
             self.e[:, k + 1] = self.x[:, k + 1] + s
 
     def _modeled(self, x: Raw, u: Raw) -> Raw:
@@ -167,9 +116,9 @@ class _Iteration:
         slope = _product(own.p, self.e[:, length] - self.target)
         for k in range(length - 1, -1, -1):
             row = _product(own.r, self.u[:, k] - own.rest)
-            g[:, k] = _sum(row, self.b[:, k].swapaxes(1, 2) * slope[:, None])
+            g[:, k] = add_up(row, self.b[:, k].swapaxes(1, 2) * slope[:, None])
             before = _product(own.q, self.e[:, k] - self.target)
-            slope = _sum(before, self.a[:, k].swapaxes(1, 2) * slope[:, None])
+            slope = add_up(before, self.a[:, k].swapaxes(1, 2) * slope[:, None])
         for k in range(length):
             g[:, k] = g[:, k] + own.change * (self.u[:, k] - (self.u[:, k - 1] if k else self.last))
             if k + 1 < length:
@@ -195,7 +144,7 @@ class _Iteration:
             h[:, done : done + m, : done + m] = rows.swapaxes(1, 2)
             if done:
                 back = _turned(np.broadcast_to(own.q, (lanes, n, n)), w[:, k, :done])
-                slope = _sum(back, self.a[:, k, None].swapaxes(2, 3) * slope[:, :done, None])
+                slope = add_up(back, self.a[:, k, None].swapaxes(2, 3) * slope[:, :done, None])
         for k in range(length):
             here = np.arange(k * m, k * m + m)
             h[:, here, here] = h[:, here, here] + (own.change + own.change if k + 1 < length else own.change)
@@ -216,13 +165,13 @@ class _Iteration:
         good = np.ones(self.lanes, bool)
         for j in range(size):
             scaled = self.factor[:, j, :j] * pivots[:, :j]
-            column = _sum(self.h[:, j:, j], -(self.factor[:, j:, :j] * scaled[:, None]))
+            column = add_up(self.h[:, j:, j], -(self.factor[:, j:, :j] * scaled[:, None]))
             good &= (column[:, 0] > 0) & (column[:, 0] < FAR)
             pivots[:, j], self.inverse[:, j] = column[:, 0], self.kind(1) / column[:, 0]
             self.factor[:, j + 1 :, j] = column[:, 1:] * self.inverse[:, j : j + 1]
         return good
 
-    def _optimal(self, step: Raw, search: _Search) -> NDArray[np.bool_]:
+    def _optimal(self, step: Raw, search: Search) -> NDArray[np.bool_]:
         """Whether a step keeps the limits of the states, and the multipliers of the right sign meet its slope."""
         own, size = self.course, self.course.unknowns
         toward = search.side.astype(self.x.dtype)
@@ -231,10 +180,10 @@ class _Iteration:
         lower = np.tril(self.h)
         whole = lower + np.tril(self.h, -1).swapaxes(1, 2)
         terms = [whole * step[:, None], self.rows[:, size:].swapaxes(1, 2) * held[:, None, size:]]
-        error = _sum(self.g + held[:, :size], np.concatenate(terms, axis=2)) * search.weight[:size]
+        error = add_up(self.g + held[:, :size], np.concatenate(terms, axis=2)) * search.weight[:size]
         most = self.kind(own.trusted) * np.diagonal(lower, axis1=1, axis2=2)
         met = np.all((error < most) & (error > -most), axis=1)
-        y = _sum(np.zeros_like(held[:, size:]), self.rows[:, size:] * step[:, None])
+        y = add_up(np.zeros_like(held[:, size:]), self.rows[:, size:] * step[:, None])
         beyond = np.stack([y - search.high[:, size:], search.low[:, size:] - y]) * search.weight[size:]
         kept = np.all(beyond < self.kind(own.trusted), axis=(0, 2))
         good: NDArray[np.bool_] = met & kept
@@ -251,7 +200,7 @@ class _Iteration:
         u = np.where(u >= low, np.where(u > high, high, u), low)
         for k in range(length):
             terms = [self.a[:, k] * s[:, None], self.b[:, k] * v[:, k, None]]
-            s = _sum(self.d[:, k], np.concatenate(terms, axis=2))
+            s = add_up(self.d[:, k], np.concatenate(terms, axis=2))
             x[:, k + 1] = self.x[:, k + 1] + s
         self.x = np.where(solved[:, None, None], x, self.x)
         self.u = np.where(solved[:, None, None], u, self.u)
@@ -267,149 +216,13 @@ class _Iteration:
         return np.concatenate([output, flag, self.largest[:, None], plan], axis=1)
 
 
-def _sum(first: Raw, terms: Raw) -> Raw:
-    """Return first (..., ) + terms (..., n), added one after the other, as C does."""
-    if first.size < MANY:
-        whole: Raw = np.add.accumulate(np.concatenate([first[..., None], terms], axis=-1), axis=-1)[..., -1]
-        return whole
-    whole = first
-    for j in range(terms.shape[-1]):
-        whole = whole + terms[..., j]
-    return whole
-
-
 def _product(matrix: Raw, v: Raw) -> Raw:
     """Return matrix v for every lane of v (lanes, n), added up in order."""
     terms = matrix * v[:, None]
-    return _sum(terms[..., 0], terms[..., 1:])
+    return add_up(terms[..., 0], terms[..., 1:])
 
 
 def _turned(matrix: Raw, w: Raw) -> Raw:
     """Return matrix w for every lane of matrix (lanes, r, n) and every row of w (lanes, rows, n), in order."""
     terms = matrix[:, None] * w[:, :, None]
-    return _sum(terms[..., 0], terms[..., 1:])
-
-
-class _Search:
-    """The quadratic program of one iteration in the rows of its limits: `value` is y, or m of an active row."""
-
-    def __init__(self, of: _Iteration) -> None:
-        own, lanes = of.course, of.lanes
-        self.own, self.kind = own, of.kind
-        size, rows, m = own.unknowns, own.rows, len(own.r)
-        self.first = np.concatenate([np.arange(size), np.zeros(rows - size, np.int64)])
-        limited = own.length * [own.weight[m:]]
-        self.weight = np.concatenate([np.tile(own.weight[:m], own.length), *limited])
-        plan = np.concatenate([of.u.reshape(lanes, -1), of.e[:, 1:, own.limited].reshape(lanes, -1)], axis=1)
-        ends = [
-            np.concatenate([np.tile(end[:m], own.length), np.tile(end[m:], own.length)]) for end in (own.low, own.high)
-        ]
-        self.low, self.high = ends[0] - plan, ends[1] - plan
-        self.v = np.zeros_like(of.rows)  # L^-1 G'
-        right = -of.g
-        for j in range(size):
-            kept = np.arange(j) >= self.first[:, None]  # before, there is nothing yet
-            taken = np.where(kept, -(of.factor[:, j, None, :j] * self.v[:, :, :j]), self.kind(0))
-            self.v[:, :, j] = _sum(of.rows[:, :, j], taken)
-            right[:, j] = _sum(right[:, j], -(of.factor[:, j, :j] * right[:, :j]))
-        self.inverse = of.inverse
-        kept = np.arange(size) >= self.first[:, None]
-        terms = np.where(kept, self.v * (right * of.inverse)[:, None], self.kind(0))
-        self.value = _sum(np.zeros((lanes, rows), of.x.dtype), terms)
-        self.free = self.value[:, :size].copy()
-        self.side = np.zeros((lanes, rows), np.int64)
-
-    def run(self, factored: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Let violated rows enter until none is left; return the status (lanes,)."""
-        status = np.zeros(len(self.value), np.int64)
-        entering, excess = self._select(np.arange(len(status)))
-        lanes = np.flatnonzero(factored & (excess > self.own.tolerance))
-        if not len(lanes):
-            return status
-        self._tableau(lanes)
-        row, work = entering[lanes], np.zeros(len(lanes), np.int64)
-        place = np.arange(len(lanes))  # of a lane in the tableau
-        limit, toward, multiplier = self._entered(lanes, row)
-        while len(lanes):
-            column = self.t[place, :, row]
-            pivot, value = column[np.arange(len(row)), row], self.value[lanes]
-            step = (value[np.arange(len(row)), row] - limit) * toward / pivot
-            step = np.where(pivot > self.least[place, row], step, self.kind(FAR))
-            held = self.side[lanes].astype(value.dtype)
-            rate = column * (toward[:, None] * held)
-            ratio = np.where((held != 0) & (rate > 0), value * held / rate, self.kind(FAR))
-            ratio = np.where(ratio < self.kind(FAR), ratio, self.kind(FAR))
-            leaving = ratio.argmin(axis=1)
-            nearest = ratio[np.arange(len(row)), leaving]
-            leaves = nearest < step
-            step = np.where(leaves, nearest, step)
-            going = step < FAR
-            status[lanes[~going]] = INFEASIBLE
-            moved = step * toward
-            multiplier = multiplier + moved
-            self.value[lanes[going]] = (value - column * moved[:, None])[going]
-            turned = np.where(leaves, leaving, row)
-            above = self.side[lanes, turned] > 0
-            ends = np.where(above, self.high[lanes, turned], self.low[lanes, turned])
-            self.value[lanes, turned] = np.where(leaves, ends, multiplier)
-            self.side[lanes, turned] = np.where(leaves, 0, toward.astype(np.int64))
-            self._pivot(place[going], turned[going])
-            work = work + 1
-            selected, excess = self._select(lanes)
-            done = ~leaves & ~(excess > self.own.tolerance)
-            capped = going & ~done & (work >= self.own.budget)
-            status[lanes[capped]] = CAPPED
-            next_row = np.where(leaves, row, selected)
-            fresh = self._entered(lanes, next_row)
-            limit, toward, multiplier = (
-                np.where(leaves, old, new) for old, new in zip((limit, toward, multiplier), fresh, strict=True)
-            )
-            stays = going & ~done & ~capped
-            lanes, place, row, work = lanes[stays], place[stays], next_row[stays], work[stays]
-            limit, toward, multiplier = limit[stays], toward[stays], multiplier[stays]
-        return status
-
-    def _entered(self, lanes: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[Raw, Raw, Raw]:
-        """Return the limit that a row violates, the side it is on, and its multiplier, zero."""
-        above = self.value[lanes, row] > self.high[lanes, row]
-        limit = np.where(above, self.high[lanes, row], self.low[lanes, row])
-        return limit, np.where(above, self.kind(1), self.kind(-1)), np.zeros(len(lanes), self.value.dtype)
-
-    def _select(self, lanes: NDArray[np.int64]) -> tuple[NDArray[np.int64], Raw]:
-        """Find the most violated row outside the active set and its excess, in its span."""
-        value, low, high = self.value[lanes], self.low[lanes], self.high[lanes]
-        over, under = value - high, low - value
-        excess = np.where(over > under, over, under) * self.weight
-        excess = np.where(self.side[lanes] == 0, np.fmax(excess, self.kind(-1)), self.kind(-1))
-        row = excess.argmax(axis=1)
-        return row, excess[np.arange(len(lanes)), row]
-
-    def _tableau(self, lanes: NDArray[np.int64]) -> None:
-        """T = V D^-1 V', below the diagonal and mirrored."""
-        v = self.v[lanes]
-        scaled = v * self.inverse[lanes][:, None]
-        t = np.zeros((len(lanes), v.shape[1], v.shape[1]), v.dtype)
-        for j in range(v.shape[2]):
-            kept = self.first <= j
-            product = v[:, :, None, j] * scaled[:, None, :, j]
-            t = t + np.where(kept[:, None] & kept, product, self.kind(0))
-        self.t = np.tril(t) + np.tril(t, -1).swapaxes(1, 2)
-        self.least = self.kind(self.own.least) * np.diagonal(self.t, axis1=1, axis2=2)
-
-    def _pivot(self, place: NDArray[np.int64], row: NDArray[np.int64]) -> None:
-        """Exchange the multiplier and the value of a row."""
-        which = np.arange(len(place))
-        t = self.t[place]
-        inverse = self.kind(1) / t[which, row, row]
-        across, column = t[which, row] * inverse[:, None], t[which, :, row]
-        t = t - column[:, :, None] * across[:, None]
-        t[which, row] = across
-        t[which, :, row] = -(column * inverse[:, None])
-        t[which, row, row] = inverse
-        self.t[place] = t
-
-    def moves(self) -> Raw:
-        """Return the step of every move; an active one ends at its limit."""
-        size = self.own.unknowns
-        ends = np.where(self.side > 0, self.high, self.low)
-        return np.where(self.side != 0, ends, self.value)[:, :size]
+    return add_up(terms[..., 0], terms[..., 1:])

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from design.course import FAR, Course, Raw, course_of
 from design.law import Horizon
-from design.real_time import FAR, Course, Raw, course_of
 from quantize.program import Table
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of a span by which a row may be violated

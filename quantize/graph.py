@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.active_set import CAPPED, INFEASIBLE, exact, solve
+from design.course import course_of
 from design.law import Horizon, Law, Quadratic
-from design.real_time import course_of, improve
+from design.real_time import improve
 from quantize.program import QuantizeError
 
 Array = NDArray[np.float64]

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.active_set import CAPPED, INFEASIBLE, Rows, solve
-from design.real_time import Course, Model, improve
+from design.course import Course
+from design.real_time import Model, improve
 from quantize.course import course_from
 from quantize.elementary import (
     BEYOND_ONE,

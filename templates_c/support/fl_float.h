@@ -7,49 +7,41 @@
 
 #include <stdint.h>
 
-static inline float fl_min_f32(float a, float b)
-{
+static inline float fl_min_f32(float a, float b) {
     return (a < b) ? a : b;
 }
 
-static inline float fl_max_f32(float a, float b)
-{
+static inline float fl_max_f32(float a, float b) {
     return (a > b) ? a : b;
 }
 
-static inline float fl_clamp_f32(float x, float low, float high)
-{
+static inline float fl_clamp_f32(float x, float low, float high) {
     return (x >= low) ? ((x > high) ? high : x) : low;
 }
 
 /* Whether fl_clamp changes `x`, or `x` is not a number. */
-static inline int32_t fl_outside_f32(float x, float low, float high)
-{
+static inline int32_t fl_outside_f32(float x, float low, float high) {
     return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
 /* Whether `a` is not a number, or infinite. */
-static inline int32_t fl_lost_f32(float a)
-{
+static inline int32_t fl_lost_f32(float a) {
     const float none = a - a;
     return (none == none) ? 0 : 1;
 }
 
 /* Not a number: what a controller holds until its first sample. */
-static inline float fl_unset_f32(void)
-{
+static inline float fl_unset_f32(void) {
     const float zero = 0.0F;
     return zero / zero;
 }
 
-static inline float fl_abs_f32(float a)
-{
+static inline float fl_abs_f32(float a) {
     return (a < 0.0F) ? -a : a;
 }
 
 /* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
-static inline float fl_wave_f32(float x, float ahead)
-{
+static inline float fl_wave_f32(float x, float ahead) {
     const float k = (x * 0.63661975F + 1.2582912e+07F) - 1.2582912e+07F; /* the nearest whole number */
     const float r = ((x - k * 1.5703125F) - k * 0.0004837513F) - k * 7.54979e-08F;
     const float fours = (k * 0.25F + 1.2582912e+07F) - 1.2582912e+07F;
@@ -72,19 +64,16 @@ static inline float fl_wave_f32(float x, float ahead)
     return (quarter < 0.0F || quarter > 1.5F) ? -value : value;
 }
 
-static inline float fl_sin_f32(float x)
-{
+static inline float fl_sin_f32(float x) {
     return fl_wave_f32(x, 0.0F);
 }
 
-static inline float fl_cos_f32(float x)
-{
+static inline float fl_cos_f32(float x) {
     return fl_wave_f32(x, 1.0F);
 }
 
 /* e^x; x is limited to what has a normal result. */
-static inline float fl_exp_f32(float x)
-{
+static inline float fl_exp_f32(float x) {
     const float within = fl_clamp_f32(x, -87.0F, 88.0F);
     const float k = (within * 1.442695F + 1.2582912e+07F) - 1.2582912e+07F;
     const float r = (within - k * 0.69311523F) - k * 3.1946183e-05F;
@@ -103,55 +92,46 @@ static inline float fl_exp_f32(float x)
     return (1.0F + (r + r * (r * value))) * power.value;
 }
 
-static inline float fl_tanh_f32(float x)
-{
+static inline float fl_tanh_f32(float x) {
     const float within = fl_clamp_f32(x, -10.0F, 10.0F);
     return 1.0F - 2.0F / (fl_exp_f32(within + within) + 1.0F);
 }
 
-static inline double fl_min_f64(double a, double b)
-{
+static inline double fl_min_f64(double a, double b) {
     return (a < b) ? a : b;
 }
 
-static inline double fl_max_f64(double a, double b)
-{
+static inline double fl_max_f64(double a, double b) {
     return (a > b) ? a : b;
 }
 
-static inline double fl_clamp_f64(double x, double low, double high)
-{
+static inline double fl_clamp_f64(double x, double low, double high) {
     return (x >= low) ? ((x > high) ? high : x) : low;
 }
 
 /* Whether fl_clamp changes `x`, or `x` is not a number. */
-static inline int32_t fl_outside_f64(double x, double low, double high)
-{
+static inline int32_t fl_outside_f64(double x, double low, double high) {
     return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
 /* Whether `a` is not a number, or infinite. */
-static inline int32_t fl_lost_f64(double a)
-{
+static inline int32_t fl_lost_f64(double a) {
     const double none = a - a;
     return (none == none) ? 0 : 1;
 }
 
 /* Not a number: what a controller holds until its first sample. */
-static inline double fl_unset_f64(void)
-{
+static inline double fl_unset_f64(void) {
     const double zero = 0.0;
     return zero / zero;
 }
 
-static inline double fl_abs_f64(double a)
-{
+static inline double fl_abs_f64(double a) {
     return (a < 0.0) ? -a : a;
 }
 
 /* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
-static inline double fl_wave_f64(double x, double ahead)
-{
+static inline double fl_wave_f64(double x, double ahead) {
     const double k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0; /* the nearest whole number */
     const double r = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21;
     const double fours = (k * 0.25 + 6755399441055744.0) - 6755399441055744.0;
@@ -182,19 +162,16 @@ static inline double fl_wave_f64(double x, double ahead)
     return (quarter < 0.0 || quarter > 1.5) ? -value : value;
 }
 
-static inline double fl_sin_f64(double x)
-{
+static inline double fl_sin_f64(double x) {
     return fl_wave_f64(x, 0.0);
 }
 
-static inline double fl_cos_f64(double x)
-{
+static inline double fl_cos_f64(double x) {
     return fl_wave_f64(x, 1.0);
 }
 
 /* e^x; x is limited to what has a normal result. */
-static inline double fl_exp_f64(double x)
-{
+static inline double fl_exp_f64(double x) {
     const double within = fl_clamp_f64(x, -708.0, 709.0);
     const double k = (within * 1.4426950408889634 + 6755399441055744.0) - 6755399441055744.0;
     const double r = (within - k * 0.6931471805592082) - k * 7.371002565167799e-13;
@@ -219,8 +196,7 @@ static inline double fl_exp_f64(double x)
     return (1.0 + (r + r * (r * value))) * power.value;
 }
 
-static inline double fl_tanh_f64(double x)
-{
+static inline double fl_tanh_f64(double x) {
     const double within = fl_clamp_f64(x, -20.0, 20.0);
     return 1.0 - 2.0 / (fl_exp_f64(within + within) + 1.0);
 }
