@@ -44,7 +44,7 @@ def measure(solver: str, arithmetic: str) -> int:
     trace = run(program, block.inputs)
     counts, differences, _, sizes = _on_target(program, emit(program, "bench.mpc_methods"), [block], [trace])
     assert law.solve is not None
-    best = np.clip(solve(exact(law.solve.problem), block.inputs[:, 0] / scale).moves[:, 0], -LIMIT, LIMIT)
+    best = np.clip(solve(exact(law.solve.quadratic), block.inputs[:, 0] / scale).moves[:, 0], -LIMIT, LIMIT)
     away = np.abs(trace.outputs[:, 0, 0] * 2.0 ** -program.outputs[0].number.fraction - best)
     print(
         f"{solver:17} {arithmetic:8} median {np.median(counts):,.0f}, worst {counts.max():,} instructions; "

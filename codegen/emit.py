@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 
@@ -25,7 +26,7 @@ def emit(program: Program, command: str) -> Bundle:
     """
     _check_names(program)
     view = program_view(program, _version(), command)
-    supports = (str(view["support"]), *(table.support for table in program.tables))
+    supports = (str(view["support"]), *(name for table in program.tables for name in _supports(table.support)))
     files = {
         f"{program.name}.h": render("controller.h.j2", view),
         f"{program.name}.c": render("controller.c.j2", view),
@@ -34,6 +35,12 @@ def emit(program: Program, command: str) -> Bundle:
     setters = tuple((c_type(v.number), setter_name(program, v)) for v in program.parameters)
     headers = (f"{program.name}.h", *supports)
     return Bundle(program.name, program.id, files, (f"{program.name}.c",), headers, setters)
+
+
+def _supports(name: str) -> tuple[str, ...]:
+    """Return a support file and those of ours that it includes."""
+    included = re.findall(r'^#include "(.+)"$', text_of(f"support/{name}"), flags=re.MULTILINE)
+    return (name, *(further for other in included for further in _supports(other)))
 
 
 def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +25,7 @@ INPUT_SAYS = {
     "float": "What is no number commands the low limit, and the controller starts afresh",
     "fixed": "Every value of the type is allowed",
 }
-PLACES = {"in": "in->", "self": "self->", "table": ""}
+PLACES = {"in": "in->", "self": "self->", "table": "", "routine": ""}
 WHOLE = Number("fixed", 32, 0)
 LINE = 100  # characters of a table's line
 
@@ -99,6 +100,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         "state_bytes": sum(v.number.bits // 8 for v in program.state) or 4,
         "start": start,
         "tables": [_table(table, program) for table in program.tables],
+        "routines": [_routine(routine) for routine in program.routines],
         "parameters": _parameters(program),
         "lines": [_line(op, program) for op in program.body],
         "stores": _stores(program),
@@ -168,7 +170,7 @@ def _line(op: Op, program: Program) -> dict[str, str]:
     expression = re.sub(
         r"(?<=, )\((-[^()]+)\)(?=[,)])|(?<=\()\((-[^()]+)\)(?=[,)])",
         r"\1\2",
-        form.format(*texts, rest=", ".join(texts[1:])),
+        form.format(*texts, rest=", ".join(texts[1:]), others=", ".join(texts[2:])),
     )
     return {"name": op.result.name, "type": kind, "expression": expression, "note": note}
 
@@ -191,6 +193,19 @@ def _table(table: Table, program: Program) -> dict[str, object]:
         "number": c_type(number),
         "sizes": ", ".join(f"{name} = {size}" for name, size in table.sizes),
         "fields": fields,
+    }
+
+
+def _routine(program: Program) -> dict[str, object]:
+    """Return what a routine prints: its arguments and results are arrays, and nothing is said of ranges."""
+    place = {f"in.{value.name}": f"both[{k}]" for k, value in enumerate(program.inputs)}
+    body = [replace(op, arguments=tuple(place.get(str(a), a) for a in op.arguments)) for op in program.body]
+    results = [place.get(a.source, a.source) for a in program.results]
+    return {
+        "name": program.name,
+        "says": program.says,
+        "lines": [_line(op, program) | {"note": op.result.unit} for op in body],
+        "stores": [{"target": f"found[{k}]", "source": source} for k, source in enumerate(results)],
     }
 
 

@@ -9,6 +9,7 @@ One sample of a law is
 
 with x the state, z the inputs, u the outputs, all in physical units. The last stage is a `Scalar`, a CasADi SX
 function. Before it may stand a `Solve`, whose results w the last stage reads too: its function is one of (x, z, w).
+What it solves has constant data (`Quadratic`), or is made from a model in every sample (`Horizon`).
 """
 
 from __future__ import annotations
@@ -60,6 +61,11 @@ class Quadratic:
     budget: int
     moves: int = 0
 
+    @property
+    def results(self) -> int:
+        """How many moves there are."""
+        return len(self.scale)
+
 
 @dataclass(frozen=True, slots=True)
 class Sweeps:
@@ -105,15 +111,49 @@ class Tree:
 
 
 @dataclass(frozen=True, slots=True)
+class Horizon:
+    """A nonlinear program over N samples, of which every sample takes one or more steps: see `real_time.py`.
+
+    `model` is a law without state from x and u (n + m) to x of the next sample and its slopes by both, row by row.
+    `low`, `high` and `weight`, one over the span between them, are of the m inputs, then of the `limited` states.
+    """
+
+    model: Law
+    length: int  # N
+    q: Array  # (n, n)
+    r: Array  # (m, m)
+    p: Array  # (n, n)
+    change: Array  # (m,), weights of the change from sample to sample
+    rest: Array  # (m,), what u is weighed from
+    low: Array
+    high: Array
+    weight: Array
+    limited: tuple[int, ...]
+    iterations: int  # of one sample
+    budget: int  # changes of the active set in one iteration
+
+    @property
+    def results(self) -> int:
+        """Outputs, whether there is a plan, the largest change of a move, and the plan."""
+        return len(self.r) + 2 + self.length * (len(self.q) + len(self.r))
+
+
+@dataclass(frozen=True, slots=True)
 class Solve:
-    """w = (moves (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`.
+    """w = (results (k,), capped, infeasible) of `problem` for the parameters `function(x (n,), z (m,)) -> p`.
 
     `method` is how the controller finds them; None: by a search that ends at the optimum.
     """
 
     function: ca.Function
-    problem: Quadratic
+    problem: Quadratic | Horizon
     method: Sweeps | Tree | None = None
+
+    @property
+    def quadratic(self) -> Quadratic:
+        """The problem, where it is a quadratic program."""
+        assert isinstance(self.problem, Quadratic)
+        return self.problem
 
 
 @dataclass(frozen=True, slots=True)

@@ -156,7 +156,7 @@ def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> T
     z = ca.SX(list(law.rest) or [min(max(0.0, wire.low), wire.high) for wire in law.inputs])
     z[at_reference] = r
     z[wires] = seen @ plant
-    moves = ca.SX.sym("moves", 0 if law.solve is None else len(law.solve.problem.scale) + 2)
+    moves = ca.SX.sym("moves", 0 if law.solve is None else law.solve.problem.results + 2)
     x_next, u, flags, _ = law.last.function(x, z, *([] if law.solve is None else [moves]))
     step = ca.Function(
         "step",

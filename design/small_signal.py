@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from design.law import DesignError, Law
+from design.law import DesignError, Law, Quadratic
 from design.roles import reference_and_measurement
 from identify.signal import Signal
 
@@ -61,6 +61,8 @@ def _moves(law: Law, x: ca.SX, z: ca.SX) -> tuple[ca.SX, ...]:
     if law.solve is None:
         return ()
     problem = law.solve.problem
+    if not isinstance(problem, Quadratic):
+        raise DesignError(f"law '{law.name}' follows the plant's own equations, which no linear law stands for")
     free = ca.SX(problem.slope[: len(problem.scale)]) @ law.solve.function(x, z)
     moves: ca.SX = ca.vertcat(ca.SX(problem.scale) * free, ca.SX(2, 1))
     return (moves,)

@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 def solver(stage: Solve) -> Callable[[Array], Solution]:
     """Return the function from parameters (lanes, p) to their solution."""
     if stage.method is None:
-        return partial(solve, exact(stage.problem))
+        return partial(solve, exact(stage.quadratic))
     if isinstance(stage.method, Tree):
         return partial(located, stage.method)
     return partial(swept, stage.method)

@@ -57,7 +57,7 @@ def choose_sweeps(law: Law, accuracy: float) -> tuple[Sweeps, Judged]:
         when MOST sweeps do not suffice with any weights, with the error that they leave.
     """
     assert law.solve is not None
-    problem, least = law.solve.problem, np.inf
+    problem, least = law.solve.quadratic, np.inf
     pool = _starts(problem, drawn_parameters(law, JUDGED, 0))
     chosen = pool.part(np.argsort(-pool.active, kind="stable")[:HARDEST])
     ratios = RATIOS if problem.moves < len(problem.low) else RATIOS[:1]

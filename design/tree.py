@@ -43,7 +43,7 @@ def choose_tree(law: Law) -> tuple[Tree, Judged]:
         when there are too many regions or parameters, or the tree is not the optimum where it is tried.
     """
     assert law.solve is not None
-    problem = law.solve.problem
+    problem = law.solve.quadratic
     low, high = box_of(law)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-12)
     regions = partition(problem, middle, half)

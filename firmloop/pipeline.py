@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from codegen.target import load_target
 from design.kinds import Design
 from design.kinds import design as design_law
-from design.law import DesignError, Law, Scalar
+from design.law import DesignError, Horizon, Law, Scalar
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
 from design.roles import reference_and_measurement
 from firmloop.making import Generated, command_of, design, formats_of, generate, located, plant_of
@@ -120,8 +120,12 @@ def as_recorded(project: Project, plant: Plant, recording: Recording) -> Array |
 
 
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
-    """Close the loop on paper: margins, and a step of the reference; None where the controller has no reference."""
-    if len(designed.law.inputs) < 2:
+    """Close the loop on paper: margins, and a step of the reference.
+
+    None where the controller has no reference, or follows the plant's own equations, which are not linear.
+    """
+    solve = designed.law.solve
+    if len(designed.law.inputs) < 2 or (solve is not None and isinstance(solve.problem, Horizon)):
         return None
     with located(project):
         linear = linearize(plant)
@@ -164,25 +168,35 @@ def verify_target(
 def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
 
-    None where there is no plant, or none that can be moved step by step, or no reference to follow.
+    A controller that is given the plant's states and no reference brings them where it wants them. None where there is
+    no plant, or none that can be moved step by step, or no reference to follow.
     """
     if project.plant is None:
         return None
     plant, law = plant_of(project), designed.law
     if len(law.inputs) < 2:
         return None
+    names = [law.inputs[k].name for k in law.states]
     reference, measurement = reference_and_measurement(law.inputs)
+    if len(law.states) == len(law.inputs) == len(plant.states):
+        return _stepped(law, PlantLoop(plant, np.full(LOOP_STEPS, math.nan), ("", ""), tuple(names)))
     told = law.inputs[reference]
     middle, span = (told.low + told.high) / 2.0, told.high - told.low
     if not math.isfinite(span):
         return None
     course = np.full(LOOP_STEPS, middle + span / 8.0)
     course[LOOP_STEPS // 2 :] = middle - span / 8.0
+    measured = "" if len(names) == len(plant.states) else law.inputs[measurement].name
+    return _stepped(law, PlantLoop(plant, course, (told.name, measured), () if measured else tuple(names)))
+
+
+def _stepped(law: Law, loop: PlantLoop) -> PlantLoop | None:
+    """Return the loop, or None where its plant cannot be moved step by step."""
     try:
-        SteppedPlant(plant, law.period)
+        SteppedPlant(loop.plant, law.period)
     except IdentifyError:
         return None
-    return PlantLoop(plant, course, (told.name, law.inputs[measurement].name))
+    return loop
 
 
 def recorded_inputs(project: Project, data: Data, most: int) -> tuple[Mapping[str, Array], ...]:

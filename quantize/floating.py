@@ -19,6 +19,7 @@ from fractions import Fraction
 import numpy as np
 
 from quantize.builder import Builder, Constant, Operand, Term
+from quantize.elementary import BEYOND_ONE, EXP_ERROR, SIN_ERROR, exponential_bound
 from quantize.program import Number, QuantizeError, Value
 
 LAW = 2.0**-53  # rounding of the law's own evaluation
@@ -114,6 +115,9 @@ class FloatBuilder:
         if function in ("lt", "le", "eq", "ne"):
             return self.ops.emit(function, (x, y), number, x_error + y_error)
         error = x_error + y_error
+        if function == "div":
+            least = min(abs(end) for end in _ends(y)) if _ends(y)[0] > 0 or _ends(y)[1] < 0 else 0.0
+            error = (x_error + _times(_size(x) / least, y_error)) / (least - y_error) if least > y_error else math.inf
         if function == "mul":
             error = _times(_size(x), y_error) + _times(_size(y) + y_error, x_error)
         return self._rounded(self.ops.emit(function, (x, y), number, error))
@@ -124,6 +128,12 @@ class FloatBuilder:
         assert isinstance(a, Term)
         if function in ("square", "twice"):
             return self.binary("mul" if function == "square" else "add", a, a)
+        if function in ("sin", "cos", "tanh"):
+            own = self._unit * (SIN_ERROR + (_size(a) if function != "tanh" else 0.0))
+            return self.ops.emit(function, (a,), a.number, min(a.error + own, 2 * BEYOND_ONE))
+        if function == "exp":
+            top = exponential_bound((a.low, a.high + a.error))[1]
+            return self.ops.emit(function, (a,), a.number, top * (a.error + self._unit * (EXP_ERROR + _size(a))))
         return self.ops.emit(function, (a,), a.number, a.error)
 
     def truth(self, function: str, a: Operand, b: Operand) -> Operand:
@@ -160,6 +170,13 @@ class FloatBuilder:
         """Return the format of what is computed at fraction `q`."""
         del q
         return Number("float", self.bits, 0)
+
+    def course(self, table: str, routine: str, parameters: list[Operand]) -> Operand:
+        """Take a step in the nonlinear program of a table; what it differs by from the law's is not followed."""
+        number = Number("float", self.bits, 0)
+        read, called = (Term(name, number, 0.0, 0.0, 0.0) for name in (f"table.{table}", f"routine.{routine}"))
+        given = [p if isinstance(p, Term) else self.literal(p.value, number) for p in parameters]
+        return self.ops.emit("improve", (read, called, *given), number, math.inf)
 
     def part(self, function: str, plan: Operand, q: int, *place: int) -> Operand:
         """Take a move or a status bit from a plan."""

@@ -276,7 +276,7 @@ def _spans(graph: Graph, sums: Mapping[int, Sum], ranges: Sequence[Sequence[Span
             spans.append((0.0, 1.0))
         elif node.function in PLANNED:
             assert graph.solve is not None
-            problem, first = graph.solve.problem, len(graph.solve.problem.scale)
+            problem, first = graph.solve.quadratic, len(graph.solve.quadratic.scale)
             spans.append(
                 (float(min(problem.low[:first] * problem.scale)), float(max(problem.high[:first] * problem.scale)))
             )

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.active_set import CAPPED, INFEASIBLE
-from design.law import Law, Solve
+from design.course import course_of
+from design.law import Horizon, Law, Solve
+from design.real_time import improve
 from design.solver import solver
 from quantize.program import QuantizeError
 
@@ -26,6 +28,7 @@ KNOWN = {
     ca.OP_ADD: ("add", 2),
     ca.OP_SUB: ("sub", 2),
     ca.OP_MUL: ("mul", 2),
+    ca.OP_DIV: ("div", 2),
     ca.OP_NEG: ("neg", 1),
     ca.OP_SQ: ("square", 1),
     ca.OP_TWICE: ("twice", 1),
@@ -40,13 +43,23 @@ KNOWN = {
     ca.OP_OR: ("or", 2),
     ca.OP_NOT: ("not", 1),
     ca.OP_IF_ELSE_ZERO: ("if", 2),
+    ca.OP_SIN: ("sin", 1),
+    ca.OP_COS: ("cos", 1),
+    ca.OP_EXP: ("exp", 1),
+    ca.OP_TANH: ("tanh", 1),
 }
+FLOATING_ONLY = ("div", "sin", "cos", "exp", "tanh")
 
 # What each node means, in float64: the law itself.
 MEANING: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "sin": np.sin,
+    "cos": np.cos,
+    "exp": np.exp,
+    "tanh": np.tanh,
     "neg": lambda a: -a,
     "square": lambda a: a * a,
     "twice": lambda a: a + a,
@@ -79,7 +92,10 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Nodes in order; `results[i][j]` is the node of element j of output i; a "solve" node solves as `solve` says."""
+    """Nodes in order; `results[i][j]` is the node of element j of output i.
+
+    A "solve" or "improve" node solves as `solve` says: parameters (p,) -> results, then the status.
+    """
 
     nodes: tuple[Node, ...]
     results: tuple[tuple[int, ...], ...]
@@ -114,6 +130,9 @@ def read_graph(function: ca.Function) -> Graph:
         elif code in KNOWN:
             name, arity = KNOWN[code]
             register[target[0]] = add(Node(name, tuple(register[s] for s in source[:arity]), 0.0, (0, 0)))
+        elif code == ca.OP_INV:
+            one = add(Node("constant", (), 1.0, (0, 0)))
+            register[target[0]] = add(Node("div", (one, register[source[0]]), 0.0, (0, 0)))
         else:
             raise QuantizeError(
                 f"the law uses a CasADi operation (number {code}) that has no bit-exact counterpart; "
@@ -195,8 +214,8 @@ def law_graph(law: Law) -> Graph:
     before, problem = read_graph(law.solve.function), law.solve.problem
     nodes = list(before.nodes)
     plan = len(nodes)
-    nodes.append(Node("solve", before.results[0], 0.0, (0, 0)))
-    nodes += [Node("move", (plan,), 0.0, (0, k)) for k in range(len(problem.scale))]
+    nodes.append(Node("improve" if isinstance(problem, Horizon) else "solve", before.results[0], 0.0, (0, 0)))
+    nodes += [Node("move", (plan,), 0.0, (0, k)) for k in range(problem.results)]
     nodes += [Node(status, (plan,), 0.0, (0, 0)) for status in ("capped", "infeasible")]
     results: dict[int, int] = {}
     for k, node in enumerate(last.nodes):
@@ -216,7 +235,7 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
             values.append(np.float64(node.value))  # type: ignore[arg-type]
         elif node.function == "argument":
             values.append(arguments[node.place[0]][node.place[1]])
-        elif node.function == "solve":
+        elif node.function in ("solve", "improve"):
             values.append(_solved(graph.solve, [values[a] for a in node.arguments]))
         elif node.function == "move":
             values.append(values[node.arguments[0]][node.place[1]])
@@ -225,10 +244,29 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
     return [[values[n] for n in row] for row in graph.results]
 
 
+def solver_of(solve: Solve) -> Callable[[Array], Array]:
+    """Return what solves a problem in float64: parameters (lanes, p) -> results and status, a row each."""
+    if not isinstance(solve.problem, Horizon):
+        found = solver(solve)
+
+        def optimum(parameters: Array) -> Array:
+            solution = found(parameters)
+            return np.vstack([solution.moves.T, solution.status])
+
+        return optimum
+    course = course_of(solve.problem, np.dtype(np.float64), 2.0**-40, 2.0**-12, 2.0**-36)
+    model = law_graph(solve.problem.model)
+
+    def iterated(parameters: Array) -> Array:
+        results, status = improve(course, lambda both: evaluate(model, [[], both])[1], parameters)
+        return np.vstack([results.T, status])
+
+    return iterated
+
+
 def _solved(solve: Solve | None, parameters: Sequence[Array]) -> Array:
-    """Return the moves and the status, one row each, in the shape of the parameters."""
+    """Return the results and the status, one row each, in the shape of the parameters."""
     assert solve is not None
     stacked = np.stack(np.broadcast_arrays(*parameters), axis=-1)
-    solution = solver(solve)(stacked.reshape(-1, stacked.shape[-1]))
-    results = np.vstack([solution.moves.T, solution.status])
+    results = solver_of(solve)(stacked.reshape(-1, stacked.shape[-1]))
     return results.reshape(len(results), *stacked.shape[:-1])

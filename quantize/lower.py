@@ -6,15 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from design.law import Law, Tree
+from design.law import Horizon, Law, Quadratic, Tree
 from identify.signal import Signal
 from quantize.budget import budget_of
 from quantize.builder import Builder, Constant, Operand, Term
+from quantize.course import table_of as course_table
 from quantize.first_sample import in_one_branch
 from quantize.fixed import FixedBuilder
 from quantize.floating import FloatBuilder
 from quantize.formats import Formats, choose_formats
-from quantize.graph import Node, needed, with_own_constants
+from quantize.graph import FLOATING_ONLY, Node, needed, with_own_constants
 from quantize.limits import with_limits
 from quantize.opening import Opened, opened
 from quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
@@ -24,7 +25,7 @@ from quantize.sums import Sum, gather, is_linear
 from quantize.sweep_formats import Planned, fixed_sweeps, float_sweeps
 from quantize.tree_formats import fixed_tree, float_tree
 
-PLAN, PLAN_DATA = "plan", "plan_data"  # names of a quadratic program's solution and constants
+PLAN, PLAN_DATA, MODEL = "plan", "plan_data", "plan_model"  # a program's solution, its constants and its model
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
 
 
@@ -43,10 +44,16 @@ def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
     floating = arithmetic.startswith("float")
     if law.solve is not None and law.solve.method is None and not floating:
         raise QuantizeError(
-            f"{law.name} searches an optimum in every step, which has no fixed-point form: use "
-            'arithmetic.number = "float32" or controller.solver = "fixed_iterations"'
+            f"{law.name} solves a program in every step, which has no fixed-point form: use "
+            'arithmetic.number = "float32"'
+            + (' or controller.solver = "fixed_iterations"' if isinstance(law.solve.problem, Quadratic) else "")
         )
     found = opened(law, floating)
+    curved = sorted({node.function for node in found.graph.nodes if node.function in FLOATING_ONLY})
+    if curved and not floating:
+        raise QuantizeError(
+            f'{law.name} computes {", ".join(curved)}, which has no fixed-point form: use arithmetic.number = "float32"'
+        )
     if floating:
         found = replace(found, graph=in_one_branch(with_limits(found.graph)))
         order, states = len(found.graph.nodes), len(found.law.state)
@@ -119,6 +126,7 @@ class _Lowering:
             status=self._status([nodes[n] for n in flag_row]),
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, results, strict=True)),
             tables=self.tables,
+            routines=self._routines(),
         )
 
     def _value(self, signal: Signal, q: int) -> Value:
@@ -196,6 +204,8 @@ class _Lowering:
         match function, operands:
             case "solve", parameters:
                 return self._plan(parameters, q)
+            case "improve", parameters:
+                return self._course(parameters)
             case "move", [plan]:
                 return self.builder.part(function, plan, q, node.place[1])
             case (("capped" | "infeasible"), [plan]):
@@ -222,7 +232,7 @@ class _Lowering:
         """Solve the quadratic program, the moves at fraction `q`."""
         assert self.law.solve is not None
         self.ops.wish = (PLAN, "")
-        problem, method = self.law.solve.problem, self.law.solve.method
+        problem, method = self.law.solve.quadratic, self.law.solve.method
         terms = [_term(parameter) for parameter in parameters]
         if method is None:
             budget, checked = budget_of(self.law, problem, self.arithmetic)
@@ -240,6 +250,19 @@ class _Lowering:
         self.tables = (planned.table,)
         read = Term(f"table.{PLAN_DATA}", self.builder.inner(q), planned.low, planned.high, 0.0)
         return self.ops.emit(planned.function, (read, *terms), read.number, planned.error)
+
+    def _course(self, parameters: list[Operand]) -> Operand:
+        """Take a step in the nonlinear program."""
+        assert self.law.solve is not None and isinstance(self.law.solve.problem, Horizon)
+        assert isinstance(self.builder, FloatBuilder), "a nonlinear program has no fixed-point form"
+        self.ops.wish = (PLAN, "")
+        self.tables = (course_table(self.law.solve.problem, self.arithmetic, PLAN_DATA),)
+        return self.builder.course(PLAN_DATA, MODEL, parameters)
+
+    def _routines(self) -> tuple[Program, ...]:
+        if self.law.solve is None or not isinstance(self.law.solve.problem, Horizon):
+            return ()
+        return (replace(lower(self.law.solve.problem.model, self.arithmetic), name=MODEL),)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

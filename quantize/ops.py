@@ -19,7 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.active_set import CAPPED, INFEASIBLE, Rows, solve
+from design.course import Course
+from design.real_time import Model, improve
 from quantize import sweeps, trees
+from quantize.course import course_from
+from quantize.elementary import (
+    BEYOND_ONE,
+    cosine,
+    exponential,
+    exponential_bound,
+    hyperbolic_tangent,
+    quotient,
+    quotient_bound,
+    sine,
+)
 from quantize.program import Table
 from quantize.quadratic import rows_of
 
@@ -31,7 +44,8 @@ Interval = tuple[float, float]
 class Operation:
     """One operation.
 
-    Its C text is a format of the arguments' texts; `{rest}` stands for all but the first, with commas between them.
+    Its C text is a format of the arguments' texts; `{rest}` stands for all but the first, with commas
+    between them, `{others}` for all but the first two.
     """
 
     says: str
@@ -50,6 +64,10 @@ def _both(text: str, f32: str = "", f64: str = "") -> dict[str, str]:
 
 def _helper(name: str, arguments: str) -> dict[str, str]:
     return _both(f"{name}_i32({arguments})", f"{name}_f32({arguments})", f"{name}_f64({arguments})")
+
+
+def _function(says: str, name: str, run: Callable[..., Any], bound: Callable[..., Interval]) -> Operation:
+    return Operation(says, run, bound, {"float32": f"fl_{name}_f32({{0}})", "float64": f"fl_{name}_f64({{0}})"})
 
 
 def shift_right(a: Operand, s: int) -> Operand:
@@ -94,6 +112,11 @@ OPERATIONS: dict[str, Operation] = {
     "add": Operation("sum", lambda a, b: a + b, lambda a, b: (a[0] + b[0], a[1] + b[1]), _both("{0} + {1}")),
     "sub": Operation("difference", lambda a, b: a - b, lambda a, b: (a[0] - b[1], a[1] - b[0]), _both("{0} - {1}")),
     "mul": Operation("product", lambda a, b: a * b, _product, _both("{0} * {1}")),
+    "div": Operation("quotient", quotient, quotient_bound, {"float32": "{0} / {1}", "float64": "{0} / {1}"}),
+    "sin": _function("sine", "sin", sine, lambda a: (-BEYOND_ONE, BEYOND_ONE)),
+    "cos": _function("cosine", "cos", cosine, lambda a: (-BEYOND_ONE, BEYOND_ONE)),
+    "exp": _function("exponential function", "exp", exponential, exponential_bound),
+    "tanh": _function("hyperbolic tangent", "tanh", hyperbolic_tangent, lambda a: (-BEYOND_ONE, BEYOND_ONE)),
     "copy": Operation("the same", lambda a: a, lambda a: a, _both("{0}")),
     "neg": Operation("negation", lambda a: -a, lambda a: (-a[1], -a[0]), _both("-{0}")),
     "mul_shift": Operation(
@@ -220,6 +243,13 @@ def _plan(rows: Rows, *parameters: Operand) -> Operand:
     return np.vstack([solution.moves.T, solution.status.astype(stacked.dtype)])
 
 
+def _course(course: Course, model: Model, *parameters: Operand) -> Operand:
+    """Return the results, then the status, one row each, a column a lane."""
+    stacked = np.stack(np.broadcast_arrays(*(np.atleast_1d(p) for p in parameters)), axis=-1)
+    results, status = improve(course, model, stacked)
+    return np.vstack([results.T, status.astype(stacked.dtype)])
+
+
 def _unbounded(*_: Interval) -> Interval:
     return -np.inf, np.inf
 
@@ -251,6 +281,14 @@ LARGE: dict[str, Operation] = {
         | {"fixed": "fl_tree_i32(&{0}, (const int32_t[]){{ {rest} }})"},
         record="fl_plan_t",
         table=trees.ready,
+    ),
+    "improve": Operation(
+        "a step toward the optimum of a nonlinear program, from the plan of the sample before",
+        _course,
+        _unbounded,
+        _both("fl_rti(&{0}, {1}, (const fl_real[]){{ {others} }})"),
+        record="fl_plan_t",
+        table=course_from,
     ),
     "move": Operation(
         "one of the moves", lambda plan, k: plan[k], lambda plan, k: plan, _both("{0}.move[{1}]"), whole=(1,)

@@ -106,6 +106,7 @@ class Program:
     status: tuple[StatusBit, ...]
     rounding: tuple[Rounding, ...]
     tables: tuple[Table, ...] = ()
+    routines: tuple[Program, ...] = ()  # without state; an operation calls one as its argument `routine.<name>`
     unset: str | None = None  # state that starts at the least integer, or as no number, until the first sample sets it
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
     rounds: str = "nearest"  # what fixed point does with the places that it drops: "nearest" or "floor"
@@ -119,7 +120,7 @@ class Program:
     def id(self) -> str:
         """64 bits of the SHA-256 of everything above, as 16 hexadecimal digits."""
         told = asdict(self)
-        for key, usual in (("tables", ()), ("rounds", "nearest")):
+        for key, usual in (("tables", ()), ("routines", ()), ("rounds", "nearest")):
             if told[key] == usual:
                 del told[key]
         text = json.dumps(told, sort_keys=True, separators=(",", ":"))

@@ -14,6 +14,7 @@ ARGUMENTS = {
     "copy": "a constant",
     "select": "the union of both branches",
     "solve": "none: what follows limits the moves",
+    "improve": "none: what follows limits the moves",
     "move": "none: what follows limits it",
     "tree": "limits: every move is limited; the sums fit from the table and the ranges",
     "sweeps": "sums: the largest magnitudes of their parts, from the table and the ranges; the moves are limited",

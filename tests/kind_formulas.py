@@ -176,6 +176,53 @@ def blended_feedback(request: Request, rows: np.ndarray, signal: np.ndarray) -> 
     return np.array(found)
 
 
+def nmpc(request: Request, rows: np.ndarray) -> np.ndarray:
+    """The form of the example: one step from no move, slopes by differences, solved with the states kept."""
+    table, h = request.table, request.period
+    n, steps = 2, int(table["horizon"])
+    q, r, p = np.diag(table["Q"]), table["R"], np.diag(table["P"])
+    target, rest, high = np.array(table["target"]), table["u_target"][0], np.array(table["x_max"])
+    output = request.outputs[0]
+
+    def after(x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        def rate(x: np.ndarray) -> np.ndarray:
+            return np.stack([x[:, 1], 10 * u - 20 * np.sin(x[:, 0]) - 0.5 * x[:, 1]], axis=1)
+
+        k1 = rate(x)
+        k2 = rate(x + h / 2 * k1)
+        k3 = rate(x + h / 2 * k2)
+        return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3))
+
+    points, a, b = [rows], [], []
+    zero = np.zeros(len(rows))
+    for _ in range(steps):
+        x, e = points[-1], 1e-5
+        a.append(np.stack([(after(x + e * d, zero) - after(x - e * d, zero)) / (2 * e) for d in np.eye(n)], axis=2))
+        b.append((after(x, zero + e) - after(x, zero - e)) / (2 * e))
+        points.append(after(x, zero))
+    weights = scipy.linalg.block_diag(*[part for k in range(steps) for part in ([[r]], q if k < steps - 1 else p)])
+    size, rows_of_chain = (n + 1) * steps, n * steps
+    shape = {"h": ca.Sparsity.dense(size, size), "a": ca.Sparsity.dense(rows_of_chain, size)}
+    solver = ca.conic("formula", "qpoases", shape, {"printLevel": "none"})
+    found = []
+    for lane in range(len(rows)):
+        chain, slope, low, top = np.zeros((rows_of_chain, size)), [], [], []
+        for k in range(steps):
+            at, own = slice(k * n, k * n + n), k * (n + 1)
+            chain[at, own] = -b[k][lane]
+            chain[at, own + 1 : own + 1 + n] = np.eye(n)
+            if k:
+                chain[at, own - n : own] = -a[k][lane]
+            away = points[k + 1][lane]
+            slope += [-r * rest, *((q if k < steps - 1 else p) @ (away - target))]
+            low += [output.low, -np.inf, -np.inf]
+            top += [output.high, *(high - away)]
+        best = solver(h=weights, g=slope, a=chain, lba=0, uba=0, lbx=low, ubx=top)
+        assert solver.stats()["success"]
+        found.append([float(best["x"][0])])
+    return np.array(found)
+
+
 def mpc(request: Request, rows: np.ndarray) -> np.ndarray:
     """The form of the example: regulation of measured states, limits of u and x, solved with the states kept."""
     table = request.table
@@ -202,6 +249,7 @@ def mpc(request: Request, rows: np.ndarray) -> np.ndarray:
 
 FORMULAS: dict[str, Callable[[Request, np.ndarray], np.ndarray]] = {
     "mpc": mpc,
+    "nmpc": nmpc,
     "pid": pid,
     "fuzzy_pid": motor_formulas.fuzzy_pid,
     "self_tuning": motor_formulas.self_tuning,

@@ -40,11 +40,15 @@ class LoopRun:
 
 @dataclass(frozen=True, slots=True)
 class PlantLoop:
-    """What a closed-loop run needs beside the controller; `roles` are its inputs for the reference and the plant."""
+    """What a closed-loop run needs beside the controller; `roles` are its inputs for the reference and the plant.
+
+    `states` are its inputs for the plant's states, in their order; a role that nothing has is empty.
+    """
 
     plant: Plant
     reference: Array  # one value a step
     roles: tuple[str, str]
+    states: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +104,11 @@ class SteppedPlant:
         """Return the outputs (r,), before the next input acts."""
         return np.asarray(self._read(self._state, self._inputs[0])).ravel()
 
+    @property
+    def state(self) -> Array:
+        """The states (n,)."""
+        return self._state
+
     def apply(self, values: Array) -> None:
         """Hold the inputs (m,) for one period, from their delay on."""
         self._inputs.append(values)
@@ -111,13 +120,20 @@ class SteppedPlant:
 
 def check_loop(program: Program, loop: PlantLoop, host: Link, target: Link) -> LoopCheck:
     """Close the loop with the controller on the host, then on the target, and compare every step."""
-    expected = close_loop(program, loop.plant, host, loop.reference, loop.roles)
-    run = close_loop(program, loop.plant, target, loop.reference, loop.roles)
+    expected = close_loop(program, loop.plant, host, loop.reference, loop.roles, loop.states)
+    run = close_loop(program, loop.plant, target, loop.reference, loop.roles, loop.states)
     bits = (run.measurement.view("<u8") != expected.measurement.view("<u8")) | (run.raw != expected.raw)
     return LoopCheck(run, expected, tuple(int(step) for step in np.flatnonzero(bits)))
 
 
-def close_loop(program: Program, plant: Plant, link: Link, reference: Array, roles: tuple[str, str]) -> LoopRun:
+def close_loop(
+    program: Program,
+    plant: Plant,
+    link: Link,
+    reference: Array,
+    roles: tuple[str, str],
+    states: tuple[str, ...] = (),
+) -> LoopRun:
     """Run the controller against the plant, both from their first state, one exchange over the link a step.
 
     Parameters
@@ -125,14 +141,16 @@ def close_loop(program: Program, plant: Plant, link: Link, reference: Array, rol
     reference
         what the controller is told to follow, one value a step, in its unit
     roles
-        names of the controller's inputs for the reference and for the plant's first output; others read zero
+        names of the controller's inputs for the reference and for the plant's first output, empty where there is
+        none; others read zero
+    states
+        names of its inputs for the plant's states
     """
     model = SteppedPlant(plant, program.period)
     kind = record_type(program)
     row = np.dtype([(value.name, element_type(value.number)) for value in (*program.inputs, *program.parameters)])
     inputs = {value.name: value for value in program.inputs}
-    told, measured = inputs[roles[0]], inputs[roles[1]]
-    references = to_raw(told, np.asarray(reference, dtype=np.float64))
+    told = to_raw(inputs[roles[0]], np.asarray(reference, dtype=np.float64)) if roles[0] else None
     steps = len(reference)
     measurement = np.empty(steps)
     answers = np.empty(steps, dtype=kind)
@@ -143,8 +161,12 @@ def close_loop(program: Program, plant: Plant, link: Link, reference: Array, rol
     link.reset()
     for k in range(steps):
         measurement[k] = model.read()[0]
-        sent[told.name] = references[k]
-        sent[measured.name] = to_raw(measured, measurement[k : k + 1])
+        if told is not None:
+            sent[roles[0]] = told[k]
+        if roles[1]:
+            sent[roles[1]] = to_raw(inputs[roles[1]], measurement[k : k + 1])
+        for name, value in zip(states, model.state, strict=bool(states)):
+            sent[name] = to_raw(inputs[name], np.array([value]))
         answers[k] = np.frombuffer(link.step(sent.tobytes(), 1), kind)[0]
         model.apply(to_physical(first, answers[f"out_{first.name}"][k : k + 1]))
     answers["ticks"] = 0  # time, not a result

@@ -72,6 +72,8 @@ class Machine:
         for table in program.tables:
             self._slot(f"table.{table.name}")
         tables = {f"table.{table.name}": table for table in program.tables}
+        for routine in program.routines:
+            self.constants[self._slot(f"routine.{routine.name}")] = Machine(routine).call
         for op in program.body:
             operation = EVERY[op.function]
             places, shifts = [], []
@@ -98,6 +100,11 @@ class Machine:
 
     def _slot(self, name: str) -> int:
         return self.slots.setdefault(name, len(self.slots))
+
+    def call(self, inputs: Sequence[Raw]) -> list[Any]:
+        """Compute the results of a program without state."""
+        values = self.step(list(inputs), [])
+        return [values[slot] for slot in self.results]
 
     def step(self, inputs: list[Raw], state: list[Raw]) -> list[Any]:
         """Compute one sample of every lane and return all values by slot."""

@@ -164,6 +164,8 @@ def _whole(value: Value, x: Array) -> Raw:
 def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
     """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
     lanes, steps = inputs[0].shape
+    if not law.state:  # no step knows of another: all at once
+        return [np.broadcast_to(y, (lanes, steps)) for y in evaluate(graph, [[], inputs])[1]]
     state = [np.full(lanes, x) for x in law.start]
     outputs = [np.empty((lanes, steps)) for _ in law.outputs]
     for k in range(steps):

@@ -272,7 +272,7 @@ def _says(request: Request, setup: Setup, solve: Solve) -> str:
     seen = "states measured" if setup.correction is None else "states estimated"
     extra = ", offset-free" if setup.disturbed else ""
     return (
-        f"linear MPC over {setup.horizon} samples, {setup.model.order} {seen}{extra}: {len(solve.problem.low)} limits"
+        f"linear MPC over {setup.horizon} samples, {setup.model.order} {seen}{extra}: {len(solve.quadratic.low)} limits"
     )
 
 

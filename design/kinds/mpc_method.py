@@ -51,7 +51,7 @@ def _with_tree(law: Law) -> tuple[Law, dict[str, float]]:
     """Let the law look its moves up in a table of regions; return its figures too."""
     assert law.solve is not None
     tree, judged = choose_tree(law)
-    rows, parameters = law.solve.problem.slope.shape
+    rows, parameters = law.solve.quadratic.slope.shape
     width = -(-rows // 4) * 4
     figures = {
         "regions": float(judged.regions),

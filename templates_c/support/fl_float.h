@@ -1,4 +1,4 @@
-/* fl_float.h -- the few functions floating-point controllers need beside + - * and comparison.
+/* fl_float.h -- the few functions floating-point controllers need beside + - * / and comparison.
  *
  * Each names its operand order, because it decides what happens to a NaN: fl_clamp turns it into `low`.
  */
@@ -7,24 +7,20 @@
 
 #include <stdint.h>
 
-static inline float fl_min_f32(float a, float b)
-{
+static inline float fl_min_f32(float a, float b) {
     return (a < b) ? a : b;
 }
 
-static inline float fl_max_f32(float a, float b)
-{
+static inline float fl_max_f32(float a, float b) {
     return (a > b) ? a : b;
 }
 
-static inline float fl_clamp_f32(float x, float low, float high)
-{
+static inline float fl_clamp_f32(float x, float low, float high) {
     return (x >= low) ? ((x > high) ? high : x) : low;
 }
 
 /* Whether fl_clamp changes `x`, or `x` is not a number. */
-static inline int32_t fl_outside_f32(float x, float low, float high)
-{
+static inline int32_t fl_outside_f32(float x, float low, float high) {
     return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
@@ -41,42 +37,92 @@ static inline int32_t fl_none_f32(float a)
 }
 
 /* Whether `a` is not a number, or infinite. */
-static inline int32_t fl_lost_f32(float a)
-{
+static inline int32_t fl_lost_f32(float a) {
     const float none = a - a;
     return (none == none) ? 0 : 1;
 }
 
 /* Not a number: what a controller holds until its first sample. */
-static inline float fl_unset_f32(void)
-{
+static inline float fl_unset_f32(void) {
     const float zero = 0.0F;
     return zero / zero;
 }
 
-static inline float fl_abs_f32(float a)
-{
+static inline float fl_abs_f32(float a) {
     return (a < 0.0F) ? -a : a;
 }
 
-static inline double fl_min_f64(double a, double b)
-{
+/* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
+static inline float fl_wave_f32(float x, float ahead) {
+    const float k = (x * 0.63661975F + 1.2582912e+07F) - 1.2582912e+07F; /* the nearest whole number */
+    const float r = ((x - k * 1.5703125F) - k * 0.0004837513F) - k * 7.54979e-08F;
+    const float fours = (k * 0.25F + 1.2582912e+07F) - 1.2582912e+07F;
+    const float quarter = k - 4.0F * fours + ahead; /* -2 to 3 */
+    const float z = r * r;
+    float value;
+    if (quarter == -1.0F || quarter == 1.0F || quarter == 3.0F) {
+        value = 2.4801588e-05F;
+        value = value * z - 0.0013888889F;
+        value = value * z + 0.041666668F;
+        value = value * z - 0.5F;
+        value = 1.0F + z * value;
+    } else {
+        value = 2.7557319e-06F;
+        value = value * z - 0.0001984127F;
+        value = value * z + 0.008333334F;
+        value = value * z - 0.16666667F;
+        value = r + r * (z * value);
+    }
+    return (quarter < 0.0F || quarter > 1.5F) ? -value : value;
+}
+
+static inline float fl_sin_f32(float x) {
+    return fl_wave_f32(x, 0.0F);
+}
+
+static inline float fl_cos_f32(float x) {
+    return fl_wave_f32(x, 1.0F);
+}
+
+/* e^x; x is limited to what has a normal result. */
+static inline float fl_exp_f32(float x) {
+    const float within = fl_clamp_f32(x, -87.0F, 88.0F);
+    const float k = (within * 1.442695F + 1.2582912e+07F) - 1.2582912e+07F;
+    const float r = (within - k * 0.69311523F) - k * 3.1946183e-05F;
+    float value;
+    value = 0.0001984127F;
+    value = value * r + 0.0013888889F;
+    value = value * r + 0.008333334F;
+    value = value * r + 0.041666668F;
+    value = value * r + 0.16666667F;
+    value = value * r + 0.5F;
+    union {
+        uint32_t bits;
+        float value;
+    } power; /* 2^k */
+    power.bits = (uint32_t)((int32_t)k + 127) << 23U;
+    return (1.0F + (r + r * (r * value))) * power.value;
+}
+
+static inline float fl_tanh_f32(float x) {
+    const float within = fl_clamp_f32(x, -10.0F, 10.0F);
+    return 1.0F - 2.0F / (fl_exp_f32(within + within) + 1.0F);
+}
+
+static inline double fl_min_f64(double a, double b) {
     return (a < b) ? a : b;
 }
 
-static inline double fl_max_f64(double a, double b)
-{
+static inline double fl_max_f64(double a, double b) {
     return (a > b) ? a : b;
 }
 
-static inline double fl_clamp_f64(double x, double low, double high)
-{
+static inline double fl_clamp_f64(double x, double low, double high) {
     return (x >= low) ? ((x > high) ? high : x) : low;
 }
 
 /* Whether fl_clamp changes `x`, or `x` is not a number. */
-static inline int32_t fl_outside_f64(double x, double low, double high)
-{
+static inline int32_t fl_outside_f64(double x, double low, double high) {
     return (x >= low) ? ((x > high) ? 1 : 0) : 1;
 }
 
@@ -93,22 +139,90 @@ static inline int32_t fl_none_f64(double a)
 }
 
 /* Whether `a` is not a number, or infinite. */
-static inline int32_t fl_lost_f64(double a)
-{
+static inline int32_t fl_lost_f64(double a) {
     const double none = a - a;
     return (none == none) ? 0 : 1;
 }
 
 /* Not a number: what a controller holds until its first sample. */
-static inline double fl_unset_f64(void)
-{
+static inline double fl_unset_f64(void) {
     const double zero = 0.0;
     return zero / zero;
 }
 
-static inline double fl_abs_f64(double a)
-{
+static inline double fl_abs_f64(double a) {
     return (a < 0.0) ? -a : a;
+}
+
+/* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
+static inline double fl_wave_f64(double x, double ahead) {
+    const double k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0; /* the nearest whole number */
+    const double r = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21;
+    const double fours = (k * 0.25 + 6755399441055744.0) - 6755399441055744.0;
+    const double quarter = k - 4.0 * fours + ahead; /* -2 to 3 */
+    const double z = r * r;
+    double value;
+    if (quarter == -1.0 || quarter == 1.0 || quarter == 3.0) {
+        value = 4.779477332387385e-14;
+        value = value * z - 1.1470745597729725e-11;
+        value = value * z + 2.08767569878681e-09;
+        value = value * z - 2.755731922398589e-07;
+        value = value * z + 2.48015873015873e-05;
+        value = value * z - 0.001388888888888889;
+        value = value * z + 0.041666666666666664;
+        value = value * z - 0.5;
+        value = 1.0 + z * value;
+    } else {
+        value = 2.8114572543455206e-15;
+        value = value * z - 7.647163731819816e-13;
+        value = value * z + 1.6059043836821613e-10;
+        value = value * z - 2.505210838544172e-08;
+        value = value * z + 2.7557319223985893e-06;
+        value = value * z - 0.0001984126984126984;
+        value = value * z + 0.008333333333333333;
+        value = value * z - 0.16666666666666666;
+        value = r + r * (z * value);
+    }
+    return (quarter < 0.0 || quarter > 1.5) ? -value : value;
+}
+
+static inline double fl_sin_f64(double x) {
+    return fl_wave_f64(x, 0.0);
+}
+
+static inline double fl_cos_f64(double x) {
+    return fl_wave_f64(x, 1.0);
+}
+
+/* e^x; x is limited to what has a normal result. */
+static inline double fl_exp_f64(double x) {
+    const double within = fl_clamp_f64(x, -708.0, 709.0);
+    const double k = (within * 1.4426950408889634 + 6755399441055744.0) - 6755399441055744.0;
+    const double r = (within - k * 0.6931471805592082) - k * 7.371002565167799e-13;
+    double value;
+    value = 1.6059043836821613e-10;
+    value = value * r + 2.08767569878681e-09;
+    value = value * r + 2.505210838544172e-08;
+    value = value * r + 2.755731922398589e-07;
+    value = value * r + 2.7557319223985893e-06;
+    value = value * r + 2.48015873015873e-05;
+    value = value * r + 0.0001984126984126984;
+    value = value * r + 0.001388888888888889;
+    value = value * r + 0.008333333333333333;
+    value = value * r + 0.041666666666666664;
+    value = value * r + 0.16666666666666666;
+    value = value * r + 0.5;
+    union {
+        uint64_t bits;
+        double value;
+    } power; /* 2^k */
+    power.bits = (uint64_t)((int32_t)k + 1023) << 52U;
+    return (1.0 + (r + r * (r * value))) * power.value;
+}
+
+static inline double fl_tanh_f64(double x) {
+    const double within = fl_clamp_f64(x, -20.0, 20.0);
+    return 1.0 - 2.0 / (fl_exp_f64(within + within) + 1.0);
 }
 
 #endif

@@ -31,6 +31,8 @@ def leaves_bounds(program: Program, blocks: list[Block]) -> list[str]:
     if program.arithmetic.startswith("float"):  # a float's bounds hold while its inputs keep their ranges
         calm = [all(_calm(program, lane)) for lane in inputs]
         inputs, settings = inputs[calm], None if settings is None else settings[calm]
+    if not program.state:  # no step knows of another: all at once
+        inputs = inputs.reshape(-1, 1, inputs.shape[2])
     first = len(program.state) - len(program.tunable)
     lanes, steps, _ = inputs.shape
     state = start_state(program, lanes)
