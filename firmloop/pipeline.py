@@ -31,11 +31,12 @@ from identify.plant import IdentifyError, Plant
 from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
+from identify.stepped import SteppedPlant
 from quantize.program import Program, QuantizeError
 from quantize.proof import proof
 from quantize.word_length import lower_within
 from verify.checker import Checked, ProofError, check_proof
-from verify.closed_loop import PlantLoop, SteppedPlant
+from verify.closed_loop import PlantLoop
 from verify.limit_cycles import ZeroInput, zero_input
 from verify.links import LinkError
 from verify.replay import Controller
