@@ -26,7 +26,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from design.feedforward import feedforward
+from design.feedforward import feedforward, position_of
 from design.kinds import Design, Kind, Request
 from design.kinds.pid import KEYS as PID_KEYS
 from design.kinds.pid import find_gains, find_wires, given_gains, read_pid
@@ -52,6 +52,7 @@ def design(request: Request) -> Design:
     loop = request.inputs
     if schedule.name not in ("reference", "measurement") and len(loop) > 2:
         loop = tuple(wire for wire in request.inputs if wire.name != schedule.name)
+    loop = tuple(wire for wire in loop if wire.name != position_of(request.table))
     wires = replace(find_wires(replace(request, table=tables[0], inputs=loop)), schedule=schedule)
     misplaced = [key for key in NOT_AT_A_POINT if any(key in table for table in tables)]
     if misplaced:
@@ -67,17 +68,19 @@ def design(request: Request) -> Design:
     for k, table in enumerate(tables):
         if filters and not pids[k].differentiates and "tf_s" not in table:
             pids[k] = replace(pids[k], tf=filters[0])  # without a derivative there is no filter to go over to
-    ahead = feedforward(request.table, request.plant, wires.reference)
-    whole = replace(whole_pid(pids), added=ahead.size(wires.reference) if ahead else 0.0)
+    ahead = feedforward(request.table, request.plant, request.period, (wires.reference, wires.output), request.inputs)
+    whole = replace(whole_pid(pids), added=ahead.size() if ahead else 0.0)
     z = {wire.name: ca.SX.sym(wire.name) for wire in request.inputs}
     named: dict[str, tuple[str, ca.SX]] = {}
     shares = _shares(z[schedule.name], at, named)
     says = _says(pids, at, schedule) + (ahead.says() if ahead else "")
     mixed = _mixed([factors(pid) for pid in pids], shares, named)
     ranges = box_ranges(pids, whole, wires.reference, wires.measurement, wires.output)
+    if ahead is not None:
+        ranges = (*ranges, *ahead.states(whole.differentiates))
     law = write(request, says, whole, mixed, z, wires, ranges, named, ahead)
     figures = {f"{name}_{k}": getattr(pid, name) for k, pid in enumerate(pids, 1) for name in ("kp", "ki", "kd")}
-    return Design(law, figures, None, {})
+    return Design(law, figures, None, {}, ahead.missed if ahead else {})
 
 
 def _gains(request: Request, table: Mapping[str, object], wires: Wires) -> Gains:
