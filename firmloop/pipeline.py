@@ -16,6 +16,7 @@ from codegen.bundle import Bundle, CodegenError
 from codegen.emit import emit, manifest
 from codegen.package import package
 from codegen.target import load_target
+from design.feedforward import position_of
 from design.kinds import Design
 from design.kinds import design as design_law
 from design.law import DesignError, Law, Scalar
@@ -31,7 +32,7 @@ from identify.plant import IdentifyError, Plant
 from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
-from identify.stepped import SteppedPlant
+from identify.stepped import SteppedPlant, with_place
 from quantize.program import Program, QuantizeError
 from quantize.proof import proof
 from quantize.word_length import lower_within
@@ -242,11 +243,15 @@ def loop_of(project: Project, designed: Design) -> PlantLoop | None:
         return None
     course = np.full(LOOP_STEPS, middle + span / 8.0)
     course[LOOP_STEPS // 2 :] = middle - span / 8.0
+    assert project.controller is not None, "there is a design"
+    position = position_of(project.controller.settings)
     try:
+        plant, place = with_place(plant) if position is not None else (plant, -1)
         SteppedPlant(plant, law.period)
     except IdentifyError:
         return None
-    return PlantLoop(plant, course, (told.name, law.inputs[measurement].name))
+    others = ((position, place),) if position is not None else ()
+    return PlantLoop(plant, course, (told.name, law.inputs[measurement].name), others)
 
 
 def recorded_inputs(project: Project, data: Data, most: int) -> tuple[Mapping[str, Array], ...]:

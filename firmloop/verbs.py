@@ -36,6 +36,7 @@ from firmloop.project import Campaign, Project, require
 from firmloop.project_text import designed_text, fitted_text
 from firmloop.report import Walk, report
 from firmloop.table import ProjectError
+from firmloop.tracking import Tracking, tracking
 from identify.compiler import ToolError
 from identify.fit import Fit
 from identify.plant import Plant
@@ -104,6 +105,7 @@ def verify(project: Project, campaign: Campaign, out: Path, console: Console) ->
         plant = plant_of(project) if project.plant else None
         designed = design_stage(project, plant)
         generated = _generate(project, designed, "generate", console)
+        _track(project, designed, generated, plant, console)
         outcomes = _verify(project, designed, generated, campaign, available_data(project), console)
         if not any(outcome.verdict for outcome in outcomes):
             raise ToolError("; ".join(f"{outcome.target} was not run: {outcome.not_run}" for outcome in outcomes))
@@ -138,8 +140,10 @@ def walk(project: Project, campaign: Campaign, console: Console) -> Walk:
     fitted = _fit(project, data, console)
     designed, loop = _design(project, fitted.plant, console)
     generated = _generate(project, designed, "run", console)
+    tracked = _track(project, designed, generated, fitted.plant, console)
     outcomes = _verify(project, designed, generated, campaign, data, console)
-    return Walk(project, command_of("run", project.path), data, fitted, designed, loop, generated, outcomes)
+    command = command_of("run", project.path)
+    return Walk(project, command, data, fitted, designed, loop, generated, outcomes, tracked)
 
 
 def _fit(project: Project, data: Data, console: Console) -> Fit:
@@ -165,6 +169,22 @@ def _generate(project: Project, designed: Design, verb: str, console: Console) -
     console.lines(words.about_code(generated))
     console.result("code", documents.generated_document(generated))
     return generated
+
+
+def _track(
+    project: Project, designed: Design, generated: Generated, plant: Plant | None, console: Console
+) -> Tracking | None:
+    """Follow a wave with and without the feedforward, where there is one and this machine can build the C."""
+    with progress("following a wave"):
+        try:
+            found = tracking(project, designed, generated.program, plant)
+        except ToolError as error:
+            complain(f"the tracking of the feedforward was not run: {error}")
+            return None
+    if found is not None:
+        console.lines(words.about_tracking(found))
+        console.result("tracking", found.as_dict())
+    return found
 
 
 def _verify(

@@ -6,7 +6,9 @@ import ctypes
 import math
 import weakref
 from collections import deque
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,17 @@ Piece = tuple[float, Array, Array]  # moment in s, inputs (m,), their slopes (m,
 
 _LONGEST_CHANGE = 0.3  # as in Course
 _SAME = 1e-9  # of the period: moments closer than this are one
+
+
+def with_place(plant: Plant) -> tuple[Plant, int]:
+    """Return the plant with its position among its outputs, and which of them that is."""
+    moved = next((balance for balance in plant.balances if balance.kind in ("torque", "force")), None)
+    if moved is None or moved.position < 0:
+        raise IdentifyError(f"plant {plant.kind}: it has no position that an input of the controller could carry")
+    x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
+    reading = ca.vertcat(plant.reading(x, u, p), x[moved.position])
+    wider = ca.Function("reading", [x, u, p], [ca.densify(reading)], ["x", "u", "p"], ["result"])
+    return replace(plant, outputs=(*plant.outputs, plant.states[moved.position]), reading=wider), len(plant.outputs)
 
 
 class SteppedPlant:

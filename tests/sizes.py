@@ -20,7 +20,8 @@ ROTARY = {
     "load_inertia_kg_m2": 2e-6, "damping_N_m_s_rad": 1e-5, "gap_rad": 0.02, "current_A": 1.0, "rise_K_per_W": 10.0,
     "time_constant_s": 0.01, "voltage_V": 0.5, "half_width_V": 0.3, "limit_V": 5.0, "rate_V_s": 500.0,
     "delay_s": 2.3e-3, "source_ohm": 0.5, "offset_rad_s": 2.0, "gain": 1.1, "resolution_rad_s": 1.0,
-    "limit_rad_s": 150.0, "range_rad_s": 200.0, "amplitude_rad": 0.01, "offset_rad": 0.05, "resolution_rad": 1e-3, "limit_rad": 5.0, "range_rad": 4.0,
+    "limit_rad_s": 150.0, "range_rad_s": 200.0, "amplitude_rad": 0.01,
+    "offset_rad": 0.05, "resolution_rad": 1e-3, "limit_rad": 5.0, "range_rad": 4.0,
     "offset_A": 0.1, "resolution_A": 0.01, "limit_A": 1.0, "range_A": 1.0,
 }  # fmt: skip
 LINEAR = {

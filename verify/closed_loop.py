@@ -35,11 +35,16 @@ class LoopRun:
 
 @dataclass(frozen=True, slots=True)
 class PlantLoop:
-    """What a closed-loop run needs beside the controller; `roles` are its inputs for the reference and the plant."""
+    """What a closed-loop run needs beside the controller.
+
+    `roles` are the controller's inputs for the reference and for the plant's first output; `others` further inputs,
+    each with the number of the output that it carries. Inputs that are none of these read zero.
+    """
 
     plant: Plant
-    reference: Array  # one value a step
+    reference: Array  # one value a step, in its unit
     roles: tuple[str, str]
+    others: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,31 +58,24 @@ class LoopCheck:
 
 def check_loop(program: Program, loop: PlantLoop, host: Link, target: Link) -> LoopCheck:
     """Close the loop with the controller on the host, then on the target, and compare every step."""
-    expected = close_loop(program, loop.plant, host, loop.reference, loop.roles)
-    run = close_loop(program, loop.plant, target, loop.reference, loop.roles)
+    expected, run = (close_loop(program, loop, link) for link in (host, target))
     both = min(len(run.raw), len(expected.raw))
     one, other = (each.measurement[:both].view("<u8") for each in (run, expected))
     bits = (one != other) | (run.raw[:both] != expected.raw[:both])
     return LoopCheck(run, expected, tuple(int(step) for step in np.flatnonzero(bits)))
 
 
-def close_loop(program: Program, plant: Plant, link: Link, reference: Array, roles: tuple[str, str]) -> LoopRun:
+def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
     """Run the controller against the plant, both from their first state, one exchange over the link a step.
-
-    Parameters
-    ----------
-    reference
-        what the controller is told to follow, one value a step, in its unit
-    roles
-        names of the controller's inputs for the reference and for the plant's first output; others read zero
 
     A plant that grows without bound ends the run there.
     """
-    model = SteppedPlant(plant, program.period)
+    model, reference = SteppedPlant(loop.plant, program.period), loop.reference
     kind = record_type(program)
     row = np.dtype([(value.name, element_type(value.number)) for value in (*program.inputs, *program.parameters)])
     inputs = {value.name: value for value in program.inputs}
-    told, measured = inputs[roles[0]], inputs[roles[1]]
+    told = inputs[loop.roles[0]]
+    measured = [(inputs[name], output) for name, output in ((loop.roles[1], 0), *loop.others)]
     references = to_raw(told, np.asarray(reference, dtype=np.float64))
     steps = len(reference)
     measurement = np.empty(steps)
@@ -88,9 +86,11 @@ def close_loop(program: Program, plant: Plant, link: Link, reference: Array, rol
     first = program.outputs[0]
     link.reset()
     for k in range(steps):
-        measurement[k] = model.read()[0]
+        seen = model.read()
+        measurement[k] = seen[0]
         sent[told.name] = references[k]
-        sent[measured.name] = to_raw(measured, measurement[k : k + 1])
+        for value, output in measured:
+            sent[value.name] = to_raw(value, seen[output : output + 1])
         answers[k] = np.frombuffer(link.step(sent.tobytes(), 1), kind)[0]
         try:
             model.apply(to_physical(first, answers[f"out_{first.name}"][k : k + 1]))
