@@ -13,11 +13,22 @@ from codegen.bundle import write_files
 from diagnose.cut import cut
 from diagnose.doubt import with_doubt
 from diagnose.halves import with_controller
+from diagnose.prepare import as_conditioned
 from diagnose.run import Diagnosis, diagnose
 from firmloop.console import Console, progress
 from firmloop.diagnosis_report import diagnosis_report
 from firmloop.output import results_folder
-from firmloop.pipeline import Data, Report, command_of, controller_of, identify, located, plant_of, read_data
+from firmloop.pipeline import (
+    Data,
+    Report,
+    command_of,
+    conditioning_of,
+    controller_of,
+    identify,
+    located,
+    plant_of,
+    read_data,
+)
 from firmloop.project import Project, require
 from firmloop.project_text import diagnosed_text
 
@@ -31,11 +42,15 @@ def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
         plant = plant_of(project)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
+        conditioning = conditioning_of(project)
+        (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
-            made = diagnose(plant, data.train, data.test, report)
+            made = diagnose(plant, train, test, report)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
-        return replace(made, finding=with_controller(with_doubt(made.finding), replayed))
+        said = (*made.finding.says, *(f"Note: {note}." for note in notes))
+        finding = replace(made.finding, notes=(*made.finding.notes, *notes), says=said)
+        return replace(made, finding=with_controller(with_doubt(finding), replayed))
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:
