@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,16 @@ from identify.simulate import constants_of, rest_start, simulator
 
 Array = NDArray[np.float64]
 
+_ALIKE_ROWS = 60  # rows in a row that two recordings share only where one is the other
+_ALIKE_VALUES = 10  # different values that those must hold
+_TRIAL_ROWS = 3000
+_FAR = 3.0  # factor on a parameter that is far off
+_FAR_BETTER = 0.5  # of the power that the fit from where it is given leaves
+_SOAK = ("b_", "L_", "delay_")  # parameters that move far to imitate an effect
+_MET = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
+_GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clock
+_CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
+_UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
 _BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
@@ -35,12 +45,131 @@ def prepared(
     plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """Return the recordings to search, those that are too long cut to their liveliest stretch."""
+    check_apart(plant, train, test)
+    check_clock(plant, (*train, *test))
+    check_nominal(plant, train)
     hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
     rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
     if not form_writer(plant).linear_rate:
         rows = rows // _BENT
     seen, unseen = (shortened(plant, part, rows) for part in (train, test))
     return tuple(replace(each, hold=hold) for each in seen), tuple(replace(each, hold=hold) for each in unseen)
+
+
+def check_apart(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
+    """Refuse a test recording that is a train recording, or a part of one, under another name or with another clock."""
+    names = [signal.name for signal in (*plant.inputs, *plant.outputs)]
+    for one in test:
+        rows = np.column_stack([one.columns[name] for name in names if name in one.columns])
+        for other in train:
+            held = np.column_stack([other.columns[name] for name in names if name in other.columns])
+            if held.shape[1] != rows.shape[1]:
+                continue
+            for begin in np.linspace(0, max(len(rows) - _ALIKE_ROWS, 0), _PLACES).astype(int):
+                part = rows[begin : begin + _ALIKE_ROWS]
+                if len(part) < _ALIKE_ROWS or len(np.unique(part[:, -1])) < _ALIKE_VALUES:
+                    continue
+                for at in np.flatnonzero(np.all(held == part[0], axis=1)):
+                    if np.array_equal(held[at : at + _ALIKE_ROWS], part):
+                        raise IdentifyError(
+                            f"recordings.test: {one.source} repeats {other.source} from {other.time[at]:.6g} s on, "
+                            "value for value; what was fitted cannot judge the fit, so record another one"
+                        )
+
+
+def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
+    """Refuse a clock that jumps where the motion goes on: rows that are missing leave a gap in both."""
+    for recording in recordings:
+        gaps = np.diff(recording.time)
+        step, worst = float(np.median(gaps)), int(np.argmax(gaps))
+        if gaps[worst] < _GAP * step:
+            continue
+        near = slice(max(worst - _TRIAL_ROWS // 2, 0), worst + _TRIAL_ROWS // 2)
+        part = replace(recording, time=recording.time[near], columns={k: v[near] for k, v in recording.columns.items()})
+        time = part.time.copy()
+        time[worst + 1 - near.start :] -= gaps[worst] - step
+        try:
+            open_, closed = (_trial(plant, [each]).power for each in (part, replace(part, time=time)))
+        except IdentifyError:
+            continue
+        if closed < _CLOSED * open_:
+            raise IdentifyError(
+                f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s, but the "
+                "motion goes on as if it had not; correct the time stamps, or cut the recording there"
+            )
+
+
+def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
+    """Refuse nominal parameters that are far off: what is missing would then be named after them.
+
+    The nominal plant is fitted from where it is given and from a tenth and ten times each free parameter; the last is
+    believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
+    combinations that the outputs cannot see.
+    """
+    given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
+    short = shortened(plant, train, _TRIAL_ROWS)
+    try:
+        begun = best = _trial(plant, short)
+    except IdentifyError:
+        return  # preflight will say it better
+    for index, parameter in enumerate(plant.parameters):
+        for factor in (0.1, 10.0) if parameter.name in given else ():
+            value = parameter.value * factor
+            if parameter.low <= value <= parameter.high:
+                moved = list(plant.parameters)
+                moved[index] = replace(parameter, value=value)
+                best = min(best, _trial(replace(plant, parameters=tuple(moved)), short), key=lambda each: each.power)
+    found = best if best.power < _FAR_BETTER * begun.power else begun
+    shifts = _seen_shifts(found, given)
+    far = [name for name in sorted(shifts, key=lambda each: -abs(shifts[each])) if abs(shifts[name]) > np.log(_FAR)]
+    rows = found.slopes.shape[0]
+    if far and found.power < _MET * rows:
+        said = ", ".join(
+            f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far
+        )
+        raise IdentifyError(
+            f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
+            "named after that; check the values and their units, or identify the plant first"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms."""
+
+    power: float
+    values: Mapping[str, float]
+    slopes: Array
+    names: tuple[str, ...]
+
+
+def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
+    problem, point, pairs = _fitted(plant, train)
+    power = sum(float(np.sum(residual**2)) for residual, _ in pairs)
+    every = [parameter.name for parameter in plant.parameters]
+    values = dict(zip(every, map(float, point.constants), strict=True))
+    names = tuple(every[index] for index in problem.free)
+    scale = np.where(problem.logarithmic, 1.0, [values[name] for name in names])
+    slopes = np.concatenate([part[..., : len(names)].reshape(-1, len(names)) * scale for _, part in pairs])
+    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names)
+
+
+def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
+    """Return the logarithms by which the judged parameters moved, the least ones that do the same to the outputs."""
+    names = [name for name in found.names if given.get(name, 0.0) > 0.0 and found.values[name] > 0.0]
+    shift = np.array([np.log(found.values[name] / given[name]) for name in names])
+    slopes = found.slopes[:, [found.names.index(name) for name in names]]
+    sizes = np.linalg.norm(slopes, axis=0)
+    if not names or not np.all(np.isfinite(sizes)) or np.any(sizes == 0.0):
+        return {}
+    _, size, basis = np.linalg.svd(slopes, full_matrices=False)
+    unseen = basis[size < _UNSEEN * size[0]].T
+    judged = np.array([not name.startswith(_SOAK) for name in names])
+    if unseen.size:
+        weight = np.where(judged, 1.0, 1e-3)[:, None]
+        move, *_ = np.linalg.lstsq(weight * unseen, -weight[:, 0] * shift, rcond=None)
+        shift = shift + unseen @ move
+    return {name: float(each) for name, each, yes in zip(names, shift, judged, strict=True) if yes}
 
 
 def as_conditioned(
