@@ -10,7 +10,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from codegen.bundle import write_files
-from diagnose.cut import cut
+from diagnose.cut import Cut, cut
 from diagnose.doubt import with_doubt
 from diagnose.halves import with_controller
 from diagnose.prepare import as_conditioned
@@ -37,7 +37,15 @@ FILES = ("diagnosis.json", "project.toml", "report.html")
 
 
 def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
-    """Diagnose the project's plant on its recordings; a plant without values is identified first."""
+    """Diagnose the project on its recordings."""
+    return both_halves(project, data, report)[0]
+
+
+def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis, Cut | None]:
+    """Diagnose the project's plant on its recordings, and replay its controller where they hold what it was given.
+
+    A plant without values is identified first.
+    """
     with located(project):
         plant = plant_of(project)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
@@ -50,7 +58,7 @@ def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
         said = (*made.finding.says, *(f"Note: {note}." for note in notes))
         finding = replace(made.finding, notes=(*made.finding.notes, *notes), says=said)
-        return replace(made, finding=with_controller(with_doubt(finding), replayed))
+        return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:
@@ -59,13 +67,13 @@ def diagnose_project(project: Project, out: Path, console: Console) -> int:
     with results_folder(out, ()) as folder:
         data = read_data(project)
         with progress("diagnosing") as bar:
-            made = diagnosed(project, data, bar)
+            made, replayed = both_halves(project, data, bar)
             bar(0.95, "writing the report")
             document = made.finding.as_dict()
             files = {
                 "diagnosis.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
                 "project.toml": diagnosed_text(project, made.plant, made.hold, out),
-                "report.html": diagnosis_report(project.name, command_of("diagnose", project.path), made),
+                "report.html": diagnosis_report(project.name, command_of("diagnose", project.path), made, replayed),
             }
         write_files(files, folder)
     console.lines([f"verdict: {made.finding.verdict}", *made.finding.says])
