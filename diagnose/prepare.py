@@ -24,18 +24,21 @@ Array = NDArray[np.float64]
 
 _ALIKE_ROWS = 60  # rows in a row that two recordings share only where one is the other
 _ALIKE_VALUES = 10  # different values that those must hold
-_TRIAL_ROWS = 3000
+_TRIAL_ROWS = 2000
 _FAR = 3.0  # factor on a parameter that is far off
 _FAR_BETTER = 0.5  # of the power that the fit from where it is given leaves
 _SOAK = ("b_", "L_", "delay_")  # parameters that move far to imitate an effect
 _MET = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
 _GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clock
 _CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
+_APART = 5.0  # times the power that separate fits leave, from which recordings are of different machines
+_OTHER = 1.3  # factor between their parameters
 _UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
 _BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
 _STEPS = 12  # of a fit of the nominal plant
+_LONGER = 16  # of one that parameters are read off
 _LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
 _WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
 _SMALLER = 0.98  # ratio of residual rms which that has to bring
@@ -48,6 +51,7 @@ def prepared(
     check_apart(plant, train, test)
     check_clock(plant, (*train, *test))
     check_nominal(plant, train)
+    check_same(plant, train)
     hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
     rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
     if not form_writer(plant).linear_rate:
@@ -109,16 +113,9 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
     short = shortened(plant, train, _TRIAL_ROWS)
     try:
-        begun = best = _trial(plant, short)
+        begun, best = _trials(plant, short)
     except IdentifyError:
         return  # preflight will say it better
-    for index, parameter in enumerate(plant.parameters):
-        for factor in (0.1, 10.0) if parameter.name in given else ():
-            value = parameter.value * factor
-            if parameter.low <= value <= parameter.high:
-                moved = list(plant.parameters)
-                moved[index] = replace(parameter, value=value)
-                best = min(best, _trial(replace(plant, parameters=tuple(moved)), short), key=lambda each: each.power)
     found = best if best.power < _FAR_BETTER * begun.power else begun
     shifts = _seen_shifts(found, given)
     far = [name for name in sorted(shifts, key=lambda each: -abs(shifts[each])) if abs(shifts[name]) > np.log(_FAR)]
@@ -133,6 +130,39 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
         )
 
 
+def check_same(plant: Plant, train: Sequence[Recording]) -> None:
+    """Refuse train recordings of different machines: each alone is met well, by other parameters than the next."""
+    short = shortened(plant, train, _TRIAL_ROWS)
+    if len(short) < 2:
+        return
+    try:
+        alone = [_trials(plant, [each])[1] for each in short]
+        together = _trial(plant, short)
+    except IdentifyError:
+        return
+    # In units of each recording's spread, because a fit of one weighs by that one alone.
+    spreads = [np.std(np.column_stack([r.columns[s.name] for s in plant.outputs]), axis=0) for r in short]
+    whole = np.std(np.concatenate([np.column_stack([r.columns[s.name] for s in plant.outputs]) for r in short]), axis=0)
+    if any(np.any(spread == 0.0) for spread in spreads):
+        return
+    apart = sum(
+        trial.power * float(np.max((spread / whole) ** 2)) for trial, spread in zip(alone, spreads, strict=True)
+    )
+    if together.power < _APART * apart:
+        return
+    free = {p.name for p in plant.parameters if p.free}
+    first = {name: value for name, value in alone[0].values.items() if name in free}
+    for other, recording in zip(alone[1:], short[1:], strict=True):
+        shifts = _seen_shifts(other, first)
+        far = max(shifts, key=lambda each: abs(shifts[each]), default="")
+        if far and abs(shifts[far]) > np.log(_OTHER):
+            raise IdentifyError(
+                f"{short[0].source} and {recording.source} are not of one plant: alone they are met best with {far} = "
+                f"{first[far]:.3g} and {first[far] * np.exp(shifts[far]):.3g}, together {together.power / apart:.2g} "
+                "times as much is left; diagnose one machine at a time"
+            )
+
+
 @dataclass(frozen=True, slots=True)
 class _Trial:
     """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms."""
@@ -143,8 +173,21 @@ class _Trial:
     names: tuple[str, ...]
 
 
+def _trials(plant: Plant, train: Sequence[Recording]) -> tuple[_Trial, _Trial]:
+    """Fit from where the plant is given, and the best from there and a tenth and ten times each free parameter."""
+    begun = best = _trial(plant, train)
+    for index, parameter in enumerate(plant.parameters):
+        for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
+            value = parameter.value * factor
+            if parameter.low <= value <= parameter.high:
+                moved = list(plant.parameters)
+                moved[index] = replace(parameter, value=value)
+                best = min(best, _trial(replace(plant, parameters=tuple(moved)), train), key=lambda each: each.power)
+    return begun, best
+
+
 def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
-    problem, point, pairs = _fitted(plant, train)
+    problem, point, pairs = _fitted(plant, train, _LONGER)
     power = sum(float(np.sum(residual**2)) for residual, _ in pairs)
     every = [parameter.name for parameter in plant.parameters]
     values = dict(zip(every, map(float, point.constants), strict=True))
@@ -296,7 +339,9 @@ def _evidence(plant: Plant, train: Sequence[Recording]) -> tuple[float, float]:
     return total, float(np.sqrt(power))
 
 
-def _fitted(plant: Plant, train: Sequence[Recording]) -> tuple[Problem, Point, list[tuple[Array, Array]]]:
+def _fitted(
+    plant: Plant, train: Sequence[Recording], steps: int = _STEPS
+) -> tuple[Problem, Point, list[tuple[Array, Array]]]:
     """Fit the nominal plant from where it is given."""
     engine = simulator(plant, train[0].hold)
     parts: list[Sequence[Experiment]] = [experiments(plant, recording, NONE) for recording in train]
@@ -306,5 +351,5 @@ def _fitted(plant: Plant, train: Sequence[Recording]) -> tuple[Problem, Point, l
         best_start(made, engine, constants, rest_start(plant, recording), problem.weights)
         for made, recording in zip(problem.experiments, train, strict=True)
     ]
-    point, _ = solve(problem, Point(constants, np.stack(starts)), _STEPS)
+    point, _ = solve(problem, Point(constants, np.stack(starts)), steps)
     return problem, point, list(weighted(problem, point))

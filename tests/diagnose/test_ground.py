@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from diagnose.prepare import check_apart, check_clock, check_nominal
+from diagnose.prepare import check_apart, check_clock, check_nominal, check_same
 from identify.attach import with_effects
 from identify.kinds import make_plant
 from identify.plant import IdentifyError, Plant
@@ -70,6 +70,22 @@ def test_an_effect_is_no_wrong_parameter(machine: str, effect: str) -> None:
     plant = BARE[machine]
     name = "R_ohm" if machine == "motor" else "mass_kg"
     check_nominal(given(machine, name, 1.0), [recorded(with_effects(plant, [use_of(plant, effect)]), 10.0)])
+
+
+@pytest.mark.parametrize("machine", ["motor", "stage"])
+def test_recordings_of_two_machines_are_told(machine: str) -> None:
+    plant = BARE[machine]
+    other = replace(
+        plant,
+        parameters=tuple(
+            replace(p, value=0.5 * p.value) if p.name in ("J_kg_m2", "mass_kg") else p for p in plant.parameters
+        ),
+    )
+    friction = [use_of(plant, "coulomb_friction")]
+    second = recorded(with_effects(other, friction), 10.0, seed=3)
+    with pytest.raises(IdentifyError, match=r"1\.csv and 3\.csv are not of one plant"):
+        check_same(plant, [SEEN[machine], second])
+    check_same(plant, [SEEN[machine], recorded(with_effects(plant, friction), 4.0, seed=3)])
 
 
 def shifted(seen: Recording, by: float) -> Recording:
