@@ -152,7 +152,10 @@ def _scatter(made: Diagnosis) -> list[str]:
                 axes.set_ylabel(f"missing {kind}")
         figure.tight_layout()
         says = "dots: recorded" + ("; in the other colour: the explanation" if law is not None else "")
-        return [_svg(figure), f"<p>What the refitted nominal plant leaves unexplained ({says}).</p>"]
+        return [
+            _svg(figure),
+            f"<p>What the nominal equations with the parameters found leave unexplained ({says}).</p>",
+        ]
 
 
 def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
