@@ -20,7 +20,7 @@ from identify.plant import Plant
 from quantize.lower import lower
 from tests.laws import FULL, pid
 from verify.build import build_image
-from verify.closed_loop import close_loop
+from verify.closed_loop import PlantLoop, close_loop
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.links.opener import openers
@@ -47,18 +47,19 @@ def main() -> int:
     parser.add_argument("--target", action="append")
     arguments = parser.parse_args()
     wrong, reference = 0, staircase(arguments.steps)
+    loop = PlantLoop(wheel(), reference, ROLES)
     for number in ("float32", "fixed32", "fixed16"):
         program = lower(pid(FULL), number)
         bundle = emit(program, "firmloop generate bench.toml")
         host = LibraryLink(build_host(bundle, load_target("host")), program)
-        expected = close_loop(program, wheel(), host, reference, ROLES)
+        expected = close_loop(program, loop, host)
         for name in arguments.target or ["qemu_mps2_an386"]:
             target = load_target(name)
             with tempfile.TemporaryDirectory() as folder:
                 image = build_image(firmware(program, bundle, target, "semihosting"), target, Path(folder))
                 begin = time.perf_counter()
                 with openers()["semihosting"].open(target, image.elf, program.id) as link:
-                    got = close_loop(program, wheel(), link, reference, ROLES)
+                    got = close_loop(program, loop, link)
                 seconds = time.perf_counter() - begin
             same = got.same_as(expected)
             wrong += not same

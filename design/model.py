@@ -12,7 +12,7 @@ from design.discretize import state_space, zero_order_hold
 from design.kinds import Request
 from design.law import DesignError
 from design.table import matrix, real
-from identify.linear import linearize
+from identify.linear import linearize_own
 from identify.plant import Plant
 
 Array = npt.NDArray[np.float64]
@@ -62,12 +62,10 @@ def model_of(request: Request) -> Model | None:
             f"the plant has {len(request.plant.inputs)} input(s) and the controller {drives} output(s); "
             "correct controller.outputs"
         )
-    linear = linearize(request.plant)
-    if len(linear.a) != len(request.plant.states):  # effects with states of their own, which no Q could weigh
-        linear = linearize(nominal(request.plant))
-    sampled = zero_order_hold(linear, request.period)
+    own = linearize_own(request.plant)
+    sampled = zero_order_hold(own.linear, request.period)
     a, b, c = state_space(sampled)
-    states = request.plant.states
+    states = [request.plant.states[k] for k in own.states]
     return Model(
         a, b, c, len(sampled.a),
         tuple(state.name for state in states), tuple(state.unit for state in states),

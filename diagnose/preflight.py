@@ -77,7 +77,8 @@ def check_rows(plant: Plant, recording: Recording) -> None:
     for signal, column in zip(plant.outputs, values.T, strict=True):
         if np.ptp(column) == 0.0:
             raise IdentifyError(
-                f"{recording.source}: column {signal.name} is {column[0]:g} in every row; check the sensor and its wire"
+                f"{recording.source}: column {signal.name} is {column[0] + 0.0:g} in every row; "
+                "check the sensor and its wire"
             )
     gaps = np.diff(recording.time)
     step = float(np.median(gaps))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.noise import fit_noise
 from identify.clock import evened
-from identify.condition import NONE
+from identify.condition import NONE, Conditioning, check_conditioning, condition_input
 from identify.experiment import Experiment, best_start, experiments
 from identify.forms import form_writer
 from identify.hold import FINER, HOLDS
@@ -21,10 +21,23 @@ from identify.simulate import constants_of, rest_start, simulator
 
 Array = NDArray[np.float64]
 
+_ALIKE_ROWS = 60  # rows in a row that two recordings share only where one is the other
+_ALIKE_VALUES = 10  # different values that those must hold
+_TRIAL_ROWS = 2000
+_FAR = 3.0  # factor on a parameter that is far off
+_FAR_BETTER = 0.5  # of the power that the fit from where it is given leaves
+_SOAK = ("b_", "L_", "delay_")  # parameters that move far to imitate an effect
+_MET = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
+_GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clock
+_CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
+_APART = 5.0  # times the power that separate fits leave, from which recordings are of different machines
+_OTHER = 1.3  # factor between their parameters
+_UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
 _BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
 _STEPS = 12  # of a fit of the nominal plant
+_LONGER = 16  # of one that parameters are read off
 _LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
 _ALIKE = 1.15  # ratio of that share in the first and second halves of the recordings
 _WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
@@ -35,12 +48,214 @@ def prepared(
     plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """Return the recordings to search, those that are too long cut to their liveliest stretch."""
+    check_apart(plant, train, test)
+    check_clock(plant, (*train, *test))
+    check_nominal(plant, train)
+    check_same(plant, train)
     hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
     rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
     if not form_writer(plant).linear_rate:
         rows = rows // _BENT
     seen, unseen = (shortened(plant, part, rows) for part in (train, test))
     return tuple(replace(each, hold=hold) for each in seen), tuple(replace(each, hold=hold) for each in unseen)
+
+
+def check_apart(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
+    """Refuse a test recording that is a train recording, or a part of one, under another name or with another clock."""
+    names = [signal.name for signal in (*plant.inputs, *plant.outputs)]
+    for one in test:
+        rows = np.column_stack([one.columns[name] for name in names if name in one.columns])
+        for other in train:
+            held = np.column_stack([other.columns[name] for name in names if name in other.columns])
+            if held.shape[1] != rows.shape[1]:
+                continue
+            for begin in np.linspace(0, max(len(rows) - _ALIKE_ROWS, 0), _PLACES).astype(int):
+                part = rows[begin : begin + _ALIKE_ROWS]
+                if len(part) < _ALIKE_ROWS or len(np.unique(part[:, -1])) < _ALIKE_VALUES:
+                    continue
+                for at in np.flatnonzero(np.all(held == part[0], axis=1)):
+                    if np.array_equal(held[at : at + _ALIKE_ROWS], part):
+                        raise IdentifyError(
+                            f"recordings.test: {one.source} repeats {other.source} from {other.time[at]:.6g} s on, "
+                            "value for value; what was fitted cannot judge the fit, so record another one"
+                        )
+
+
+def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
+    """Refuse a clock that jumps where the motion goes on: rows that are missing leave a gap in both."""
+    for recording in recordings:
+        gaps = np.diff(recording.time)
+        step, worst = float(np.median(gaps)), int(np.argmax(gaps))
+        if gaps[worst] < _GAP * step:
+            continue
+        near = slice(max(worst - _TRIAL_ROWS // 2, 0), worst + _TRIAL_ROWS // 2)
+        part = replace(recording, time=recording.time[near], columns={k: v[near] for k, v in recording.columns.items()})
+        time = part.time.copy()
+        time[worst + 1 - near.start :] -= gaps[worst] - step
+        try:
+            open_, closed = (_trial(plant, [each]).power for each in (part, replace(part, time=time)))
+        except IdentifyError:
+            continue
+        if closed < _CLOSED * open_:
+            raise IdentifyError(
+                f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s, but the "
+                "motion goes on as if it had not; correct the time stamps, or cut the recording there"
+            )
+
+
+def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
+    """Refuse nominal parameters that are far off: what is missing would then be named after them.
+
+    The nominal plant is fitted from where it is given and from a tenth and ten times each free parameter; the last is
+    believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
+    combinations that the outputs cannot see.
+    """
+    given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
+    short = shortened(plant, train, _TRIAL_ROWS)
+    try:
+        begun, best = _trials(plant, short)
+    except IdentifyError:
+        return  # preflight will say it better
+    found = best if best.power < _FAR_BETTER * begun.power else begun
+    shifts = _seen_shifts(found, given)
+    far = [name for name in sorted(shifts, key=lambda each: -abs(shifts[each])) if abs(shifts[name]) > np.log(_FAR)]
+    rows = found.slopes.shape[0]
+    if far and found.power < _MET * rows:
+        said = ", ".join(
+            f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far
+        )
+        raise IdentifyError(
+            f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
+            "named after that; check the values and their units, or identify the plant first"
+        )
+
+
+def check_same(plant: Plant, train: Sequence[Recording]) -> None:
+    """Refuse train recordings of different machines: each alone is met well, by other parameters than the next."""
+    short = shortened(plant, train, _TRIAL_ROWS)
+    if len(short) < 2:
+        return
+    try:
+        alone = [_trials(plant, [each])[1] for each in short]
+        together = _trial(plant, short)
+    except IdentifyError:
+        return
+    # In units of each recording's spread, because a fit of one weighs by that one alone.
+    spreads = [np.std(np.column_stack([r.columns[s.name] for s in plant.outputs]), axis=0) for r in short]
+    whole = np.std(np.concatenate([np.column_stack([r.columns[s.name] for s in plant.outputs]) for r in short]), axis=0)
+    if any(np.any(spread == 0.0) for spread in spreads):
+        return
+    apart = sum(
+        trial.power * float(np.max((spread / whole) ** 2)) for trial, spread in zip(alone, spreads, strict=True)
+    )
+    if together.power < _APART * apart:
+        return
+    free = {p.name for p in plant.parameters if p.free}
+    first = {name: value for name, value in alone[0].values.items() if name in free}
+    for other, recording in zip(alone[1:], short[1:], strict=True):
+        shifts = _seen_shifts(other, first)
+        far = max(shifts, key=lambda each: abs(shifts[each]), default="")
+        if far and abs(shifts[far]) > np.log(_OTHER):
+            raise IdentifyError(
+                f"{short[0].source} and {recording.source} are not of one plant: alone they are met best with {far} = "
+                f"{first[far]:.3g} and {first[far] * np.exp(shifts[far]):.3g}, together {together.power / apart:.2g} "
+                "times as much is left; diagnose one machine at a time"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms."""
+
+    power: float
+    values: Mapping[str, float]
+    slopes: Array
+    names: tuple[str, ...]
+
+
+def _trials(plant: Plant, train: Sequence[Recording]) -> tuple[_Trial, _Trial]:
+    """Fit from where the plant is given, and the best from there and a tenth and ten times each free parameter."""
+    begun = best = _trial(plant, train)
+    for index, parameter in enumerate(plant.parameters):
+        for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
+            value = parameter.value * factor
+            if parameter.low <= value <= parameter.high:
+                moved = list(plant.parameters)
+                moved[index] = replace(parameter, value=value)
+                best = min(best, _trial(replace(plant, parameters=tuple(moved)), train), key=lambda each: each.power)
+    return begun, best
+
+
+def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
+    problem, point, pairs = _fitted(plant, train, _LONGER)
+    power = sum(float(np.sum(residual**2)) for residual, _ in pairs)
+    every = [parameter.name for parameter in plant.parameters]
+    values = dict(zip(every, map(float, point.constants), strict=True))
+    names = tuple(every[index] for index in problem.free)
+    scale = np.where(problem.logarithmic, 1.0, [values[name] for name in names])
+    slopes = np.concatenate([part[..., : len(names)].reshape(-1, len(names)) * scale for _, part in pairs])
+    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names)
+
+
+def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
+    """Return the logarithms by which the judged parameters moved, the least ones that do the same to the outputs."""
+    names = [name for name in found.names if given.get(name, 0.0) > 0.0 and found.values[name] > 0.0]
+    shift = np.array([np.log(found.values[name] / given[name]) for name in names])
+    slopes = found.slopes[:, [found.names.index(name) for name in names]]
+    sizes = np.linalg.norm(slopes, axis=0)
+    if not names or not np.all(np.isfinite(sizes)) or np.any(sizes == 0.0):
+        return {}
+    _, size, basis = np.linalg.svd(slopes, full_matrices=False)
+    unseen = basis[size < _UNSEEN * size[0]].T
+    judged = np.array([not name.startswith(_SOAK) for name in names])
+    if unseen.size:
+        weight = np.where(judged, 1.0, 1e-3)[:, None]
+        move, *_ = np.linalg.lstsq(weight * unseen, -weight[:, 0] * shift, rcond=None)
+        shift = shift + unseen @ move
+    return {name: float(each) for name, each, yes in zip(names, shift, judged, strict=True) if yes}
+
+
+def as_conditioned(
+    plant: Plant, recordings: Sequence[Recording], conditioning: Conditioning
+) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
+    """Do to the recordings what the project asks for and a search can take; return what it does not need, in words.
+
+    An input loses its offset, as in a fit. Windows, smoothing and a coarser grid are ways to fit in noise of which the
+    search has a model of its own. What would take a mismatch out of sight, or hide one in a clock, is refused.
+    """
+    where = "recordings.conditioning"
+    inputs = [signal.name for signal in plant.inputs]
+    for recording in recordings:
+        check_conditioning(
+            conditioning, (*inputs, *(signal.name for signal in plant.outputs)), recording.source, recording.time
+        )
+    offsets = [name for name in conditioning.remove_offset if name not in inputs]
+    refused = (
+        ("remove_offset", offsets, "an offset of a sensor is one of the effects that are looked for"),
+        ("detrend", conditioning.detrend, "a trend is part of what physics does"),
+        ("align", conditioning.align, "a late or skewed clock is one of the effects that are looked for"),
+        ("line_Hz", conditioning.line_Hz, "the notch would take a part of the motion out"),
+    )
+    for key, value, why in refused:
+        if value:
+            shown = list(value) if isinstance(value, list | tuple) else value
+            raise IdentifyError(
+                f"{where}.{key} = {shown}: diagnose compares the outputs as they were recorded, because {why}; "
+                "remove it, or record without the disturbance"
+            )
+    unused = [key for key in ("window_s", "savgol_window", "resample_s") if getattr(conditioning, key)]
+    made = [
+        replace(
+            each,
+            columns={
+                name: condition_input(conditioning, name, values) if name in inputs else values
+                for name, values in each.columns.items()
+            },
+        )
+        for each in recordings
+    ]
+    notes = [f"{where}.{', '.join(unused)} not used: the search has a noise model of its own"] if unused else []
+    return tuple(made), tuple(notes)
 
 
 def shortened(plant: Plant, recordings: Sequence[Recording], rows: int) -> tuple[Recording, ...]:
@@ -133,7 +348,9 @@ def _evidence(plant: Plant, train: Sequence[Recording]) -> tuple[float, float]:
     return total, float(np.sqrt(power))
 
 
-def _fitted(plant: Plant, train: Sequence[Recording]) -> tuple[Problem, Point, list[tuple[Array, Array]]]:
+def _fitted(
+    plant: Plant, train: Sequence[Recording], steps: int = _STEPS
+) -> tuple[Problem, Point, list[tuple[Array, Array]]]:
     """Fit the nominal plant from where it is given."""
     engine = simulator(plant, train[0].hold)
     parts: list[Sequence[Experiment]] = [experiments(plant, recording, NONE) for recording in train]
@@ -143,5 +360,5 @@ def _fitted(plant: Plant, train: Sequence[Recording]) -> tuple[Problem, Point, l
         best_start(made, engine, constants, rest_start(plant, recording), problem.weights)
         for made, recording in zip(problem.experiments, train, strict=True)
     ]
-    point, _ = solve(problem, Point(constants, np.stack(starts)), _STEPS)
+    point, _ = solve(problem, Point(constants, np.stack(starts)), steps)
     return problem, point, list(weighted(problem, point))

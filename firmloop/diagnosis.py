@@ -10,14 +10,25 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from codegen.bundle import write_files
-from diagnose.cut import cut
+from diagnose.cut import Cut, cut
 from diagnose.doubt import with_doubt
 from diagnose.halves import with_controller
+from diagnose.prepare import as_conditioned
 from diagnose.run import Diagnosis, diagnose
 from firmloop.console import Console, progress
 from firmloop.diagnosis_report import diagnosis_report
 from firmloop.output import results_folder
-from firmloop.pipeline import Data, Report, command_of, controller_of, identify, located, plant_of, read_data
+from firmloop.pipeline import (
+    Data,
+    Report,
+    command_of,
+    conditioning_of,
+    controller_of,
+    identify,
+    located,
+    plant_of,
+    read_data,
+)
 from firmloop.project import Project, require
 from firmloop.project_text import diagnosed_text
 
@@ -26,16 +37,28 @@ FILES = ("diagnosis.json", "project.toml", "report.html")
 
 
 def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
-    """Diagnose the project's plant on its recordings; a plant without values is identified first."""
+    """Diagnose the project on its recordings."""
+    return both_halves(project, data, report)[0]
+
+
+def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis, Cut | None]:
+    """Diagnose the project's plant on its recordings, and replay its controller where they hold what it was given.
+
+    A plant without values is identified first.
+    """
     with located(project):
         plant = plant_of(project)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
+        conditioning = conditioning_of(project)
+        (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
-            made = diagnose(plant, data.train, data.test, report)
+            made = diagnose(plant, train, test, report)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
-        return replace(made, finding=with_controller(with_doubt(made.finding), replayed))
+        said = (*made.finding.says, *(f"Note: {note}." for note in notes))
+        finding = replace(made.finding, notes=(*made.finding.notes, *notes), says=said)
+        return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed
 
 
 def diagnose_project(project: Project, out: Path, console: Console) -> int:
@@ -44,13 +67,13 @@ def diagnose_project(project: Project, out: Path, console: Console) -> int:
     with results_folder(out, ()) as folder:
         data = read_data(project)
         with progress("diagnosing") as bar:
-            made = diagnosed(project, data, bar)
+            made, replayed = both_halves(project, data, bar)
             bar(0.95, "writing the report")
             document = made.finding.as_dict()
             files = {
                 "diagnosis.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
                 "project.toml": diagnosed_text(project, made.plant, made.hold, out),
-                "report.html": diagnosis_report(project.name, command_of("diagnose", project.path), made),
+                "report.html": diagnosis_report(project.name, command_of("diagnose", project.path), made, replayed),
             }
         write_files(files, folder)
     console.lines([f"verdict: {made.finding.verdict}", *made.finding.says])

@@ -6,6 +6,7 @@ import html
 import io
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import matplotlib
@@ -13,15 +14,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from diagnose.cut import Cut
 from diagnose.finding import Finding
 from diagnose.hypothesis import Point, full_start, outputs_of
-from diagnose.locate import latent, nominal_plant
+from diagnose.judge import NORMAL_95
+from diagnose.locate import Latent, latent, nominal_plant
 from diagnose.refit import fit_starts, residual_of
 from diagnose.run import Diagnosis
 from diagnose.shape import Shape
 from firmloop.figures import DATA, DRIVE, INK, LIMIT, MODEL, thinned
 from firmloop.figures import STYLE as FIGURE_STYLE
 from firmloop.report import STYLE
+from identify.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -29,8 +33,8 @@ _COLUMNS = 500
 _DOTS = 1200  # of a scatter
 
 
-def diagnosis_report(name: str, command: str, made: Diagnosis) -> str:
-    """Return the page."""
+def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) -> str:
+    """Return the page; `cut` is what the replay of the controller says, None where there was nothing to replay."""
     finding = made.finding
     parts = [
         "<!DOCTYPE html>",
@@ -45,6 +49,8 @@ def diagnosis_report(name: str, command: str, made: Diagnosis) -> str:
         *_courses(made),
         "<h2>What is left, by coordinate</h2>",
         *_scatter(made),
+        "<h2>The controller half</h2>",
+        *_controller(cut),
         "<h2>What was weighed</h2>",
         _ranking(made),
         "<h2>Parameters</h2>",
@@ -105,8 +111,11 @@ def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> 
         for run, name, color in zip(runs, names, colors, strict=True):
             if np.all(np.isfinite(run)):
                 above.plot(*thinned(time, run, _COLUMNS), color=color, linewidth=0.9, label=name)
-                if name != "as given":
-                    below.plot(*thinned(time, measured - run, _COLUMNS), color=color, linewidth=0.8)
+                below.plot(*thinned(time, measured - run, _COLUMNS), color=color, linewidth=0.8)
+        # As given may miss by so much that nothing else could be seen.
+        lefts = [np.max(np.abs(measured - run)) for run in runs[1:] if np.all(np.isfinite(run))]
+        if lefts and max(lefts) > 0.0:
+            below.set_ylim(-1.5 * max(lefts), 1.5 * max(lefts))
         above.set_title(title)
         above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
         below.set_ylabel("residual")
@@ -115,13 +124,17 @@ def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> 
 
 
 def _scatter(made: Diagnosis) -> list[str]:
-    """Draw the latent torque or voltage of the nominal plant over every coordinate that may carry it."""
+    """Draw the latent torque or voltage of the nominal plant over every coordinate that may carry it.
+
+    Over it what the same smoother sees where the explanation has made the outputs: the fitted law, without noise.
+    """
     scene, shown = made.search.scene, made.shown
     plant = nominal_plant(made.search, shown)
     recording = scene.train[0]
     seen = latent(plant, recording, [noise.rms for noise in made.search.best.noises])
     if seen is None:
         return ["<p>The equations of this plant allow no latent torque.</p>"]
+    law = _explained(made, plant) if shown.fitted.causes else None
     with matplotlib.rc_context(_style()):
         figure = Figure(figsize=(8.6, 2.6 * len(seen.kinds)))
         count = len(plant.states)
@@ -131,11 +144,62 @@ def _scatter(made: Diagnosis) -> list[str]:
             for column, signal in enumerate(plant.states):
                 axes = every[row][column]
                 axes.plot(seen.states[pick, column], seen.disturbances[row][pick], ".", color=DATA, markersize=1.5)
+                if law is not None:
+                    over = (law.states[pick, column], law.disturbances[row][pick])
+                    axes.plot(*over, ".", color=MODEL, markersize=1.5)
                 _law(axes, made.shape, kind, signal.name)
                 axes.set_xlabel(signal.name)
                 axes.set_ylabel(f"missing {kind}")
         figure.tight_layout()
-        return [_svg(figure)]
+        says = "dots: recorded" + ("; in the other colour: the explanation" if law is not None else "")
+        return [
+            _svg(figure),
+            f"<p>What the nominal equations with the parameters found leave unexplained ({says}).</p>",
+        ]
+
+
+def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
+    """See the outputs that the explanation simulates as the nominal plant sees the recorded ones."""
+    scene, recording = made.search.scene, made.search.scene.train[0]
+    begin = Point(made.shown.fitted.point.values, (full_start(scene, recording),))
+    point = fit_starts(scene, [recording], begin, made.search.best.noises)
+    simulated = outputs_of(scene, recording) - residual_of(scene, recording, point, 0)
+    if not np.all(np.isfinite(simulated)):
+        return None
+    columns = {signal.name: simulated[:, index] for index, signal in enumerate(scene.plant.outputs)}
+    shown = replace(recording, columns={**recording.columns, **columns})
+    return latent(plant, shown, [noise.rms for noise in made.search.best.noises])
+
+
+def _controller(cut: Cut | None) -> list[str]:
+    """Say what the replay of the controller on its recorded inputs showed."""
+    if cut is None or cut.samples == 0:
+        notes = "" if cut is None else " ".join(f"{note}." for note in cut.notes)
+        return [
+            "<p>Not replayed: that takes a [controller] in the project, and its reference and command in the "
+            f"recordings. {html.escape(notes)}</p>"
+        ]
+    rows = [
+        ("recordings replayed", f"{cut.loops}"),
+        ("samples", f"{cut.samples:,}"),
+        ("answered as recorded, within its digits", f"{cut.same:,}"),
+        ("largest difference", f"{cut.worst:.4g} {cut.unit}"),
+    ]
+    faults = [
+        (role, each.fault.name, each.fault.what, f"{each.figure:.5g}", _reach(each.deviation), each.fault.unit)
+        for role, blames in (("explains it", cut.blames), ("would as well", cut.others))
+        for each in blames
+    ]
+    parts = [_table(("figure", "value"), rows)]
+    if faults:
+        parts.append(_table(("", "fault", "of", "figure", "95 %", "unit"), faults))
+    elif cut.unexplained:
+        parts.append("<p>No single gain, limit, delay, period or sign explains the difference.</p>")
+    return parts
+
+
+def _reach(deviation: float | None) -> str:
+    return "" if deviation is None else f"± {NORMAL_95 * deviation:.2g}"
 
 
 def _law(axes: matplotlib.axes.Axes, shape: Shape | None, kind: str, coordinate: str) -> None:

@@ -68,6 +68,7 @@ def design_document(design: Design, loop: Loop | None) -> Mapping[str, object]:
         "says": design.law.says,
         "tuned_by": design.tuned_by,
         "gains": dict(design.gains),
+        "not_met_by_feedforward": dict(design.not_met),
         "margins": None if loop is None else fields_document(loop.margins),
         "step": None if loop is None else fields_document(loop.metrics),
     }

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.target import load_target
+from design.feedforward import position_of
 from design.kinds import Design
 from design.kinds import design as design_law
 from design.law import DesignError, Horizon, Law, Scalar
@@ -26,9 +27,10 @@ from identify.linear import linearize
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
+from identify.stepped import SteppedPlant, with_place, with_states
 from quantize.program import QuantizeError
 from quantize.word_length import lower_within
-from verify.closed_loop import PlantLoop, SteppedPlant
+from verify.closed_loop import PlantLoop
 from verify.links import LinkError
 from verify.replay import Controller
 from verify.run import verify
@@ -179,15 +181,31 @@ def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     names = [law.inputs[k].name for k in law.states]
     reference, measurement = reference_and_measurement(law.inputs)
     if len(law.states) == len(law.inputs) == len(plant.states):
-        return _stepped(law, PlantLoop(plant, np.full(LOOP_STEPS, math.nan), ("", ""), tuple(names)))
+        return _stepped(law, _with_states(plant, np.full(LOOP_STEPS, math.nan), ("", ""), names))
     told = law.inputs[reference]
     middle, span = (told.low + told.high) / 2.0, told.high - told.low
     if not math.isfinite(span):
         return None
     course = np.full(LOOP_STEPS, middle + span / 8.0)
     course[LOOP_STEPS // 2 :] = middle - span / 8.0
-    measured = "" if len(names) == len(plant.states) else law.inputs[measurement].name
-    return _stepped(law, PlantLoop(plant, course, (told.name, measured), () if measured else tuple(names)))
+    assert project.controller is not None, "there is a design"
+    position = position_of(project.controller.settings)
+    roles = (told.name, law.inputs[measurement].name)
+    if position is not None:
+        try:
+            plant, place = with_place(plant)
+        except IdentifyError:
+            return None
+        return _stepped(law, PlantLoop(plant, course, roles, ((position, place),)))
+    if len(names) == len(plant.states):
+        return _stepped(law, _with_states(plant, course, (told.name, ""), names))
+    return _stepped(law, PlantLoop(plant, course, roles))
+
+
+def _with_states(plant: Plant, course: Array, roles: tuple[str, str], names: Sequence[str]) -> PlantLoop:
+    """Return the loop of a controller whose inputs `names` carry the plant's states."""
+    first = len(plant.outputs)
+    return PlantLoop(with_states(plant), course, roles, tuple((name, first + k) for k, name in enumerate(names)))
 
 
 def _stepped(law: Law, loop: PlantLoop) -> PlantLoop | None:

@@ -57,10 +57,7 @@ def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> s
     table["parameters"] = {parameter.name: _entry(parameter, given.get(parameter.name)) for parameter in own}
     table.pop("effects", None)
     if plant.effects:
-        table["effects"] = [
-            {"name": use.name, **({} if use.output is None else {"output": use.output}), **use.values}
-            for use in plant.effects
-        ]
+        table["effects"] = effects_table(plant)
     return _text({**document, "plant": table}, f"plant diagnosed by: firmloop diagnose {project.path.name}")
 
 

@@ -17,6 +17,7 @@ from firmloop import words
 from firmloop.figures import Comparison, Step, comparison_figure, overview, step_figure
 from firmloop.pipeline import Data, Generated, Loop, Outcome
 from firmloop.project import Project
+from firmloop.tracking import Tracking
 from firmloop.tuning import HEAD, contest_rows
 from identify.fit import Fit, RecordingScore
 from identify.recording import Recording
@@ -59,6 +60,7 @@ class Walk:
     generated: Generated
     outcomes: tuple[Outcome, ...]
     tuned: tuple[Entry, ...] = ()  # by other rules, beside the design
+    tracking: Tracking | None = None
 
 
 def report(walk: Walk) -> str:
@@ -170,6 +172,26 @@ def _controller(walk: Walk) -> list[str]:
             step_figure(step),
             _table(("figure", "value"), words.margin_rows(walk.loop) + words.step_rows(walk.loop)),
         ]
+    return parts + (_tracking(walk.tracking, design) if walk.tracking else [])
+
+
+def _tracking(found: Tracking, design: Design) -> list[str]:
+    """Show what the feedforward is worth against the plant with its effects, the C itself in the loop."""
+    shown = slice(len(found.reference) // 2, None)
+    rows = [
+        (name, f"{run.rms:.4g}", f"{run.worst:.4g}", found.unit)
+        for name, run in (("without", found.without), ("with", found.beside))
+    ]
+    output = design.law.outputs[0]
+    limits = (design.gains.get("u_min", output.low), design.gains.get("u_max", output.high))
+    time = np.arange(len(found.reference), dtype=np.float64) * found.period
+    parts = ["<h3>Feedforward against the plant's effects</h3>"]
+    parts.append(_table(("feedforward", "rms error", "worst error", "unit"), rows))
+    for name, run in (("without", found.without), ("with", found.beside)):
+        course = (time[shown], found.reference[shown], run.measurement[shown], run.command[shown])
+        parts += [f"<p>{name} it:</p>", step_figure(Step(*course, found.unit, output.unit, limits))]
+    if design.not_met:
+        parts.append(_table(("not met", "because"), list(design.not_met.items())))
     return parts
 
 

@@ -35,6 +35,7 @@ from firmloop.project import Campaign, Project, require
 from firmloop.project_text import designed_text, fitted_text
 from firmloop.report import Walk, report
 from firmloop.table import ProjectError
+from firmloop.tracking import Tracking, tracking
 from firmloop.tuning import about_contest, beside, contest_document
 from identify.compiler import ToolError
 from identify.fit import Fit
@@ -95,6 +96,7 @@ def verify(project: Project, campaign: Campaign, out: Path, console: Console) ->
         plant = plant_of(project) if project.plant else None
         designed = design_stage(project, plant)
         generated = generate_files(project, designed, "generate", console)
+        _track(project, designed, generated, plant, console)
         outcomes = _verify(project, designed, generated, campaign, available_data(project), console)
         if not any(outcome.verdict for outcome in outcomes):
             raise ToolError("; ".join(f"{outcome.target} was not run: {outcome.not_run}" for outcome in outcomes))
@@ -131,8 +133,10 @@ def walk(project: Project, campaign: Campaign, console: Console) -> Walk:
     with progress("tuning by other rules"):
         tuned = beside(project, designed, fitted.plant)
     generated = generate_files(project, designed, "run", console)
+    tracked = _track(project, designed, generated, fitted.plant, console)
     outcomes = _verify(project, designed, generated, campaign, data, console)
-    return Walk(project, command_of("run", project.path), data, fitted, designed, loop, generated, outcomes, tuned)
+    command = command_of("run", project.path)
+    return Walk(project, command, data, fitted, designed, loop, generated, outcomes, tuned, tracked)
 
 
 def _fit(project: Project, data: Data, console: Console) -> Fit:
@@ -150,6 +154,22 @@ def _design(project: Project, plant: Plant | None, console: Console) -> tuple[De
     console.lines(words.about_design(designed) + (words.about_loop(loop) if loop else []))
     console.result("controller", documents.design_document(designed, loop))
     return designed, loop
+
+
+def _track(
+    project: Project, designed: Design, generated: Generated, plant: Plant | None, console: Console
+) -> Tracking | None:
+    """Follow a wave with and without the feedforward, where there is one and this machine can build the C."""
+    with progress("following a wave"):
+        try:
+            found = tracking(project, designed, generated.program, plant)
+        except ToolError as error:
+            complain(f"the tracking of the feedforward was not run: {error}")
+            return None
+    if found is not None:
+        console.lines(words.about_tracking(found))
+        console.result("tracking", found.as_dict())
+    return found
 
 
 def _verify(

@@ -9,6 +9,7 @@ from design.kinds import Design
 from firmloop.code_words import in_unit, quantity
 from firmloop.console import table
 from firmloop.pipeline import Loop, Outcome
+from firmloop.tracking import Tracking
 from identify.fit import Fit
 from identify.plant import Parameter
 from verify.verdict import Verdict
@@ -53,7 +54,17 @@ def about_design(design: Design) -> list[str]:
     """Gains and where they come from."""
     by = f"tuned by {design.tuned_by}" if design.tuned_by else "gains as given"
     gains = ", ".join(f"{name} {value:.4g}" for name, value in design.gains.items())
-    return [f"controller: {design.law.says}, {by}", f"  {gains}"]
+    missed = [f"  not met by the feedforward: {name}; {why}" for name, why in design.not_met.items()]
+    return [f"controller: {design.law.says}, {by}", f"  {gains}", *missed]
+
+
+def about_tracking(found: Tracking) -> list[str]:
+    """How well the C follows a wave against the plant with its effects, without and with the feedforward."""
+    rows = [
+        (f"  {name} feedforward", f"rms {in_unit(f'{run.rms:.3g}', found.unit)}", f"worst {run.worst:.3g}")
+        for name, run in (("without", found.without), ("with", found.beside))
+    ]
+    return ["tracking error of the C against the plant with its effects:", *table(rows)]
 
 
 def about_loop(loop: Loop) -> list[str]:

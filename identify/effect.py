@@ -96,6 +96,30 @@ class Scales:
 
 
 @dataclass(frozen=True, slots=True)
+class Holding:
+    """What a drive has to give, in the unit of the balance, to hold a plant against an effect; nothing where all is 0.
+
+    With w the speed and th the position it is the sum of: `up` for w > 0 and -`down` for w < 0; `extra`
+    exp(-(w/`slow`)^2) sign(w); `drag` w |w|; `constant`; `spring` th + `cubic` th^3; `wave` sin(`turns` th + `phase`);
+    `share` of the rest's magnitude, times sign(w). A dead zone instead takes `dead` from what the drive is told.
+    """
+
+    up: float = 0.0
+    down: float = 0.0
+    extra: float = 0.0
+    slow: float = 1.0
+    drag: float = 0.0
+    constant: float = 0.0
+    spring: float = 0.0
+    cubic: float = 0.0
+    wave: float = 0.0
+    turns: float = 1.0
+    phase: float = 0.0
+    share: float = 0.0
+    dead: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Effect:
     """One effect of the library.
 
@@ -104,7 +128,8 @@ class Effect:
     gives the points a fit begins from, in the order of the parameters. `attach(assembly, site, values)` adds it to a
     simulation; it is not called where the values are neutral. `code` is C for the simulator: the body of a function
     of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
-    (constants) that returns a double.
+    (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
+    cannot; `unmet` then says why, in half a sentence.
     """
 
     name: str
@@ -122,6 +147,8 @@ class Effect:
     codes: tuple[tuple[str, str], ...]  # (name of the C function, its body)
     switches: tuple[int, ...] = (0,)  # parameters that are all neutral where the effect changes nothing
     sum_of: tuple[tuple[str, tuple[float, ...]], ...] = ()  # effects it is the sum of: times each one's first parameter
+    holding: Callable[[Site, tuple[float, ...]], Holding] | None = None
+    unmet: str = ""
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

@@ -137,6 +137,12 @@ def library() -> ctypes.CDLL:
     loaded.at_point.argtypes = [ctypes.c_void_p] * 5
     loaded.run_segments.restype = ctypes.c_int
     loaded.run_segments.argtypes = [ctypes.c_void_p] * 3
+    loaded.begin_run.restype = ctypes.c_void_p
+    loaded.begin_run.argtypes = [ctypes.c_void_p] * 2
+    loaded.go_on.restype = ctypes.c_int
+    loaded.go_on.argtypes = [ctypes.c_void_p] * 2
+    loaded.end_run.restype = None
+    loaded.end_run.argtypes = [ctypes.c_void_p]
     return loaded
 
 
@@ -224,13 +230,7 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
 def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
     """Run over the segments of a course and return the outputs (q, r); NaN where the simulation did not get to."""
     problem = made.problem
-    problem.segments = len(cut.begin)
-    problem.step = cut.step
-    for name, value in (
-        ("begin", cut.begin), ("length", cut.length), ("input", cut.value), ("ramp", cut.ramp), ("before", cut.before),
-        ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
-    ):  # fmt: skip
-        setattr(problem, name, value.ctypes.data)
+    load_segments(problem, cut)
     problem.longest = course.longest_change
     problem.turns = 0 if course.turn is None else len(course.turn)
     if course.turn is not None:
@@ -244,6 +244,17 @@ def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
     if not all(finite):
         outputs[int(np.argmin(finite)) :] = np.nan
     return outputs
+
+
+def load_segments(problem: _Problem, cut: Segments) -> None:
+    """Give the simulator the segments it is to run through; they must live as long as it does."""
+    problem.segments = len(cut.begin)
+    problem.step = cut.step
+    for name, value in (
+        ("begin", cut.begin), ("length", cut.length), ("input", cut.value), ("ramp", cut.ramp), ("before", cut.before),
+        ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
+    ):  # fmt: skip
+        setattr(problem, name, value.ctypes.data)
 
 
 def at_point(made: Job, x: Array, u: Array) -> tuple[Array, Array]:

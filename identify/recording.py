@@ -140,6 +140,6 @@ def _check_rows(path: Path, names: tuple[str, ...], table: Table) -> None:
         k = int(falls[0])
         where = f"{table.place} {table.places[k + 1]}, column time_s"
         raise IdentifyError(
-            f"{path}: {where}: {time[k + 1]!r} does not come after {time[k]!r} of the row before; "
+            f"{path}: {where}: {float(time[k + 1])!r} does not come after {float(time[k])!r} of the row before; "
             f"time must rise, so delete the repeated rows or sort them"
         )

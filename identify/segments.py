@@ -42,9 +42,9 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
     """Build the segments of rows first..end; `delay` is the plant's own delay of its inputs."""
     time = course.time[course.first : course.end]
     late = delay + timing.input_delay
-    value = _mapped(course.drive, timing)
+    value = mapped(course.drive, timing)
     lines = course.knots
-    at_rest = _mapped(np.zeros((1, course.drive.shape[1])), timing)[0]
+    at_rest = mapped(np.zeros((1, course.drive.shape[1])), timing)[0]
     plain = lines is None and not (
         late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew)
     )
@@ -52,7 +52,7 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
         rows = np.arange(len(time), dtype=np.int32)
         return Segments(
             time[:-1].copy(),
-            _snapped(np.diff(time), course.step),
+            snapped(np.diff(time), course.step),
             np.ascontiguousarray(value[course.first : course.end - 1]),
             np.zeros((len(time) - 1, value.shape[1])),
             value[course.first - 1] if course.first else at_rest,
@@ -62,7 +62,7 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
             course.step,
         )
     if lines is not None and not np.isfinite(timing.slew):
-        moments, values, ramps = _straight_lines(lines, _mapped(lines[1], timing), late)
+        moments, values, ramps = _straight_lines(lines, mapped(lines[1], timing), late)
     else:
         moments, values, ramps = _pieces(
             course.time[: course.end] + late, value[: course.end], at_rest, timing.slew, slew
@@ -85,7 +85,7 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
     reads = np.searchsorted(node[order], np.arange(len(begin) + 1)).astype(np.int32)
     return Segments(
         begin[:-1].copy(),
-        _snapped(np.diff(begin), course.step),
+        snapped(np.diff(begin), course.step),
         np.ascontiguousarray(start[:-1]),
         np.ascontiguousarray(ramp[:-1]),
         np.ascontiguousarray(opening),
@@ -96,14 +96,14 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
     )
 
 
-def _snapped(length: Array, step: float) -> Array:
+def snapped(length: Array, step: float) -> Array:
     """Make lengths exact that are a row or a half, quarter ... of one, because the simulator has tables for those."""
     shares = np.exp2(np.round(np.log2(np.maximum(length / step, _FINEST))))
     exact = (shares >= _FINEST) & (shares <= 1.0) & (np.abs(length - shares * step) < _EVEN * shares * step)
     return np.where(exact, shares * step, length)
 
 
-def _mapped(drive: Array, timing: Timing) -> Array:
+def mapped(drive: Array, timing: Timing) -> Array:
     """Do to the first input what static actuator effects do; an input that is held stays held."""
     if not timing.maps:
         return drive

@@ -8,7 +8,7 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from design.draft import Draft
 from design.law import DesignError, Law
@@ -41,6 +41,7 @@ class Design:
     gains: Mapping[str, float]
     tuned_by: str | None
     settings: Mapping[str, object] | None = None
+    not_met: Mapping[str, str] = field(default_factory=dict)  # effects that its feedforward leaves alone, and why
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,7 @@ from dataclasses import replace
 
 from design.blend import Schedule, blended
 from design.draft import Draft
+from design.feedforward import position_of
 from design.kinds import Design, Kind, Request, kind_of, kinds
 from design.kinds.pid_schedule import scheduled_pid
 from design.law import DesignError
@@ -58,10 +59,12 @@ def design(request: Request) -> Design:
         )
         for k, table in enumerate(tables, 1)
     ]
-    others = tuple(wire for wire in request.inputs if wire != signal)
+    position = position_of(request.table)
+    wires = tuple(wire for wire in request.inputs if wire.name != position)
+    others = tuple(wire for wire in wires if wire != signal)
     apart = signal.name not in ("reference", "measurement")
     if all(name == PID for name in names):
-        schedule = Schedule(signal, at, others if apart and len(others) > 1 else request.inputs)
+        schedule = Schedule(signal, at, others if apart and len(others) > 1 else wires)
         return scheduled_pid(request, schedule, [replace(point, inputs=schedule.loop) for point in points])
     _check_kinds(names)
     if "feedforward" in request.table:

@@ -32,8 +32,8 @@ Further forms and keys:
 - `rate_limit_per_s`, R: u[k] also stays within u[k-1] - R h and u[k-1] + R h; u[-1] is 0, or the limit next to it.
 - `manual` and `automatic` name inputs. While automatic is below 0.5, u is `manual` within all limits and
   I[k+1] = I[k] + u[k] - v[k]: v follows u, and the change back to automatic is bumpless.
-- `[controller.feedforward] from = "effects"`: the inputs that meet the plant's friction, load and drag at the
-  reference's speed are added to v, see `feedforward.py`.
+- `[controller.feedforward] from = "effects"`: what meets the plant's friction, load, gravity, cogging and dead zone is
+  added to v, see `feedforward.py`.
 - `tunable` lists those of kp, ki, kd, b and c that can be set on the running target, see `pid_tunable.py`.
 - `tracking` names an input that stands for u in the tracking term, such as the output an outer selector has chosen, or
   what the inner loop of a cascade really does.
@@ -49,7 +49,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from design.feedforward import feedforward
+from design.feedforward import feedforward, position_of
 from design.kinds import Design, Kind, Request
 from design.kinds.pid_range import Pid, state_ranges
 from design.kinds.pid_tunable import pid_parameters, tunable_law
@@ -77,10 +77,10 @@ def design(request: Request) -> Design:
     """Read the table, tune where it says so, and write the law."""
     wires = find_wires(request)
     tuned_by, gains = find_gains(request, wires)
-    ahead = feedforward(request.table, request.plant, wires.reference)
+    ahead = feedforward(request.table, request.plant, request.period, (wires.reference, wires.output), request.inputs)
     pid = read_pid(request.table, request.period, wires, gains)
     if ahead is not None:
-        pid = replace(pid, added=ahead.size(wires.reference))
+        pid = replace(pid, added=ahead.size())
     figures = {
         **{"kp": pid.kp, "ki": pid.ki, "kd": pid.kd},
         **({"tf_s": pid.tf, "c": pid.c} if pid.differentiates else {}),
@@ -88,6 +88,8 @@ def design(request: Request) -> Design:
         **({"tt_s": pid.period / pid.tracking} if pid.tracking else {}),
     }
     ranges = state_ranges(pid, wires.reference, wires.measurement, wires.output)
+    if ahead is not None:
+        ranges = (*ranges, *ahead.states(pid.differentiates))
     z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
     says = _says(pid, wires.measurement, wires.output) + (ahead.says() if ahead else "")
     plain_gains = choice(request.table, "form", "default", FORMS) not in TIMES
@@ -97,7 +99,7 @@ def design(request: Request) -> Design:
     else:
         law = write(request, says, pid, factors(pid), z, wires, ranges, {}, ahead)
     settings: dict[str, object] | None = {} if choice(request.table, "form", "default", FORMS) in TIMES else None
-    return Design(law, figures, tuned_by, settings)
+    return Design(law, figures, tuned_by, settings, ahead.missed if ahead else {})
 
 
 def find_wires(request: Request) -> Wires:
@@ -115,7 +117,7 @@ def find_wires(request: Request) -> Wires:
         raise DesignError(
             f"controller.manual, automatic and tracking name the same signal ({names}); give each its own"
         )
-    loop = tuple(wire for wire in request.inputs if wire.name not in names)
+    loop = tuple(wire for wire in request.inputs if wire.name not in (*names, position_of(table)))
     if len(loop) != 2 or len(request.outputs) != 1:
         inputs, outputs = (", ".join(wire.name for wire in wires) for wires in (loop, request.outputs))
         raise DesignError(

@@ -49,17 +49,19 @@ def scheduled_pid(request: Request, schedule: Schedule, points: Sequence[Request
     for k, table in enumerate(tables):
         if filters and not pids[k].differentiates and "tf_s" not in table:
             pids[k] = replace(pids[k], tf=filters[0])  # without a derivative there is no filter to go over to
-    ahead = feedforward(request.table, request.plant, wires.reference)
-    whole = replace(whole_pid(pids), added=ahead.size(wires.reference) if ahead else 0.0)
+    ahead = feedforward(request.table, request.plant, request.period, (wires.reference, wires.output), request.inputs)
+    whole = replace(whole_pid(pids), added=ahead.size() if ahead else 0.0)
     z = {wire.name: ca.SX.sym(wire.name) for wire in request.inputs}
     named: dict[str, tuple[str, ca.SX]] = {}
     given = shares(z[schedule.signal.name], schedule.at, named)
     says = _says(pids, schedule.at, schedule.signal) + (ahead.says() if ahead else "")
     mixed = _mixed([factors(pid) for pid in pids], given, named)
     ranges = box_ranges(pids, whole, wires.reference, wires.measurement, wires.output)
+    if ahead is not None:
+        ranges = (*ranges, *ahead.states(whole.differentiates))
     law = write(request, says, whole, mixed, z, wires, ranges, named, ahead)
     figures = {f"{name}_{k}": getattr(pid, name) for k, pid in enumerate(pids, 1) for name in ("kp", "ki", "kd")}
-    return Design(law, figures, None, {})
+    return Design(law, figures, None, {}, ahead.missed if ahead else {})
 
 
 def _gains(point: Request, wires: Wires) -> Gains:

@@ -72,6 +72,8 @@ def tunable_law(
         else:
             given = replace(given, **{name: symbol})
     ranges = box_ranges(corners, whole, wires.reference, wires.measurement, wires.output)
+    if ahead is not None:
+        ranges = (*ranges, *ahead.states(whole.differentiates))
     return held(write(larger, says, whole, given, z, wires, ranges, named, ahead), parameters)
 
 

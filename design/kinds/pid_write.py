@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from design.feedforward import Feedforward
+from design.feedforward import LAST, Feedforward
 from design.kinds import Request
 from design.kinds.pid_range import Pid
 from design.law import Flag, Law, Scalar
@@ -77,8 +77,7 @@ def write(
     first = dict(x)
     free = _unlimited(pid, given, wires, x, r, y, error, nexts, first, named)
     if ahead is not None:
-        named["feedforward"] = (wires.output.unit, ahead.term(r))
-        free = free + named["feedforward"][1]
+        free = _ahead(ahead, wires, x, r, z, free, nexts, first, named)
     wanted = free
     if wires.manual is not None and wires.automatic is not None:
         in_automatic = z[wires.automatic.name] > 0.5
@@ -120,9 +119,33 @@ def write(
         flags=(Flag("saturated", "the output stands at its limit"),),
         stages=(Scalar(stage, signals),),
         rest=_rest(request, wires),
-        first=ca.Function("first", arguments, [ca.vertcat(*first.values())]) if pid.differentiates else None,
-        opening="started" if pid.differentiates else "",
+        first=ca.Function("first", arguments, [ca.vertcat(*first.values())]) if "started" in x else None,
+        opening="started" if "started" in x else "",
     )
+
+
+def _ahead(
+    ahead: Feedforward,
+    wires: Wires,
+    x: Mapping[str, ca.SX],
+    r: ca.SX,
+    z: Mapping[str, ca.SX],
+    free: ca.SX,
+    nexts: dict[str, ca.SX],
+    first: dict[str, ca.SX],
+    named: dict[str, tuple[str, ca.SX]],
+) -> ca.SX:
+    """Return v with the feedforward in it, and note the reference where its speed is needed in the next sample."""
+    speed = r
+    if ahead.differentiates:
+        speed = r - ca.if_else(x["started"] > 0.5, x[LAST], r)
+        nexts |= {LAST: r, "started": ca.SX(1)}
+        first |= {LAST: r, "started": ca.SX(1)}
+    if ahead.parts:
+        term = ahead.term(speed, z[ahead.position.name] if ahead.position is not None else None)
+        named["feedforward"] = (wires.output.unit, term)
+        free = free + term
+    return ahead.with_dead_zone(free)
 
 
 def _unlimited(

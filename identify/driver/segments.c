@@ -175,62 +175,96 @@ static void read_outputs(const run_t *run, const double *u, int segment, double 
     }
 }
 
-/** Run all segments from state x0; y (rows x r) is filled by the reads. Returns segments done, -1 without memory. */
-int run_segments(const problem_t *k, const double *x0, double *y) {
-    run_t run = {.k = k, .m = {0.0, 0.0}};
-    double reach = 0.0, u[MOST];
-    int done = 0;
-    const double still[MOST] = {0.0};
+static const double STILL[MOST] = {0.0};
+
+static void set_out(run_t *run, const problem_t *k, const double *x0) {
+    double reach = 0.0;
+    memset(run, 0, sizeof *run);
+    run->k = k;
     for (int i = 0; i < k->n; ++i) {
         double sum = 0.0;
         for (int j = 0; j < k->n; ++j) {
             sum += fabs(k->a[i * k->n + j]);
         }
         reach = fmax(reach, sum);
-        run.x[i] = x0[i];
+        run->x[i] = x0[i];
     }
-    run.levels = 11;
-    while (run.levels < LEVELS && ldexp(k->step, 1 - run.levels) * reach > FINEST) {
-        ++run.levels;
+    run->levels = 11;
+    while (run->levels < LEVELS && ldexp(k->step, 1 - run->levels) * reach > FINEST) {
+        ++run->levels;
     }
-    run.smallest = ldexp(k->step, 1 - run.levels);
+    run->smallest = ldexp(k->step, 1 - run->levels);
     for (int c = 0; c < k->coordinates; ++c) {
         const coordinate_t *held = &k->coordinate[c];
-        const double value = run.x[held->row];
-        run.s[c] = held->what == LIMIT ? value < held->limit : (value > 0.0) - (value < 0.0);
+        const double value = run->x[held->row];
+        run->s[c] = held->what == LIMIT ? value < held->limit : (value > 0.0) - (value < 0.0);
     }
-    run.m[1] = k->position >= 0 ? run.x[k->position] : 0.0;
-    run.input = k->before;
-    run.ramp = still;
+    run->m[1] = k->position >= 0 ? run->x[k->position] : 0.0;
+    run->ramp = STILL;
+}
+
+static void tidy_up(run_t *run) {
+    for (int mask = 0; mask < 1 << MOST_STUCK; ++mask) {
+        free(run->table[mask]);
+    }
+}
+
+/** Go on through the segments that the problem holds now; y (rows x r) is filled by the reads. Returns segments done, -1
+ * without memory. */
+int go_on(run_t *run, double *y) {
+    const problem_t *k = run->k;
+    double u[MOST];
+    run->input = k->before;
+    run->ramp = STILL;
     memcpy(u, k->before, (size_t)k->m * sizeof(double));
-    run.t = run.begin = run.since = k->segments > 0 ? k->begin[0] : 0.0;
-    read_outputs(&run, u, 0, y);
-    for (; done < k->segments; ++done) {
-        run.input = &k->input[done * k->m];
-        run.ramp = &k->ramp[done * k->m];
-        run.t = run.begin = run.since = k->begin[done];
+    run->t = run->begin = run->since = k->segments > 0 ? k->begin[0] : 0.0;
+    read_outputs(run, u, 0, y);
+    for (int done = 0; done < k->segments; ++done) {
+        run->input = &k->input[done * k->m];
+        run->ramp = &k->ramp[done * k->m];
+        run->t = run->begin = run->since = k->begin[done];
         for (int c = 0; c < k->coordinates; ++c) {
-            if (run.s[c] == 0 && overdue(&run, run.x, run.t, c) > 0.0) {
-                decide(&run, c);
+            if (run->s[c] == 0 && overdue(run, run->x, run->t, c) > 0.0) {
+                decide(run, c);
             }
         }
-        if (advance(&run, k->length[done]) != 0) {
-            done = -1;
-            break;
+        if (advance(run, k->length[done]) != 0) {
+            return -1;
         }
         for (int i = 0; i < k->n; ++i) {
-            if (!(fabs(run.x[i]) < 1e15)) {
-                goto end;
+            if (!(fabs(run->x[i]) < 1e15)) {
+                return done;
             }
         }
-        input_at(&run, k->begin[done] + k->length[done], u);
-        read_outputs(&run, u, done + 1, y);
+        input_at(run, k->begin[done] + k->length[done], u);
+        read_outputs(run, u, done + 1, y);
     }
-end:
-    for (int mask = 0; mask < 1 << MOST_STUCK; ++mask) {
-        free(run.table[mask]);
-    }
+    return k->segments;
+}
+
+/** Run all segments from state x0, as `go_on` does. */
+int run_segments(const problem_t *k, const double *x0, double *y) {
+    run_t run;
+    int done;
+    set_out(&run, k, x0);
+    done = go_on(&run, y);
+    tidy_up(&run);
     return done;
+}
+
+/** Start a run from state x0 that goes on call by call, until `end_run`; NULL without memory. */
+run_t *begin_run(const problem_t *k, const double *x0) {
+    run_t *run = malloc(sizeof *run);
+    if (run != NULL) {
+        set_out(run, k, x0);
+    }
+    return run;
+}
+
+/** Give back what a run holds. */
+void end_run(run_t *run) {
+    tidy_up(run);
+    free(run);
 }
 
 /** Rate and outputs at one point, as a segment that begins at time 0 would see them. */

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.assembly import STEADY, Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -19,6 +19,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.add_level(site.balance, "asymmetric_level", values, STEADY)
+
+
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(up=values[0], down=values[1])
 
 
 EFFECT = Effect(
@@ -42,4 +47,5 @@ EFFECT = Effect(
     ),
     switches=(0, 1),
     sum_of=(("coulomb_friction", (1.0, 1.0)), ("load_torque", (1.0, -1.0))),
+    holding=holding,
 )

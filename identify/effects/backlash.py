@@ -79,4 +79,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(1,),
+    unmet="which flank bears cannot be seen from the reference",
 )

@@ -36,4 +36,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    unmet="it is the recorder's clock, not the controller's",
 )

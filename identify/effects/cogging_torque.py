@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, phase, shape, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, phase, shape, size
 
 _FEWEST = 1.5  # periods per turn
 
@@ -38,6 +38,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_term(assembly.speed, "cogging", constants, per, (rate, turns, 0.0, 0.0, 0.0, 0.0))
 
 
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(wave=values[0], turns=values[1] * (1.0 if site.rotary else 2.0 * math.pi), phase=values[2])
+
+
 EFFECT = Effect(
     name="cogging_torque",
     equation="torque",
@@ -58,4 +63,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    holding=holding,
 )

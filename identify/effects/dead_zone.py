@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, ended, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, ended, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -21,6 +21,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.map_input("dead_zone", values[0])
 
 
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(dead=values[0])
+
+
 EFFECT = Effect(
     name="dead_zone",
     equation="actuator",
@@ -36,4 +41,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    holding=holding,
 )

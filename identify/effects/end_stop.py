@@ -53,4 +53,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(1,),
+    unmet="a reference must stay off the stop, not press against it",
 )

@@ -59,4 +59,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(1,),
+    unmet="the second body moves by itself; an observer or a notch meets that",
 )

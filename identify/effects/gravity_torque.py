@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, phase, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, phase, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -22,6 +22,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     per = assembly.per[site.balance]
     assembly.add_term(assembly.speed, "gravity", values, per, (math.sqrt(values[0] * per), 1.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(wave=values[0], phase=values[1])
 
 
 EFFECT = Effect(
@@ -44,4 +49,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    holding=holding,
 )

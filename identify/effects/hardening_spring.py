@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -28,6 +28,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_term(assembly.speed, "hardening", values, assembly.per[site.balance], (0.0, 0.0, 0.0, 0.0, rate, 0.0))
 
 
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(cubic=values[0])
+
+
 EFFECT = Effect(
     name="hardening_spring",
     equation="torque",
@@ -48,4 +53,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    holding=holding,
 )

@@ -44,4 +44,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    unmet="it acts while the current changes and leaves nothing to hold",
 )

@@ -36,4 +36,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    unmet="no input acts before it is given; the margins count with it",
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -19,6 +19,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.add_level(site.balance, "load_level", values, assembly.current_settles())
+
+
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(share=values[0])
 
 
 EFFECT = Effect(
@@ -41,4 +46,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    holding=holding,
 )

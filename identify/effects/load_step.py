@@ -50,4 +50,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    unmet="nobody knows beforehand when the load comes; the integral meets it",
 )

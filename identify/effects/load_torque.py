@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, signed
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, signed
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -21,6 +21,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.c[assembly.speed] -= assembly.per[site.balance] * values[0]
 
 
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(constant=values[0])
+
+
 EFFECT = Effect(
     name="load_torque",
     equation="torque",
@@ -36,4 +41,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    holding=holding,
 )

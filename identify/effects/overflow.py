@@ -38,4 +38,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    unmet="what runs over is lost; the reference must stay below",
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from identify.assembly import STEADY, Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, shape, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -31,6 +31,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_level(site.balance, "presliding_level", (), STEADY)
     rate = 2.0 * math.sqrt(values[0] * per)
     assembly.add_term(assembly.speed, "presliding_force", values, per, (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(up=values[1], down=values[1])
 
 
 EFFECT = Effect(
@@ -63,4 +68,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(1,),
+    holding=holding,
 )

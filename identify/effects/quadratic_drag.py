@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -27,6 +27,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_term(assembly.speed, "quadratic_drag", values, per, (0.0, 2.0 * values[0] * per, 0.0, 0.0, 0.0, 0.0))
 
 
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(drag=values[0])
+
+
 EFFECT = Effect(
     name="quadratic_drag",
     equation="torque",
@@ -47,4 +52,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    holding=holding,
 )

@@ -58,4 +58,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    unmet="the temperature is not measured; the integral meets it",
 )

@@ -36,4 +36,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    unmet="what the actuator does not give cannot be asked for; set rate_limit_per_s to its slope",
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.assembly import Assembly
-from identify.effect import Effect, EffectParameter, Scales, Site, shape, size
+from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -31,6 +31,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_level(site.balance, "stribeck_level", values, (steep, 0.0, 1.0 / speed, 0.0, 0.0, 0.0))
 
 
+def holding(site: Site, values: tuple[float, ...]) -> Holding:
+    """Return what meets it."""
+    return Holding(up=values[0], down=values[0], extra=values[1] - values[0], slow=values[2])
+
+
 EFFECT = Effect(
     name="stribeck_friction",
     equation="torque",
@@ -52,4 +57,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0, 1),
+    holding=holding,
 )

@@ -38,4 +38,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    unmet="it lowers the gain at large currents; the integral meets it",
 )

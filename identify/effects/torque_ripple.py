@@ -55,4 +55,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    unmet="it scales the torque, which the controller does not command",
 )

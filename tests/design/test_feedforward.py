@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
+from codegen.emit import emit
+from codegen.target import load_target
+from design.feedforward import feedforward
 from design.kinds import design
-from design.law import DesignError
+from design.law import DesignError, Law
+from design.sine import WORST, sine
 from identify.attach import EffectUse, with_effects
 from identify.kinds import make_plant
 from identify.plant import Plant
+from identify.recording import make_recording
 from identify.signal import Signal
+from identify.simulate import simulate
 from quantize.lower import lower
+from quantize.proof import proof
 from tests.quantize.test_lower import leaves_bounds
+from tests.sizes import motor, use_of
+from verify.checker import check_proof
+from verify.compare import compare
+from verify.host import build_host
+from verify.links.library import LibraryLink
+from verify.reference import run
+from verify.rounding import measure_rounding
 from verify.stimuli import stimuli
 
 MOTOR = {"R_ohm": 8.0, "L_H": 1e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.025, "J_kg_m2": 3e-6, "b_N_m_s_rad": 3e-6}
@@ -50,6 +65,124 @@ def test_directions_load_drag_and_brushes() -> None:
     assert term(plant(("brush_drop", {"voltage_V": 0.7})), 9.0) == pytest.approx(0.7)
 
 
+@pytest.mark.parametrize("ends", [(-1.0, 1.0), (-200.0, 150.0), (0.0, 3.0), (2.0, 40.0)])
+def test_the_sine_is_one(ends: tuple[float, float]) -> None:
+    angle = ca.SX.sym("angle")
+    points = np.linspace(*ends, 5001)
+    found = np.array(ca.Function("sine", [angle], [sine(angle, *ends)])(points)).ravel()
+    assert np.abs(found - np.sin(points)).max() < 1.05 * WORST
+
+
+TURNS = Signal("position", "rad", -20.0, 20.0)
+HELD = (
+    *("coulomb_friction", "asymmetric_friction", "stribeck_friction", "load_torque", "quadratic_drag"),
+    *("gravity_torque", "cogging_torque", "return_spring", "hardening_spring"),
+)
+
+
+@pytest.mark.parametrize("speed", [12.0, -35.0])
+@pytest.mark.parametrize("name", HELD)
+def test_the_plant_keeps_its_speed(name: str, speed: float) -> None:
+    """What the feedforward gives at every moment of an even motion is what the simulator needs to keep it even."""
+    bare = make_plant(
+        "rotary_stage", "torque_N_m", ["speed_rad_s", "position_rad"], {"J_kg_m2": 3e-6, "b_N_m_s_rad": 3e-6}
+    )
+    machine = with_effects(bare, [use_of(bare, name)])
+    ahead = feedforward(
+        {"feedforward": {"from": "effects", "position": "position", "smooth": 2.0}},
+        machine, 0.001, (STAND[0], Signal("output", "N*m", -1.0, 1.0)), (*STAND, TURNS),
+    )  # fmt: skip
+    time = np.arange(60) * 1e-4
+    place = 0.4 + speed * (time + 0.5e-4)
+    w, th = ca.SX.sym("w"), ca.SX.sym("th")
+    extra = np.array(ca.Function("term", [w, th], [ahead.term(w, th)])(np.full(60, speed), place)).ravel()
+
+    def last(torque: np.ndarray) -> float:
+        columns = {"torque_N_m": torque + 3e-6 * speed, "speed_rad_s": time, "position_rad": time}
+        names = [state.name for state in machine.states]
+        start = np.array([{"speed_rad_s": speed, "position_rad": 0.4}[n] for n in names])
+        return float(simulate(machine, make_recording(time, columns, "even", ""), start)[-1, 0])
+
+    without, held = abs(last(0.0 * extra) - speed), abs(last(extra) - speed)
+    assert without > 1e-3
+    assert held < (0.02 if name == "stribeck_friction" else 2e-3) * without
+
+
+def test_friction_grows_with_the_load_that_is_met() -> None:
+    load = ("load_torque", {"torque_N_m": 1e-3})
+    ohm = 8.0 / 0.025
+    machine = plant(load, ("load_dependent_friction", {"ratio": 0.2}))
+    assert (term(machine, 50.0), term(machine, -50.0)) == pytest.approx((1.2e-3 * ohm, 0.8e-3 * ohm))
+
+
+def test_the_input_comes_out_of_its_dead_zone() -> None:
+    machine = plant(("dead_zone", {"half_width_V": 0.3}))
+    table = {"kp": 0.01, "feedforward": {"from": "effects", "soft": 0.1}}
+    law = design("pid", "x", table, 0.001, STAND, VOLTS, machine).law
+    wanted = {20.0: 0.2 + 0.3, -100.0: -1.0 - 0.3, 5.0: 0.05 + 0.15, 0.0: 0.0}
+    assert [float(law.last.function([], [w, 0.0])[1]) for w in wanted] == pytest.approx(list(wanted.values()))
+
+
+def position_loop(*names: str) -> Law:
+    """Make a position controller of a motor with these effects."""
+    bare = motor("position_rad", "speed_rad_s")
+    machine = with_effects(bare, [use_of(bare, name) for name in names])
+    wires = tuple(Signal(name, "rad", -20.0, 20.0) for name in ("reference", "measurement"))
+    table = {"kp": 2.0, "ki": 1.0, "kd": 0.05, "tf_s": 0.004, "feedforward": {"from": "effects", "smooth": 0.5}}
+    return design("pid", "x", table, 0.001, wires, VOLTS, machine).law
+
+
+def test_a_position_tells_its_speed_from_the_second_sample_on() -> None:
+    law = position_loop("coulomb_friction")
+    volts = 1e-3 * 8.0 / 0.02
+    x = np.array(law.start)
+    for r, wanted in ((3.0, 0.0), (3.0, 0.0), (3.002, volts), (3.0015, -volts), (3.0015 + 2.5e-4, volts / 2)):
+        x, *_, named = (np.array(part).ravel() for part in law.last.function(x, [r, r]))
+        shown = dict(zip([signal.name for signal in law.last.named], named, strict=True))
+        assert shown["feedforward"] == pytest.approx(wanted, abs=1e-12)
+
+
+ALL = (
+    *("stribeck_friction", "asymmetric_friction", "load_dependent_friction", "load_torque", "quadratic_drag"),
+    *("gravity_torque", "cogging_torque", "return_spring", "dead_zone", "input_delay", "sensor_offset"),
+)
+
+
+FEW = ("stribeck_friction", "cogging_torque", "dead_zone", "input_delay")
+
+
+@pytest.mark.parametrize(
+    ("number", "names"),
+    [
+        ("fixed16", FEW),
+        ("float32", FEW),
+        *(pytest.param(number, ALL, marks=pytest.mark.slow) for number in ("float32", "float64", "fixed16", "fixed32")),
+    ],
+    ids=lambda value: value if isinstance(value, str) else str(len(value)),
+)
+def test_every_format_computes_every_term_to_the_last_bit(number: str, names: tuple[str, ...]) -> None:
+    law = position_loop(*names)
+    program = lower(law, number)
+    if number.startswith("fixed"):
+        check_proof(proof(program, law.reasons))
+    blocks = stimuli(program, [], 200, 1)
+    traces = [run(program, block.inputs, block.settings) for block in blocks]
+    link = LibraryLink(build_host(emit(program, "test"), load_target("host")), program)
+    assert compare(program, link, blocks, traces, lambda *_: None).differences == 0
+    assert all(row.worst <= row.bound for row in measure_rounding(law, program, blocks, traces))
+    assert law.says.endswith("(not for input_delay)" if names == FEW else "(not for input_delay, sensor_offset)")
+
+
+def test_a_position_is_an_angle() -> None:
+    machine = plant(("gravity_torque", {"amplitude_N_m": 1e-3}))
+    table = {"kp": 0.01, "feedforward": {"from": "effects", "position": "place"}}
+    with pytest.raises(DesignError, match=r"signals\.place in 'm'; it must be in 'rad'"):
+        design("pid", "x", table, 0.001, (*STAND, Signal("place", "m", -1.0, 1.0)), VOLTS, machine)
+    law = design("pid", "x", table, 0.001, (*STAND, Signal("place", "rad", -9.0, 9.0)), VOLTS, machine).law
+    volts = float(law.last.function([], [0.0, 0.0, -0.5])[1])
+    assert volts == pytest.approx(1e-3 * 8.0 / 0.025 * np.sin(-0.5), rel=1e-3)
+
+
 @pytest.mark.parametrize("arithmetic", ["float32", "fixed16"])
 def test_bounds_hold_with_an_integral(arithmetic: str) -> None:
     machine = plant(("coulomb_friction", {"torque_N_m": 3e-3}))
@@ -70,8 +203,13 @@ def test_bounds_hold_with_an_integral(arithmetic: str) -> None:
         ({"from": "effects"}, None, ["nothing to work from", "[[plant.effects]]"]),
         (
             {"from": "effects"},
-            plant(("dead_zone", {"half_width_V": 0.2})),
-            ["none of the plant's effects", "dead_zone"],
+            plant(("input_delay", {"delay_s": 2e-3})),
+            ["none of the plant's effects", "input_delay: no input acts before it is given"],
+        ),
+        (
+            {"from": "effects"},
+            plant(("cogging_torque", {"amplitude_N_m": 1e-3, "periods_per_rev": 8.0})),
+            ["cogging_torque: a speed tells no position", "position ="],
         ),
         ({"from": "effect"}, plant(("load_torque", {"torque_N_m": 1e-4})), ["did you mean 'effects'"]),
         ({"smooth": 1.0}, plant(("load_torque", {"torque_N_m": 1e-4})), ["from", "missing"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,8 @@ def test_friction_is_named_in_colored_noise(tmp_path: Path, capsys: pytest.Captu
     assert said["fit"]["test"]["after"] < 1.1 < said["fit"]["test"]["refit"]  # type: ignore[index]
     assert "coulomb_friction" in capsys.readouterr().out
     assert "<svg" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    (written,) = tomllib.loads((tmp_path / "out" / "project.toml").read_text(encoding="utf-8"))["plant"]["effects"]
+    assert written["torque_N_m"]["free"] and written["torque_N_m"]["ci95"] == pytest.approx([low, high], rel=1e-4)
     # The improved project predicts the unseen recording as it is.
     predicted = tmp_path / "predicted.csv"
     arguments = [str(tmp_path / "out" / "project.toml"), str(tmp_path / "case" / "test.csv")]

@@ -12,15 +12,13 @@ from bench.closed_loop import ROLES, staircase, wheel
 from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
-from identify.kinds import make_plant
-from identify.plant import EffectUse, IdentifyError, Plant
-from identify.recording import make_recording
-from identify.simulate import simulate
+from identify.attach import with_effects
 from quantize.lower import lower
 from quantize.program import Program
 from tests.laws import FULL, pid
+from tests.sizes import motor, use_of
 from verify.build import build_image
-from verify.closed_loop import PlantLoop, SteppedPlant, check_loop, close_loop
+from verify.closed_loop import PlantLoop, check_loop, close_loop
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.links.opener import openers
@@ -30,47 +28,15 @@ from verify.run import verify
 @pytest.mark.qemu
 @pytest.mark.parametrize(("name", "number"), [("qemu_mps2_an386", "fixed32"), ("qemu_microbit", "float32")])
 def test_the_loop_is_the_same_on_host_and_controller(name: str, number: str, tmp_path: Path) -> None:
-    program, target, reference = lower(pid(FULL), number), load_target(name), staircase(1_000)
+    program, target, loop = lower(pid(FULL), number), load_target(name), PlantLoop(wheel(), staircase(1_000), ROLES)
     bundle = emit(program, "test")
-    on_host = close_loop(
-        program, wheel(), LibraryLink(build_host(bundle, load_target("host")), program), reference, ROLES
-    )
+    on_host = close_loop(program, loop, LibraryLink(build_host(bundle, load_target("host")), program))
     image = build_image(firmware(program, bundle, target, "semihosting"), target, tmp_path)
     with openers()["semihosting"].open(target, image.elf, program.id) as link:
-        on_target = close_loop(program, wheel(), link, reference, ROLES)
+        on_target = close_loop(program, loop, link)
     assert on_target.same_as(on_host)
     assert np.abs(on_target.reference - on_target.measurement)[499] < 1.0  # it does control
     assert not replace(on_target, measurement=on_target.measurement + 1e-9).same_as(on_host)
-
-
-def tank(delay: float) -> Plant:
-    values = {"gain": 2.0, "time_constant_s": 0.05, "delay_s": delay}
-    table = {name: {"value": value, "free": False} for name, value in values.items()}
-    return make_plant("first_order", "voltage_V", ["temperature_C"], table)
-
-
-@pytest.mark.parametrize("plant", [wheel(), tank(0.0), tank(0.003), tank(0.0037)], ids=["wheel", "0", "3", "3.7"])
-def test_steps_follow_the_simulator(plant: Plant) -> None:
-    """The simulator moves these plants exactly; Runge-Kutta must come near it, delays and their fractions included."""
-    period, random = 0.001, np.random.default_rng(1)
-    drive = np.repeat(random.normal(size=40), 10)
-    time = np.arange(len(drive)) * period
-    zeros = {signal.name: np.zeros(len(drive)) for signal in plant.outputs}
-    recording = make_recording(time, {plant.inputs[0].name: drive, **zeros}, "test", "")
-    expected = simulate(plant, recording, np.zeros(len(plant.states)))
-    stepped = SteppedPlant(plant, period)
-    got = np.empty_like(expected)
-    for k, value in enumerate(drive):
-        got[k] = stepped.read()
-        stepped.apply(np.array([value]))
-    np.testing.assert_allclose(got, expected, rtol=0, atol=3e-5 * np.abs(expected).max())
-
-
-def test_a_plant_that_cannot_be_stepped_is_refused() -> None:
-    with pytest.raises(IdentifyError, match="closed without effects; this one has coulomb_friction"):
-        SteppedPlant(replace(wheel(), effects=(EffectUse("coulomb_friction"),)), 0.001)
-    with pytest.raises(IdentifyError, match="too fast for steps of 1 s"):
-        SteppedPlant(wheel(), 1.0)
 
 
 def on_host(table: dict[str, object], number: str) -> tuple[LibraryLink, Program]:
@@ -94,3 +60,16 @@ def test_the_loop_is_part_of_the_verdict() -> None:
     target = load_target("qemu_mps2_an386")
     verdict = verify(law, program, emit(program, "test"), target, (), 200, 1, None, lambda share, doing: None, loop)
     assert verdict.agrees and verdict.as_dict()["closed_loop"] == {"steps": 200, "differences": 0}
+
+
+@pytest.mark.qemu
+def test_a_plant_with_effects_gives_the_same_loop_on_the_controller() -> None:
+    plant = motor("speed_rad_s", "current_A")
+    names = ("stribeck_friction", "cogging_torque", "backlash", "dead_zone", "slew_rate_limit", "sensor_delay")
+    loop = PlantLoop(with_effects(plant, [use_of(plant, name) for name in names]), staircase(300), ROLES)
+    law = pid(FULL)
+    program = lower(law, "fixed32")
+    target = load_target("qemu_mps2_an386")
+    verdict = verify(law, program, emit(program, "test"), target, (), 100, 1, None, lambda share, doing: None, loop)
+    assert verdict.agrees and verdict.as_dict()["closed_loop"] == {"steps": 300, "differences": 0}
+    assert verdict.closed_loop is not None and np.ptp(verdict.closed_loop.measurement) > 1.0
