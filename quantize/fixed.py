@@ -19,15 +19,12 @@ from fractions import Fraction
 
 from quantize.builder import Builder, Constant, Operand, Term
 from quantize.formats import FINEST, WIDENED, fit
+from quantize.places import HIGH, WORD, Part, bits, bits_alone, exactly, near, places, split
 from quantize.program import Number, QuantizeError, Value
 from quantize.rounds import ROUNDINGS, Dropping
-from quantize.sums import near_one
 
-WORD = 2**31 - 1
 FEWEST_BITS = 20  # of a coefficient: a gain is then right to 5e-7
 FEWEST_IN_SUM = 18  # of a weight in a sum: a gain is then right to 4e-6, else it gets a product of its own
-HIGH = 32  # shift of a sum that stands in the upper of two words
-Part = tuple[Fraction, Term]
 
 
 def _down(value: float, fraction: int) -> int:
@@ -36,10 +33,6 @@ def _down(value: float, fraction: int) -> int:
 
 def _up(value: float, fraction: int) -> int:
     return math.ceil(Fraction(value) * Fraction(2) ** fraction)
-
-
-def _near(value: float | Fraction, fraction: int) -> int:
-    return math.floor(Fraction(value) * Fraction(2) ** fraction + Fraction(1, 2))
 
 
 @dataclass(slots=True)
@@ -85,7 +78,7 @@ class FixedBuilder:
 
     def literal(self, value: float, number: Number) -> int:
         """Return the raw value nearest to a physical one."""
-        return _near(value, number.fraction)
+        return near(value, number.fraction)
 
     def limits(self, low: float, high: float, number: Number) -> tuple[int, int]:
         """Return the raw limits inside the physical ones."""
@@ -104,9 +97,9 @@ class FixedBuilder:
 
     def total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
         """Return the sum of weight times value, and of `constant`, at fraction `q`."""
-        parts = [p for pair in self._differences(_split(parts, q)) for p in pair]
+        parts = [p for pair in self._differences(split(parts, q)) for p in pair]
         plain = all(abs(weight) == 1 for weight, _ in parts)
-        if plain and len(parts) == 1 and constant and _near(constant, q) == 0:
+        if plain and len(parts) == 1 and constant and near(constant, q) == 0:
             raise QuantizeError(
                 f"a value in units of {2.0**-q:g} is to be moved by {float(constant):g}, which is nothing there: give "
                 "the limit or rate that asks for it a larger value, or use float32"
@@ -118,15 +111,15 @@ class FixedBuilder:
         if not whole and not constant and len(products) == 1:
             return self._product(products[0][1], Constant(float(products[0][0])), q)
         wish, self.ops.wish = self.ops.wish, ("", "")
-        moved = [self._moved(term, abs(float(weight)), q) for weight, term in products if _exactly(weight, term, q)]
+        moved = [self._moved(term, abs(float(weight)), q) for weight, term in products if exactly(weight, term, q)]
         if len(moved) == len(products):
             signs = [Fraction(1 if weight > 0 else -1) for weight, _ in products]
             whole, products = [*whole, *((s, t) for s, t in zip(signs, moved, strict=True) if t is not None)], []
         if not products:
             return self._plain(whole, constant, q, wish)
         shift, left = self._shift(products, whole, q)
-        weak = [p for p, k in zip(products, left, strict=True) if _bits(p, shift, q, k) < FEWEST_IN_SUM]
-        if weak and _bits_alone(weak, q):
+        weak = [p for p, k in zip(products, left, strict=True) if bits(p, shift, q, k) < FEWEST_IN_SUM]
+        if weak and bits_alone(weak, q):
             whole = [*whole, *((Fraction(1), self._product(term, Constant(float(w)), q)) for w, term in weak)]
             kept = [p for p in products if p not in weak]
             products, left = kept, [k for p, k in zip(products, left, strict=True) if p not in weak]
@@ -138,7 +131,7 @@ class FixedBuilder:
         error = self.rounding.error * 2.0**-q
         for (weight, term), k in zip(products, left, strict=True):
             a = self.widened(term, term.number.fraction + k)
-            factor = _near(weight, q + shift - a.number.fraction)
+            factor = near(weight, q + shift - a.number.fraction)
             if factor == 0:
                 raise QuantizeError(
                     f"the coefficient {float(weight):g} cannot be held in fixed point beside the ranges it works on: "
@@ -184,7 +177,7 @@ class FixedBuilder:
         total = self.widened(first, q) if first is not None else None
         if total is None:
             self.ops.wish = wish
-            raw = _near(constant, q)
+            raw = near(constant, q)
             return self.ops.emit("copy", (raw,), _number(q), _literal_error(constant, raw, q))
 
         def last() -> None:
@@ -200,7 +193,7 @@ class FixedBuilder:
             last()
             total = self.ops.emit("add" if weight > 0 else "sub", (total, a), _number(q), total.error + a.error)
         if constant:
-            raw = _near(constant, q)
+            raw = near(constant, q)
             last()
             error = total.error + _literal_error(constant, raw, q)
             total = self.ops.emit("add", (total, raw), _number(q), error)
@@ -209,7 +202,7 @@ class FixedBuilder:
     def _shift(self, products: Sequence[Part], whole: Sequence[Part], q: int) -> tuple[int, list[int]]:
         """Return by how much the sum is shifted at its end, and each value to the left before it is multiplied."""
         room = [max(0, math.floor(math.log2(WORD / max(1, -term.low - 1, term.high)))) for _, term in products]
-        needed = [_places(p, HIGH, q) - 31 for p in products]
+        needed = [places(p, HIGH, q) - 31 for p in products]
         if all(n <= r for n, r in zip(needed, room, strict=True)):
             return HIGH, [max(0, n) for n in needed]
         shift = min(HIGH - max(needed), 62)
@@ -227,7 +220,7 @@ class FixedBuilder:
         if function == "mul":
             return self._product(a, b, q)
         fraction = next(t.number.fraction for t in (a, b) if isinstance(t, Term))
-        toward = {"min": _down, "max": _up}.get(function, _near)  # a limit is rounded to its inner side
+        toward = {"min": _down, "max": _up}.get(function, near)  # a limit is rounded to its inner side
         (x, x_error), (y, y_error) = (_operand(operand, fraction, toward) for operand in (a, b))
         error = max(x_error, y_error) if function in ("min", "max") else x_error + y_error
         return self.ops.emit(function, (x, y), _number(fraction), error)
@@ -247,7 +240,7 @@ class FixedBuilder:
     def choose(self, condition: Operand, a: Operand, b: Operand, q: int) -> Operand:
         """Take `a` where the condition holds, else `b`; near its edge the condition may choose unlike the law's."""
         assert isinstance(condition, Term)
-        (one, one_error), (other, other_error) = (_operand(operand, q, _near) for operand in (a, b))
+        (one, one_error), (other, other_error) = (_operand(operand, q, near) for operand in (a, b))
         error = max(one_error, other_error)
         if condition.error != 0.0:
             (low, high), (least, most) = _ends(one), _ends(other)
@@ -352,7 +345,7 @@ def _coefficient(value: float, from_q: int, to_q: int) -> tuple[int, int]:
     if 0 <= bits_lost <= 31 - FEWEST_BITS:
         shift = 32
     shift = min(shift, 62)
-    raw = _near(value, to_q + shift - from_q)
+    raw = near(value, to_q + shift - from_q)
     if raw == 0 or shift < 0 or natural >= FINEST:
         raise QuantizeError(
             f"the coefficient {value:g} cannot be held in fixed point beside the ranges it works on: it is too "
@@ -370,7 +363,7 @@ def _operand(operand: Operand, fraction: int, toward: Callable[[float, int], int
     if isinstance(operand, Term):
         assert operand.number.fraction == fraction, "values that meet share a format"
         return operand, operand.error
-    if operand.grid is not None and operand.grid < fraction and toward is not _near:
+    if operand.grid is not None and operand.grid < fraction and toward is not near:
         raw = toward(operand.value, operand.grid) << (fraction - operand.grid)
     else:
         raw = toward(operand.value, fraction)
@@ -386,40 +379,6 @@ def _size(a: Term | int, q: int) -> float:
 
 def _ends(a: Term | int) -> tuple[float, float]:
     return (a.low, a.high) if isinstance(a, Term) else (a, a)
-
-
-def _split(parts: Sequence[Part], q: int) -> list[Part]:
-    """Write weights near 1 as 1 and the rest, where the 1 costs nothing."""
-    found: list[Part] = []
-    for weight, term in parts:
-        if len(parts) > 1 and near_one(weight) and term.number.fraction == q:
-            found += [(Fraction(1), term), (weight - 1, term)]
-        else:
-            found.append((weight, term))
-    return found
-
-
-def _exactly(weight: Fraction, term: Term, q: int) -> bool:
-    """Tell whether a product with a weight is a shift to the left, without any rounding."""
-    mantissa, exponent = math.frexp(abs(float(weight)))
-    shift = q - term.number.fraction + exponent - 1
-    return mantissa == 0.5 and 0 <= shift <= 30 and max(-term.low, term.high) * 2**shift <= WORD
-
-
-def _places(part: Part, shift: int, q: int) -> int:
-    """Return how many bits the weight has in the format that a sum needs."""
-    weight, term = part
-    return _near(abs(weight), q + shift - term.number.fraction).bit_length()
-
-
-def _bits(part: Part, shift: int, q: int, left: int) -> int:
-    """Return the same for a value that is shifted to the left before."""
-    return _places(part, shift - left, q)
-
-
-def _bits_alone(parts: Sequence[Part], q: int) -> bool:
-    """Tell whether each product can be computed by itself with more bits."""
-    return all(fit(float(w), float(w), 32) < FINEST and term.number.fraction - q < HIGH for w, term in parts)
 
 
 def _literal_error(value: float | Fraction, raw: int, fraction: int) -> float:
