@@ -19,7 +19,7 @@ import jsonschema
 import pytest
 
 from codegen.bundle import Bundle
-from firmloop import pipeline
+from firmloop import making
 from firmloop.cli import main
 from firmloop.project import read_project
 
@@ -92,7 +92,7 @@ def test_verify_needs_neither_plant_nor_recordings(
 def test_a_difference_ends_in_status_1(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sound = pipeline.emit
+    sound = making.emit
 
     def planted(*arguments: Any) -> Bundle:
         """Plant one wrong operation into the C."""
@@ -103,7 +103,7 @@ def test_a_difference_ends_in_status_1(
         return replace(bundle, files={**bundle.files, source: text})
 
     project.write_text(project.read_text().replace('number = "float32"', 'number = "fixed"'))
-    monkeypatch.setattr(pipeline, "emit", planted)
+    monkeypatch.setattr(making, "emit", planted)
     assert main(["verify", str(project), "--out", str(tmp_path / "out"), "--steps", "2000"]) == 1
     said = capsys.readouterr()
     assert "host: " in said.out and "DIFFERS" in said.out and "expected" in said.out

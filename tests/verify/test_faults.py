@@ -134,7 +134,8 @@ def emulator_of(folder: Path, deadline: float) -> int:
         for process in Path("/proc").iterdir():
             try:
                 name = process.name
-                if name.isdigit() and str(folder) in os.readlink(process / "cwd") and "pipe:" in held(process):
+                ours = name.isdigit() and "qemu" in (process / "comm").read_text()
+                if ours and str(folder) in os.readlink(process / "cwd") and "pipe:" in held(process):
                     return int(name)
             except OSError:
                 continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 import time
@@ -31,6 +32,7 @@ from verify.links import Hello, LinkError
 from verify.links.stream import PipeStream, Stream
 
 _HELLO = struct.Struct("<IHHHHI16s")
+_FIRST_GREETING = 1.0  # s for a reply to the first greeting; each further one doubles it, up to the line's own timeout
 _DEPTH = struct.Struct("<I")
 COST_BYTES = 8  # status and ticks of one step
 NOISE_MOST = 1 << 18  # bytes without a zero byte that are kept; longer than any frame
@@ -68,6 +70,7 @@ class FramedLink:
         self._where = where
         self._timeout = timeout
         self._attempts = attempts
+        self._early = max(0, math.ceil(math.log2(timeout / _FIRST_GREETING))) if timeout > 0.0 else 0
         self._clock = clock
         self._pending = b""  # what came after the last zero byte
         self._blocks: list[bytes] = []  # complete blocks nobody looked at yet
@@ -158,7 +161,7 @@ class FramedLink:
         if data is None:
             frame = seal(kind, sequence, payload, self._bound)
             self._stream.write(b"\0" + frame if kind == HELLO else frame)
-            data = self._stream.read(self._timeout)
+            data = self._stream.read(self._patience(kind, 0))
         # Nearly always one whole frame comes at once: spare it the general way, which costs as much as all the rest.
         if data.find(0) == len(data) - 1 and data and not self._blocks and not self._pending:
             try:
@@ -174,11 +177,11 @@ class FramedLink:
         """Wait for the reply to a request first sent at `begin`, sending it again as often as allowed."""
         again = b"\0" + seal(kind, sequence, payload, self._bound)
         crc = checksum(kind, sequence, payload, self._bound)
-        for attempt in range(self._attempts):
+        for attempt in range(self._attempts + (self._early if kind == HELLO else 0)):
             if attempt:
                 self._stream.write(again)
                 begin = self._clock()
-            deadline = begin + self._timeout
+            deadline = begin + self._patience(kind, attempt)
             damaged = disowned = False
             while (message := self._receive(deadline)) is not None:
                 found, answered, reply = message
@@ -201,6 +204,10 @@ class FramedLink:
             f"{self._where}: no reply within {self._attempts} attempts of {self._timeout:g} s: check that the image "
             "runs, the baud rate, the wiring, and that this version of firmloop built the image"
         )
+
+    def _patience(self, kind: int, attempt: int) -> float:
+        """Return how long a reply may take, s: little at first for a greeting, which the far end may not be up for."""
+        return min(self._timeout, _FIRST_GREETING * 2.0**attempt) if kind == HELLO else self._timeout
 
     def _is_ours(self, kind: int, reply: bytes) -> bool:
         """Tell the reply to our HELLO from one to a host before us."""
