@@ -65,7 +65,8 @@ def test_a_difference_is_explained_down_to_the_operation() -> None:
     bundle = emit(program, "firmloop generate test.toml")
     source = bundle.files["motor_pid.c"]
     good = next(line for line in source.splitlines() if "const int32_t unlimited = " in line)
-    bad = good.replace("32U", "31U", 1)
+    bad = good.replace(" + ", " - ", 1)
+    assert bad != good
     wrong = replace(bundle, files={**bundle.files, "motor_pid.c": source.replace(good, bad)})
     blocks = stimuli(program, [], 20_000, 1)
     link = LibraryLink(build_host(wrong, HOST), program)
@@ -73,7 +74,7 @@ def test_a_difference_is_explained_down_to_the_operation() -> None:
     assert done.first is not None and done.differences > 0
     lane = blocks[done.first.block].inputs[done.first.lane]
     words = explain(program, wrong, lane, done.first.step, done.first.output)
-    assert "unlimited = fl_high_i32(" in words and "should be" in words
+    assert "unlimited = self->integral + " in words and "should be" in words
 
 
 def test_a_difference_that_the_text_does_not_hold_is_told_apart() -> None:
