@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from diagnose.hypothesis import Scene
 from diagnose.refit import Fitted, whitened
 from diagnose.response import effort_of, response
-from diagnose.screen import Ground, orthogonal
+from diagnose.screen import Ground, orthogonal, outside
 from identify.linear import linearize
 from identify.superset import travelled
 
@@ -91,7 +91,7 @@ def _best(
         ]
         for index, under in enumerate(grounds):
             tall = np.concatenate([whitened(each, under.noises) for each in moved])
-            pure = tall - under.basis @ (under.basis.T @ tall)
+            pure = outside(under.basis, tall)
             if np.all(np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)):
                 gains[index, place] = float(np.sum((orthogonal(pure).T @ under.left) ** 2))
     best = [float(choices[np.argsort(-row)[rank]]) for rank in range(_KEPT) for row in gains]

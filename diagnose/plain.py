@@ -33,7 +33,6 @@ _STARTS = 2  # points a fit begins from
 _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
-_SUMS = 0.5  # times the length of a recording: a pole nearer to zero keeps all that ever came in
 _DRIFT = 0.02  # of an output's spread: what a slow disturbance may do
 _PATIENCE = 25.0  # s of computing after which no further effect is looked for
 

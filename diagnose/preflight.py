@@ -53,9 +53,12 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
         check_rows(plant, recording)
         notes += _clock(recording)
         notes += _kinematics(recording)
-    folded = _folded(plant, (*train, *test))
-    for recording in (*train, *test):
-        _check_units(plant, recording, folded)
+    every = (*train, *test)
+    models = [_nominal(plant, recording) for recording in every]
+    folded = _folded(plant, every, models)
+    for recording, model in zip(every, models, strict=True):
+        if model is not None:
+            _check_units(plant, recording, model, folded)
     floors = _floors(plant, train)
     return Preflight(tuple(notes), floors, _untestable(plant, train))
 
@@ -133,9 +136,8 @@ def _nominal(plant: Plant, recording: Recording) -> Array | None:
     return simulated if np.all(np.isfinite(simulated)) else None
 
 
-def _folded(plant: Plant, recordings: Sequence[Recording]) -> frozenset[str]:
+def _folded(plant: Plant, recordings: Sequence[Recording], models: Sequence[Array | None]) -> frozenset[str]:
     """Return the outputs that are never negative where the plant goes both ways: that is no wrong sign."""
-    models = [_nominal(plant, recording) for recording in recordings]
     found = set()
     for k, signal in enumerate(plant.outputs):
         real = np.concatenate([recording.columns[signal.name] for recording in recordings])
@@ -148,11 +150,8 @@ def _folded(plant: Plant, recordings: Sequence[Recording]) -> frozenset[str]:
     return frozenset(found)
 
 
-def _check_units(plant: Plant, recording: Recording, folded: Collection[str]) -> None:
-    """Hold each output against the nominal simulation: a fixed factor or a swap is no physics."""
-    simulated = _nominal(plant, recording)
-    if simulated is None:
-        return
+def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: Collection[str]) -> None:
+    """Hold each output against the nominal simulation (n, r): a fixed factor or a swap is no physics."""
     values = measured(plant, recording)
     moved = [np.diff(values[:, k], prepend=values[0, k]) for k in range(values.shape[1])]
     ours = [np.diff(simulated[:, k], prepend=simulated[0, k]) for k in range(values.shape[1])]

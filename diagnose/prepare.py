@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.noise import fit_noise
+from diagnose.screen import outside, with_starts
 from identify.clock import evened
 from identify.condition import NONE, Conditioning, check_conditioning, condition_input
 from identify.experiment import Experiment, best_start, experiments
@@ -316,19 +317,15 @@ def _shares(plant: Plant, train: Sequence[Recording]) -> tuple[float, ...]:
     lot = len(drawn)
     for k, ((residual, slopes), made, start) in enumerate(zip(pairs, drawn, point.starts, strict=True)):
         moved = (made.target - engine.run(made.course, point.constants, start)) * problem.weights
-        wide = np.zeros((residual.size, count + lot * len(start)))
-        flat = slopes.reshape(residual.size, -1)
-        wide[:, :count] = flat[:, :count]
-        wide[:, count + k * len(start) : count + (k + 1) * len(start)] = flat[:, count:]
         lefts.append(residual.reshape(-1))
         secants.append((residual - moved).reshape(-1))
-        talls.append(wide)
+        talls.append(with_starts(slopes, count, k, lot).reshape(residual.size, -1))
     left, secant, tall = np.concatenate(lefts), np.concatenate(secants), np.concatenate(talls)
     if not (np.all(np.isfinite(secant)) and np.all(np.isfinite(tall))):
         return (0.0,)
     norms = np.linalg.norm(tall, axis=0)
     basis, _ = np.linalg.qr(tall[:, norms > 0.0] / norms[norms > 0.0])
-    left, secant = (each - basis @ (basis.T @ each) for each in (left, secant))
+    left, secant = outside(basis, left), outside(basis, secant)
     early = np.concatenate([np.arange(len(each)) < len(each) // 2 for each in lefts])
     parts = [secant * left, secant**2]
     sums = [[float(np.sum(part[rows])) for part in parts] for rows in (np.full(len(left), True), early, ~early)]

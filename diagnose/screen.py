@@ -51,12 +51,10 @@ class Ground:
 def ground(scene: Scene, recordings: Sequence[Recording], base: Fitted, noises: Sequence[Noise]) -> Ground:
     """Whiten slopes and residuals of the base, and take out of the residuals what its own unknowns can still do."""
     tangents, lefts, raw = [], [], []
-    count, states = len(base.coordinates), len(scene.engine.states)
+    count = len(base.coordinates)
     for k, recording in enumerate(recordings):
         slopes = slopes_of(scene, recording, base.coordinates, base.point, k, base.residuals[k])
-        parts = np.zeros((*slopes.shape[:2], count + states * len(recordings)))
-        parts[..., :count] = slopes[..., :count]
-        parts[..., count + states * k : count + states * (k + 1)] = slopes[..., count:]
+        parts = with_starts(slopes, count, k, len(recordings))
         raw.append(parts)
         tangents.append(whitened(parts, noises))
         lefts.append(whitened(base.residuals[k], noises))
@@ -66,7 +64,7 @@ def ground(scene: Scene, recordings: Sequence[Recording], base: Fitted, noises: 
     own = tuple(part @ turned for part in raw)
     refined = [part - slopes @ (basis.T @ left) for part, slopes in zip(base.residuals, own, strict=True)]
     said = min(_likelihood(residuals, scene.floors) for residuals in (base.residuals, refined))
-    return Ground(tuple(noises), basis, left - basis @ (basis.T @ left), own, base.residuals, scene.floors, said)
+    return Ground(tuple(noises), basis, outside(basis, left), own, base.residuals, scene.floors, said)
 
 
 def _likelihood(residuals: Sequence[Array], floors: Array) -> float:
@@ -122,6 +120,20 @@ def _promising(starts: Sequence[Mapping[str, float]], orders: Sequence[float]) -
     return [{**starts[0], key: order} for order in orders] if orders else list(starts)
 
 
+def with_starts(slopes: Array, count: int, index: int, lot: int) -> Array:
+    """Return the slopes (n, r, count + s) of recording `index` with a place for the initial state of each of `lot`."""
+    states = slopes.shape[2] - count
+    wide = np.zeros((*slopes.shape[:2], count + states * lot))
+    wide[..., :count] = slopes[..., :count]
+    wide[..., count + states * index : count + states * (index + 1)] = slopes[..., count:]
+    return wide
+
+
+def outside(basis: Array, tall: Array) -> Array:
+    """Return what no combination of an orthonormal basis (rows, k) can imitate of (rows,) or (rows, c)."""
+    return np.asarray(tall - basis @ (basis.T @ tall))
+
+
 def orthogonal(tall: Array) -> Array:
     """Return an orthonormal basis (rows, k) of the columns; nearly parallel ones are dropped."""
     return np.asarray(tall @ _turn(tall))
@@ -160,7 +172,7 @@ def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
     The noise that the base has left over holds the trace of the cause, which whitens it away.
     """
     tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
-    pure = tall - under.basis @ (under.basis.T @ tall)
+    pure = outside(under.basis, tall)
     shares = np.linalg.lstsq(pure, under.left, rcond=1e-9)[0]
     own = under.basis.T @ (np.concatenate([whitened(part, under.noises) for part in under.residuals]) - tall @ shares)
     rest = []
@@ -177,7 +189,7 @@ def _judge(
         return None
     tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
     sizes = np.linalg.norm(tall, axis=0)
-    pure = tall - under.basis @ (under.basis.T @ tall)
+    pure = outside(under.basis, tall)
     rest = np.linalg.norm(pure, axis=0)
     live = rest > _PARALLEL * np.maximum(sizes, 1e-300)
     share = float(rest[0] / max(sizes[0], 1e-300))

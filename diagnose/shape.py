@@ -15,7 +15,7 @@ from diagnose.noise import Noise, white
 from diagnose.rank import Search, screened
 from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
 from diagnose.rival import Rival
-from diagnose.screen import Screened, orthogonal, secants
+from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
 from identify.plant import Plant
@@ -139,11 +139,11 @@ def _promised(base: _Base, moved: Sequence[Sequence[Array]], noises: Sequence[No
     """Return the drop (t,) of the whitened sum of squares by each term that nothing of the base can imitate."""
     basis = orthogonal(_stacked([_wide(base, k) for k in range(base.train)], noises))
     left = _stacked([each[..., None] for each in base.residuals[: base.train]], noises)[:, 0]
-    left = left - basis @ (basis.T @ left)
+    left = outside(basis, left)
     gains = []
     for parts in moved:
         tall = _stacked(parts, noises)
-        pure = tall - basis @ (basis.T @ tall)
+        pure = outside(basis, tall)
         live = np.linalg.norm(pure, axis=0) > _LIVE * np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         gain = float(np.sum((orthogonal(pure[:, live]).T @ left) ** 2)) if np.any(live) else 0.0
         gains.append(gain - float(np.sum(live)) * np.log(len(left)))
@@ -156,12 +156,7 @@ def _stacked(parts: Sequence[Array], noises: Sequence[Noise]) -> Array:
 
 def _wide(base: _Base, index: int) -> Array:
     """Return the slopes of one recording of train, with a place for the initial state of each."""
-    count, states = len(base.rival.fitted.coordinates), len(base.search.scene.engine.states)
-    own = base.own[index]
-    wide = np.zeros((*own.shape[:2], count + states * base.train))
-    wide[..., :count] = own[..., :count]
-    wide[..., count + states * index : count + states * (index + 1)] = own[..., count:]
-    return wide
+    return with_starts(base.own[index], len(base.rival.fitted.coordinates), index, base.train)
 
 
 def _weighed(base: _Base, moved: Sequence[Array], free: bool = False) -> tuple[float, Array, tuple[Array, ...]]:

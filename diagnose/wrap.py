@@ -52,7 +52,10 @@ def unwrapped(
         ]
         reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
         low = wrap[1]
-        whole = [_shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
+        whole = [
+            _with_column(each, signal.name, each.columns[signal.name] + (reach - wrap[0]) * turn)
+            for each, turn in zip(moved, turns, strict=True)
+        ]
         train, test = tuple(whole[: len(train)]), tuple(whole[len(train) :])
         start = min(max(low / reach, -1.0), 0.0)
         half = round(2.0 * start) / 2.0
@@ -151,8 +154,8 @@ def _all_of(plant: Plant, recordings: Sequence[Recording], free: Sequence[str], 
     return np.concatenate(parts)
 
 
-def _shifted(recording: Recording, name: str, change: Array) -> Recording:
-    columns = {**recording.columns, name: np.ascontiguousarray(recording.columns[name] + change)}
+def _with_column(recording: Recording, name: str, values: Array) -> Recording:
+    columns = {**recording.columns, name: np.ascontiguousarray(values)}
     return replace(recording, columns=MappingProxyType(columns))
 
 
@@ -166,14 +169,10 @@ def _expected(plant: Plant, recording: Recording, name: str) -> Array:
 
 
 def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Recording:
-    columns = dict(recording.columns)
-    seen = columns[name]
-    wanted = _expected(plant, recording, name)
-    columns[name] = np.ascontiguousarray(seen + reach * np.round(np.nan_to_num(wanted - seen) / reach))
-    return replace(recording, columns=MappingProxyType(columns))
+    seen = recording.columns[name]
+    away = np.nan_to_num(_expected(plant, recording, name) - seen)
+    return _with_column(recording, name, seen + reach * np.round(away / reach))
 
 
 def _unrolled(recording: Recording, name: str, reach: float) -> Recording:
-    columns = dict(recording.columns)
-    columns[name] = np.ascontiguousarray(np.unwrap(columns[name], period=reach))
-    return replace(recording, columns=MappingProxyType(columns))
+    return _with_column(recording, name, np.unwrap(recording.columns[name], period=reach))

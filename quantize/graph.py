@@ -18,7 +18,7 @@ from design.active_set import CAPPED, INFEASIBLE
 from design.course import course_of
 from design.law import Horizon, Law, Solve
 from design.real_time import improve
-from design.solver import solver
+from design.solver import solver as quadratic_solver
 from quantize.program import QuantizeError
 
 Array = NDArray[np.float64]
@@ -94,12 +94,13 @@ class Node:
 class Graph:
     """Nodes in order; `results[i][j]` is the node of element j of output i.
 
-    A "solve" or "improve" node solves as `solve` says: parameters (p,) -> results, then the status.
+    A "solve" or "improve" node solves as `solve` says; `solver` is that: parameters (lanes, p) -> results and status.
     """
 
     nodes: tuple[Node, ...]
     results: tuple[tuple[int, ...], ...]
     solve: Solve | None = None
+    solver: Callable[[Array], Array] | None = None
 
 
 def read_graph(function: ca.Function) -> Graph:
@@ -224,7 +225,8 @@ def law_graph(law: Law) -> Graph:
             continue
         results[k] = len(nodes)
         nodes.append(replace(node, arguments=tuple(results[a] for a in node.arguments)))
-    return Graph(tuple(nodes), tuple(tuple(results[k] for k in row) for row in last.results), law.solve)
+    rows = tuple(tuple(results[k] for k in row) for row in last.results)
+    return Graph(tuple(nodes), rows, law.solve, solver_of(law.solve))
 
 
 def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
@@ -236,7 +238,7 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
         elif node.function == "argument":
             values.append(arguments[node.place[0]][node.place[1]])
         elif node.function in ("solve", "improve"):
-            values.append(_solved(graph.solve, [values[a] for a in node.arguments]))
+            values.append(_solved(graph.solver, [values[a] for a in node.arguments]))
         elif node.function == "move":
             values.append(values[node.arguments[0]][node.place[1]])
         else:
@@ -247,7 +249,7 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
 def solver_of(solve: Solve) -> Callable[[Array], Array]:
     """Return what solves a problem in float64: parameters (lanes, p) -> results and status, a row each."""
     if not isinstance(solve.problem, Horizon):
-        found = solver(solve)
+        found = quadratic_solver(solve)
 
         def optimum(parameters: Array) -> Array:
             solution = found(parameters)
@@ -264,9 +266,9 @@ def solver_of(solve: Solve) -> Callable[[Array], Array]:
     return iterated
 
 
-def _solved(solve: Solve | None, parameters: Sequence[Array]) -> Array:
+def _solved(solver: Callable[[Array], Array] | None, parameters: Sequence[Array]) -> Array:
     """Return the results and the status, one row each, in the shape of the parameters."""
-    assert solve is not None
+    assert solver is not None
     stacked = np.stack(np.broadcast_arrays(*parameters), axis=-1)
-    results = solver_of(solve)(stacked.reshape(-1, stacked.shape[-1]))
+    results = solver(stacked.reshape(-1, stacked.shape[-1]))
     return results.reshape(len(results), *stacked.shape[:-1])
