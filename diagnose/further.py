@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from diagnose.plain import believed, leap
-from diagnose.rank import MOST_EFFECTS, Progress, Search, further
+from diagnose.rank import MOST_EFFECTS, Progress, Search, further, settled
 from diagnose.shape import Shape, best_shape, weighed
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
@@ -19,7 +19,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         more = leap(found, progress)
         if more is None:
             break
-        found = further(more) or more
+        found = further(more) or settled(more)
     slow = believed(found, progress)
     if slow is not found:  # counted in independent samples: a shape would be weighed against another likelihood
         return slow, None

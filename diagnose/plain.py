@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
 _LEAP = 0.6  # ratio of residual rms, on train and test, that an effect has to bring to be added to the other search's
+_EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
+_SHARE = 0.5  # of what the other search's explanation brings
+_SURE = 0.3  # such a ratio with which it is enough that the evidence does not contradict
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
 _STARTS = 2  # points a fit begins from
@@ -38,16 +41,50 @@ _PATIENCE = 25.0  # s of computing after which no further effect is looked for
 
 
 def believed(found: Search, progress: Progress) -> Search:
-    """Return the search by innovations, or one by simulation error where that predicts unseen recordings far better."""
+    """Return the search by innovations, or one by simulation error where that predicts unseen recordings far better.
+
+    A disturbance that a plant sums up is met by many an effect, on unseen recordings too: innovations have to agree.
+    """
     scene = found.scene
     if not scene.test or not strays(found):
         return found
     plain = plain_search(scene, found, progress)
-    if not plain.best.fitted.causes:
+    if plain.best.fitted.causes and _predicts(scene, plain.best.fitted, found.best.fitted):
+        if _evidence(found, plain.best.fitted) > max(_EVIDENCE, _SHARE * (found.nominal.score - found.best.score)):
+            return _refined(plain)
+    return _simulated(found) if found.best.fitted.causes else found
+
+
+def _predicts(scene: Scene, one: Fitted, other: Fitted) -> bool:
+    """Tell whether an explanation leaves less than another, and clearly less on unseen recordings."""
+    return _size(one.residuals, other.residuals) < 1.0 and _size(_unseen(scene, one), _unseen(scene, other)) < _CLEAR
+
+
+def _simulated(found: Search) -> Search:
+    """Return the same effects with the parameters of least simulation error, where unseen recordings prefer them."""
+    scene, best = found.scene, found.best
+    sizes = _sizes(_independent(best.fitted.residuals))
+    fitted = fit(scene, scene.train, best.fitted.causes, best.fitted.point, sizes, _LONG)
+    if not _predicts(scene, fitted, best.fitted):
         return found
-    ratio = _size(plain.best.fitted.residuals, found.best.fitted.residuals)
-    unseen = _size(_unseen(scene, plain.best.fitted), _unseen(scene, found.best.fitted))
-    return plain if unseen < _CLEAR and ratio < 1.0 else found
+    counted = fit(scene, scene.train, fitted.causes, fitted.point, _independent(fitted.residuals), 1)
+    return replace(found, best=Rival(counted, noises_of(scene, counted.residuals), best.score))
+
+
+def _evidence(found: Search, fitted: Fitted) -> float:
+    """Return the drop of BIC by innovations that an explanation brings beside the nominal plant of the other search."""
+    scene = found.scene
+    refit = fit(scene, scene.train, fitted.causes, fitted.point, noises_of(scene, fitted.residuals), _LONG)
+    return found.nominal.score - min(rated(scene, each).score for each in (fitted, refit))
+
+
+def _refined(plain: Search) -> Search:
+    """Polish the best explanation of a search by simulation error."""
+    scene, best = plain.scene, plain.best
+    finer = polished(scene, best.fitted, best.noises)
+    if _size(finer.residuals, best.fitted.residuals) < 1.0 and _same_machine(plain.nominal.fitted, finer):
+        return replace(plain, best=_rated(scene, finer, _independent(finer.residuals)))
+    return plain
 
 
 def strays(found: Search) -> bool:
@@ -80,7 +117,7 @@ def leap(found: Search, progress: Progress) -> Search | None:
         return None
     again = rated(scene, fit(scene, scene.train, one.causes, one.point, noises_of(scene, one.residuals), _LONG))
     gain = best.score - again.score
-    if gain < THRESHOLD:
+    if gain < (THRESHOLD if max(ratios) > _SURE else 0.0):
         return None
     nominal = found.nominal if found.gains else best
     return replace(found, nominal=nominal, best=again, rounds=(*found.rounds, (again,)), gains=(*found.gains, gain))
@@ -113,10 +150,8 @@ def plain_search(scene: Scene, found: Search, progress: Progress) -> Search:
         gains.append(base.score - chosen.score)
         best = chosen
         nominal = base if len(gains) == 1 else nominal
-    if gains:
-        finer = polished(scene, best.fitted, best.noises)
-        if _size(finer.residuals, best.fitted.residuals) < 1.0 and _same_machine(nominal.fitted, finer):
-            best = _rated(scene, finer, _independent(finer.residuals))
+        if _evidence(found, best.fitted) < 0.0:
+            break
     return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
 
 

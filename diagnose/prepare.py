@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -33,12 +34,15 @@ _GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clo
 _CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
 _APART = 5.0  # times the power that separate fits leave, from which recordings are of different machines
 _OTHER = 1.3  # factor between their parameters
+_HELD = 0.02  # share of rows that are all at an output's extreme, from which the sensor ends there
+_MANY = 0.2  # different values a row, from which equal ones are no resolution
 _UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
 _BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
 _STEPS = 12  # of a fit of the nominal plant
 _LONGER = 16  # of one that parameters are read off
+_PATIENCE = 1.0  # s of computing after which no other start is tried
 _LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
 _ALIKE = 1.15  # ratio of that share in the first and second halves of the recordings
 _WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
@@ -111,6 +115,8 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
     combinations that the outputs cannot see.
     """
+    if any(_at_limit(each.columns[signal.name]) for each in train for signal in plant.outputs):
+        return  # no linear fit meets a sensor that ends, and what it says of the parameters is worth nothing
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
     short = shortened(plant, train, _TRIAL_ROWS)
     try:
@@ -131,37 +137,60 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
         )
 
 
+def _at_limit(column: Array) -> bool:
+    """Tell whether readings (n,) that are otherwise nearly all different stand at their least or largest value."""
+    least, largest = column == column.min(), column == column.max()
+    other = column[~(least | largest)]
+    held = float(max(np.mean(least), np.mean(largest)))
+    return held > _HELD and len(np.unique(other)) > _MANY * len(other)
+
+
 def check_same(plant: Plant, train: Sequence[Recording]) -> None:
-    """Refuse train recordings of different machines: each alone is met well, by other parameters than the next."""
+    """Refuse train recordings of two machines: each alone is met well, and by other parameters than the next.
+
+    Where there are more than two, all of either machine must be met together: what a missing effect makes of one
+    machine's parameters differs from recording to recording.
+    """
     short = shortened(plant, train, _TRIAL_ROWS)
     if len(short) < 2:
+        return
+    columns = [np.column_stack([each.columns[signal.name] for signal in plant.outputs]) for each in short]
+    whole = np.std(np.concatenate(columns), axis=0)
+    if any(np.any(np.std(each, axis=0) == 0.0) for each in columns):
         return
     try:
         alone = [_trials(plant, [each])[1] for each in short]
         together = _trial(plant, short)
     except IdentifyError:
         return
-    # In units of each recording's spread, because a fit of one weighs by that one alone.
-    spreads = [np.std(np.column_stack([r.columns[s.name] for s in plant.outputs]), axis=0) for r in short]
-    whole = np.std(np.concatenate([np.column_stack([r.columns[s.name] for s in plant.outputs]) for r in short]), axis=0)
-    if any(np.any(spread == 0.0) for spread in spreads):
-        return
-    apart = sum(
-        trial.power * float(np.max((spread / whole) ** 2)) for trial, spread in zip(alone, spreads, strict=True)
-    )
-    if together.power < _APART * apart:
+    powers = [_scaled(each, [column], whole) for each, column in zip(alone, columns, strict=True)]
+    if together.power < _APART * sum(powers):
         return
     free = {p.name for p in plant.parameters if p.free}
     first = {name: value for name, value in alone[0].values.items() if name in free}
-    for other, recording in zip(alone[1:], short[1:], strict=True):
-        shifts = _seen_shifts(other, first)
-        far = max(shifts, key=lambda each: abs(shifts[each]), default="")
-        if far and abs(shifts[far]) > np.log(_OTHER):
+    shifts = [_seen_shifts(other, first) for other in alone]
+    for index, moved in enumerate(shifts):
+        far = max(moved, key=lambda each: abs(moved[each]), default="")
+        if far and abs(moved[far]) > np.log(_OTHER):
+            first_one = [abs(each.get(far, 0.0)) < abs(each.get(far, 0.0) - moved[far]) for each in shifts]
+            groups = [[k for k, mine in enumerate(first_one) if mine == which] for which in (True, False)]
+            both = 0.0
+            for group in groups:
+                parts = [columns[k] for k in group]
+                found = alone[group[0]] if len(group) == 1 else _trial(plant, [short[k] for k in group])
+                both += _scaled(found, parts, whole)
+            if together.power < _APART * both:
+                continue
             raise IdentifyError(
-                f"{short[0].source} and {recording.source} are not of one plant: alone they are met best with {far} = "
-                f"{first[far]:.3g} and {first[far] * np.exp(shifts[far]):.3g}, together {together.power / apart:.2g} "
-                "times as much is left; diagnose one machine at a time"
+                f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
+                f"{far} = {first[far]:.3g} and {first[far] * np.exp(moved[far]):.3g}, together "
+                f"{together.power / sum(powers):.2g} times as much is left; diagnose one machine at a time"
             )
+
+
+def _scaled(trial: _Trial, columns: Sequence[Array], whole: Array) -> float:
+    """Return what is left in units of the spread (r,) of all recordings; a fit weighs by that of its own."""
+    return trial.power * float(np.max((np.std(np.concatenate(columns), axis=0) / whole) ** 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,10 +206,11 @@ class _Trial:
 def _trials(plant: Plant, train: Sequence[Recording]) -> tuple[_Trial, _Trial]:
     """Fit from where the plant is given, and the best from there and a tenth and ten times each free parameter."""
     begun = best = _trial(plant, train)
+    since = time.process_time()
     for index, parameter in enumerate(plant.parameters):
         for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
             value = parameter.value * factor
-            if parameter.low <= value <= parameter.high:
+            if parameter.low <= value <= parameter.high and time.process_time() - since < _PATIENCE:
                 moved = list(plant.parameters)
                 moved[index] = replace(parameter, value=value)
                 best = min(best, _trial(replace(plant, parameters=tuple(moved)), train), key=lambda each: each.power)

@@ -39,6 +39,7 @@ _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
+_WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
 _CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
 _SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
@@ -123,6 +124,12 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
     nominal = found.nominal if found.gains else base
     return replace(found, nominal=nominal, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
+
+
+def settled(found: Search) -> Search:
+    """Drop what is not needed of the best, and put what is mistaken for an effect in its place."""
+    best, tried = _settled(found.scene, found.best, found.gains)
+    return replace(found, best=best, rounds=(*found.rounds, tried))
 
 
 def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
@@ -315,7 +322,8 @@ def _round(
         for start in _starts(scene, each):
             causes, begin = _extended(best.fitted, each, start)
             fitted = fit(scene, scene.train, causes, begin, best.noises, _SHORT)
-            trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
+            if not _too_large(fitted):
+                trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
     trials.sort()
     final: list[Fitted] = []
     for score, _, fitted in trials:
@@ -324,16 +332,28 @@ def _round(
             final.append(fitted)
     if not final:
         return ()
+    promised = [fitted for _, _, fitted in trials if picked and fitted.causes[-1:] == (picked[0].cause,)]
+    final += [each for each in promised[:1] if all(each.causes != other.causes for other in final)]
     noises = noises_of(scene, final[0].residuals)
     longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
     noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
-    fits = [rated(scene, fit(scene, scene.train, each.causes, each.point, noises, _LAST)) for each in longer]
+    ended = [fit(scene, scene.train, each.causes, each.point, noises, _LAST) for each in longer]
+    fits = [rated(scene, each) for each in ended if not _too_large(each)]
+    if not fits:
+        return ()
     best_one = min(fits, key=lambda each: each.score)
     known = {each.fitted.causes for each in fits}
     fits += [
         each for each in (*reduced(scene, best_one), *enriched(scene, best_one)) if each.fitted.causes not in known
     ]
     return tuple(sorted(fits, key=lambda each: each.score))
+
+
+def _too_large(fitted: Fitted) -> bool:
+    """Tell whether the newest effect had to be as large as it can be: it only stands for another."""
+    newest = fitted.causes[-1]
+    sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
+    return any(each.default is None and fitted.point.values[key] > _WHOLE * each.high for key, each in sizes)
 
 
 def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, phase, size
 
+_MOST = 0.2  # rad: eccentricity over the radius of the track
+
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
-    return (size("amplitude_rad", "rad"), phase("phase_rad"))
+    return (replace(size("amplitude_rad", "rad"), high=_MOST), phase("phase_rad"))
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
