@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from diagnose.plain import believed, leap
+from diagnose.plain import believed, leap, slow_rivals
 from diagnose.rank import MOST_EFFECTS, Progress, Search, further, settled
 from diagnose.shape import Shape, best_shape, weighed
 
@@ -15,12 +15,14 @@ _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     """Return the search that is believed, with what slow misfits and shapes still show, and the shape that is left."""
     begun = time.process_time()
+    rivals = slow_rivals(found, progress)
     while len(found.best.fitted.causes) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
-        more = leap(found, progress)
+        more = leap(found, rivals)
         if more is None:
             break
         found = further(more) or settled(more)
-    slow = believed(found, progress)
+        rivals = slow_rivals(found, progress)
+    slow = believed(found, rivals, progress)
     if slow is not found:  # counted in independent samples: a shape would be weighed against another likelihood
         return slow, None
     progress(0.9, "looking for what has no name")

@@ -20,7 +20,7 @@ from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, joined, rated, unseen_residuals
-from diagnose.screen import Screened, ground, screen
+from diagnose.screen import ground, screen
 
 Array = NDArray[np.float64]
 
@@ -40,15 +40,16 @@ _DRIFT = 0.02  # of an output's spread: what a slow disturbance may do
 _PATIENCE = 25.0  # s of computing after which no further effect is looked for
 
 
-def believed(found: Search, progress: Progress) -> Search:
+def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search:
     """Return the search by innovations, or one by simulation error where that predicts unseen recordings far better.
 
-    A disturbance that a plant sums up is met by many an effect, on unseen recordings too: innovations have to agree.
+    `slow` are the effects that were tried last beside what was found. A disturbance that a plant sums up is met by many
+    an effect, on unseen recordings too: innovations have to agree.
     """
     scene = found.scene
     if not scene.test or not strays(found):
         return found
-    plain = plain_search(scene, found, progress)
+    plain = plain_search(found, slow if not found.best.fitted.causes else (), progress)
     if plain.best.fitted.causes and _predicts(scene, plain.best.fitted, found.best.fitted):
         if _evidence(found, plain.best.fitted) > max(_EVIDENCE, _SHARE * (found.nominal.score - found.best.score)):
             return _refined(plain)
@@ -95,19 +96,24 @@ def strays(found: Search) -> bool:
     return large and max(noise.rms / noise.scale for noise in noises) > _SLOW
 
 
-def leap(found: Search, progress: Progress) -> Search | None:
+def slow_rivals(found: Search, progress: Progress) -> tuple[Rival, ...]:
+    """Try each effect beside what was found by what the simulations then miss; none where no misfit is slow."""
+    scene, best = found.scene, found.best
+    if not scene.test or not strays(found):
+        return ()
+    progress(0.7, "looking for what moves slowly")
+    noises = _independent(best.fitted.residuals)
+    return _round(scene, best.fitted, noises)
+
+
+def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
     """Add the effect after which the simulations miss far less, on unseen recordings too, if the evidence agrees.
 
     Innovations hardly see what moves slowly; but what makes the simulations right is no noise.
     """
-    scene, best = found.scene, found.best
-    if not scene.test or not strays(found):
-        return None
-    progress(0.7, "looking for what moves slowly")
-    noises = _independent(best.fitted.residuals)
-    rivals = _round(scene, best.fitted, _screened(scene, best.fitted, noises), noises)
     if not rivals:
         return None
+    scene, best = found.scene, found.best
     one = rivals[0].fitted
     ratios = [
         _size(one.residuals, best.fitted.residuals),
@@ -123,21 +129,23 @@ def leap(found: Search, progress: Progress) -> Search | None:
     return replace(found, nominal=nominal, best=again, rounds=(*found.rounds, (again,)), gains=(*found.gains, gain))
 
 
-def plain_search(scene: Scene, found: Search, progress: Progress) -> Search:
-    """Grow an explanation effect by effect, each the one after which the simulations miss least."""
+def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> Search:
+    """Grow an explanation effect by effect, each the one after which the simulations miss least.
+
+    `begin` are the single effects if they have been tried already.
+    """
     progress(0.7, "looking for what moves slowly")
     begun = time.process_time()
+    scene = found.scene
     nominal = _nominal(scene, found)
     best = nominal
     rounds: list[tuple[Rival, ...]] = []
     gains: list[float] = []
-    first: tuple[Screened, ...] = ()
     while len(gains) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
         noises = _independent(best.fitted.residuals)
-        screened = _screened(scene, best.fitted, noises)
-        first = first or screened
+        tried = begin if begin and not gains else _round(scene, best.fitted, noises)
         rivals = tuple(
-            each for each in _round(scene, best.fitted, screened, noises) if _same_machine(nominal.fitted, each.fitted)
+            _rated(scene, each.fitted, noises) for each in tried if _same_machine(nominal.fitted, each.fitted)
         )
         if not rivals:
             break
@@ -152,7 +160,7 @@ def plain_search(scene: Scene, found: Search, progress: Progress) -> Search:
         nominal = base if len(gains) == 1 else nominal
         if _evidence(found, best.fitted) < 0.0:
             break
-    return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+    return Search(scene, nominal, best, tuple(rounds), found.screened, tuple(gains))
 
 
 def _same_machine(nominal: Fitted, fitted: Fitted) -> bool:
@@ -173,14 +181,10 @@ def _nominal(scene: Scene, found: Search) -> Rival:
     return _rated(scene, best, noises)
 
 
-def _screened(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Screened, ...]:
-    causes = [cause for cause in scene.causes if cause not in base.causes]
-    (table,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], {})
-    return table
-
-
-def _round(scene: Scene, base: Fitted, screened: Sequence[Screened], noises: Sequence[Noise]) -> tuple[Rival, ...]:
+def _round(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
     """Fit the most promising causes from several points; the best are fitted to the end."""
+    causes = [cause for cause in scene.causes if cause not in base.causes]
+    (screened,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], {})
     trials = []
     for each in screened[:_TRIED]:
         starts = [each.start, *(s for s in scene.starts[each.cause.label] if dict(s) != dict(each.start))][:_STARTS]
