@@ -54,6 +54,7 @@ class QemuProcess:
                 stderr=words,
                 pass_fds=descriptors,
             )
+        self.number = self._process.pid  # setpriv becomes QEMU, it does not start it
         # Also runs when the interpreter ends, so that an unclosed link leaves nothing behind.
         self._end = weakref.finalize(self, _end, self._process, folder)
 
