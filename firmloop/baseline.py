@@ -66,6 +66,23 @@ def growths(baseline: Path, allowed: float, outcomes: Sequence[Outcome]) -> tupl
     )
 
 
+def check_baseline(baseline: Path, targets: Sequence[str]) -> None:
+    """Say what is wrong with an older verdict before anything is run for it.
+
+    Raises
+    ------
+    ProjectError
+        when the file is no verdict, or of none of `targets`, which are names or paths of TOML files.
+    """
+    old = _read(baseline)["target"]
+    asked = [Path(name).name.removesuffix(".toml") for name in targets]
+    if old not in asked:
+        raise ProjectError(
+            f"--baseline {baseline}: is of target {old}, but what is to run is {', '.join(asked)}: "
+            "take the verdict of one of these, or give --target"
+        )
+
+
 def _read(path: Path) -> Mapping[str, object]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

@@ -117,6 +117,8 @@ def campaign_targets(project: Project, asked: Sequence[str]) -> tuple[str, ...]:
     for name in asked:
         if not name.endswith(".toml") and name not in target_names():
             raise ProjectError(f"--target {name}: {_unknown_target(name)}")
+        if name.endswith(".toml") and not Path(name).is_file():
+            raise ProjectError(f"--target {name}: there is no such file; its path begins where you are: {Path.cwd()}")
     return tuple(dict.fromkeys(asked)) or project.targets or ("host",)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from codegen.bundle import write_files
 from design.kinds import Design
 from firmloop import documents, words
-from firmloop.baseline import growths
+from firmloop.baseline import check_baseline, growths
 from firmloop.console import Console, complain, progress, table
 from firmloop.generate import as_json, c_files, generate_files, written
 from firmloop.output import results_file, results_folder
@@ -92,6 +92,8 @@ def design(project: Project, out: Path, console: Console) -> int:
 def verify(project: Project, campaign: Campaign, out: Path, console: Console) -> int:
     """Generate, build, run on every target against the reference; OUT/verdict.json."""
     require(project, "controller", "signals", "arithmetic")
+    if campaign.baseline is not None:
+        check_baseline(campaign.baseline, campaign.targets)
     with results_folder(out, VERDICTS) as folder:
         plant = plant_of(project) if project.plant else None
         designed = design_stage(project, plant)

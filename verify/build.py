@@ -66,10 +66,11 @@ def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image
     check_start(folder / ELF, target)
     own = [name for name in objects if name.startswith(CONTROLLER)]
     graph = "\n".join((folder / name).with_suffix(".ci").read_text() for name in own)
-    stack = stack_of(graph, "_step")
-    if stack is not None and target.stack_bytes is not None and stack + OWN_STACK > target.stack_bytes:
+    stack, least = stack_of(graph, "_step"), stack_of(graph, "_step", unknown=0) or 0
+    if target.stack_bytes is not None and least + OWN_STACK > target.stack_bytes:
+        amount = f"{stack}" if stack is not None else f"at least {least}"
         raise CodegenError(
-            f"target {target.name}: step() needs {stack} bytes of stack and the image {OWN_STACK} more, "
+            f"target {target.name}: step() needs {amount} bytes of stack and the image {OWN_STACK} more, "
             f"but stack_bytes = {target.stack_bytes}: raise it in the target's file or choose a larger part"
         )
     return Image(
@@ -83,11 +84,12 @@ def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image
     )
 
 
-def stack_of(graph: str, suffix: str) -> int | None:
+def stack_of(graph: str, suffix: str, unknown: int | None = None) -> int | None:
     """Return the deepest stack in bytes below the function whose name ends in `suffix`.
 
     `graph` is what gcc's -fcallgraph-info=su writes. The answer is None where it cannot be known from there: a callee
-    that was compiled elsewhere, a frame whose size is not fixed, or recursion.
+    that was compiled elsewhere, a frame whose size is not fixed, or recursion. With `unknown` bytes for each of these,
+    such as 0, it is no more than what is really needed.
     """
     frames = {title: _FRAME.search(label) for title, label in _NODE.findall(graph)}
     calls: dict[str, list[str]] = {}
@@ -97,7 +99,7 @@ def stack_of(graph: str, suffix: str) -> int | None:
     def depth(function: str, above: tuple[str, ...]) -> int | None:
         frame = frames.get(function)
         if frame is None or function in above:
-            return None
+            return unknown
         below = [depth(callee, (*above, function)) for callee in calls.get(function, [])]
         if any(bytes_below is None for bytes_below in below):
             return None

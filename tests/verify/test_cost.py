@@ -98,7 +98,10 @@ def test_growth_is_status_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert "MORE THAN 2 % ALLOWED" in capsys.readouterr().out
     assert main([*command, "--baseline", str(old), "--growth", "50"]) == 0
     old.write_text(json.dumps({**document, "target": "qemu_microbit"}))
+    capsys.readouterr()
     assert main([*command, "--baseline", str(old)]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and "is of target qemu_microbit, but what is to run is qemu_mps2_an385" in told.err
     old.write_text("[]")
     assert main([*command, "--baseline", str(old)]) == 2
     assert "is no verdict.json of an earlier run" in capsys.readouterr().err

@@ -16,7 +16,7 @@ import pytest
 
 from codegen.bundle import CodegenError
 from codegen.firmware import firmware
-from codegen.target import Target
+from codegen.target import Target, load_target
 from identify.compiler import ToolError, find_tool, run_compiler
 from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT, TARGET, build_qemu_image, expected, packed
 from tests.verify.tiny import SOURCE, tiny_bundle
@@ -193,6 +193,18 @@ def running_in(folder: Path) -> list[str]:
     return found
 
 
+def test_what_a_soft_float_core_needs_at_least_is_too_much(tmp_path: Path) -> None:
+    """Of the helpers of a core without an FPU the compiler tells no stack; what it tells of the rest is enough."""
+    source = SOURCE.format(gain="2.0F").replace(
+        "self->total = self->total + in->a;",
+        "volatile uint8_t much[2000]; much[0] = 1U; self->total = (float)much[0];",
+    )
+    small = load_target("qemu_stm32vldiscovery")
+    files = firmware(PROGRAM, tiny_bundle(PROGRAM, source), small, "semihosting")
+    with pytest.raises(CodegenError, match=r"step\(\) needs at least 20\d\d bytes of stack .* choose a larger part"):
+        build_image(files, small, tmp_path)
+
+
 def test_a_file_that_is_no_image(tmp_path: Path, link_name: str) -> None:
     broken = tmp_path / "image.elf"
     broken.write_bytes(b"\x7fELF but not really")
@@ -208,7 +220,10 @@ def test_a_file_that_is_no_image(tmp_path: Path, link_name: str) -> None:
     [
         ("*(volatile uint32_t *)0x60000000UL = 1U;", "cfsr=00008200.* bfar=60000000"),  # bus fault, address valid
         ('__asm__ volatile("udf #0");', "cfsr=00010000"),  # undefined instruction
-        ('__asm__ volatile("mov sp, %0\\n push {r0}" ::"r"(0x60000000UL));', "sp=5fff.* stack=overrun"),
+        (
+            '__asm__ volatile("mov sp, %0\\n push {r0}" ::"r"(0x60000000UL));',
+            "sp=5fff.* stack=overrun; it needs more",
+        ),
     ],
 )
 def test_a_fault_is_reported_with_its_registers(tmp_path: Path, link_name: str, code: str, says: str) -> None:

@@ -11,6 +11,12 @@ class LinkError(Exception):
     """A port, a board or the emulator failed; the message says which link, what happened and what to do."""
 
 
+def fault_says(report: str) -> str:
+    """Return what to tell of the fault that an image reported, and what to do where the report says it."""
+    remedy = "; it needs more stack: raise stack_bytes in the target's file or choose a larger part"
+    return f"the image faulted: {report}{remedy if report.endswith('stack=overrun') else ''}"
+
+
 @dataclass(frozen=True, slots=True)
 class Hello:
     """What the far end says of itself."""

@@ -27,7 +27,10 @@ class Exchange:
     """The undisturbed way from a request to its reply; what is disturbed is left to verify.links.framed."""
 
     def __init__(self, reader: int, writer: int) -> None:
-        """Use two descriptors, of which `reader` blocks, or raise ToolError if there is no compiler."""
+        """Use two descriptors, or raise ToolError if there is no compiler.
+
+        If `reader` does not block, it is asked again and again for a while before it is waited for.
+        """
         self._call = _library().host_exchange
         self._state = _State(reader, writer)
         self._address = ctypes.c_void_p(ctypes.addressof(self._state))

@@ -28,7 +28,7 @@ from verify.frame import (
     seal,
     unseal,
 )
-from verify.links import Hello, LinkError
+from verify.links import Hello, LinkError, fault_says
 from verify.links.stream import PipeStream, Stream
 
 _HELLO = struct.Struct("<IHHHHI16s")
@@ -227,7 +227,7 @@ class FramedLink:
                     return unseal(block, self._bound)
                 except FrameError:
                     if block.startswith(b"FAULT "):
-                        raise LinkError(f"{self._where}: the image faulted: {_printable(block)}") from None
+                        raise LinkError(f"{self._where}: {fault_says(_printable(block))}") from None
                     return NAK, 0, b""
             left = deadline - self._clock()
             if left <= 0:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from codegen.target import Qemu, Target
 from identify.compiler import find_tool
-from verify.links import LinkError
+from verify.links import LinkError, fault_says
 
 PATIENCE = 1.0  # s for an emulator to end by itself before it is killed
 QUOTED = 300  # characters of its words in a message; the first ones tell most
@@ -54,6 +54,7 @@ class QemuProcess:
                 stderr=words,
                 pass_fds=descriptors,
             )
+        self.number = self._process.pid  # setpriv becomes QEMU, it does not start it
         # Also runs when the interpreter ends, so that an unclosed link leaves nothing behind.
         self._end = weakref.finalize(self, _end, self._process, folder)
 
@@ -75,7 +76,7 @@ class QemuProcess:
         if status is None:
             return f"QEMU still runs but its line is closed{quoted}"
         if words.startswith("FAULT "):
-            return f"the image faulted{quoted}"
+            return fault_says(words[:QUOTED])
         return f"QEMU ended with status {status}{quoted}; run again"
 
     def finish(self) -> None:
@@ -92,7 +93,10 @@ class QemuProcess:
 def qemu_of(target: Target) -> Qemu:
     """Return how QEMU stands in for the target, or raise LinkError if it does not."""
     if target.qemu is None:
-        raise LinkError(f"target {target.name} has no [qemu] table: give the port of the board with --port")
+        raise LinkError(
+            f"target {target.name} has no [qemu] table: give the port of the board with --port; "
+            "to see the ports: firmloop targets --ports"
+        )
     return target.qemu
 
 

@@ -13,11 +13,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from codegen.target import Target
-from verify.links.affinity import share_one_processor
 from verify.links.framed import FramedLink
 from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import PipeStream
+from verify.links.turns import PipeTurns, Processors
 
 OPENING = 60.0  # s until the image must have answered first; it takes some 0.1 s
 TIMEOUT = 30.0  # s for the reply to one attempt, on a busy machine; a dead QEMU is noticed at once
@@ -44,8 +44,8 @@ def open_semihosting(target: Target, elf: Path, program_id: str) -> FramedLink:
         for name, end in (("to_target", asked), ("to_host", answered)):
             (folder / name).symlink_to(f"/proc/self/fd/{end}")
         os.set_blocking(writer, False)
-        spread = share_one_processor()
-        undo.callback(spread)
+        processors = Processors()
+        undo.callback(processors.undo)
         arguments = ("-serial", "none", "-semihosting-config", "enable=on,target=native")
         process = QemuProcess(qemu, elf, arguments, (asked, answered), folder)
         undo.pop_all()
@@ -56,12 +56,13 @@ def open_semihosting(target: Target, elf: Path, program_id: str) -> FramedLink:
         return f"{where}: {process.fate()}"
 
     def close() -> None:
-        spread()
-        os.close(writer)  # the image reads the end of its input and ends QEMU
-        process.finish()
+        processors.undo()
+        os.close(writer)  # the image finds that nobody is there and ends QEMU
         os.close(reader)
+        process.finish()
 
-    stream = PipeStream(reader, writer, TIMEOUT, OPENING, fate, close)
+    way = PipeTurns(processors, process.number, reader, writer)
+    stream = PipeStream(reader, writer, TIMEOUT, OPENING, fate, close, way)
     return FramedLink(stream, where, program_id, TIMEOUT, ATTEMPTS)
 
 

@@ -18,6 +18,7 @@ import serial
 from identify.compiler import ToolError
 from verify.links import LinkError
 from verify.links.exchange import Exchange
+from verify.links.turns import PipeTurns, Turns
 
 CHUNK = 1 << 13  # bytes asked for at once; a larger buffer costs more to get than it saves
 ALARM_PERIOD = 0.1  # s between looks of the alarm
@@ -113,7 +114,8 @@ class PipeStream(DescriptorStream):
     """Two pipes of a far end that nearly always answers at once: reads block, and an alarm ends those that take long.
 
     To ask first whether bytes are there would cost a tenth of a whole exchange. The alarm writes a zero byte into our
-    own input, which between frames means nothing.
+    own input, which between frames means nothing. It also has the far end wait for us when we ask for nothing, however
+    the two take turns.
     """
 
     def __init__(
@@ -124,10 +126,13 @@ class PipeStream(DescriptorStream):
         opening: float,
         fate: Callable[[], str],
         release: Callable[[], None],
+        way: PipeTurns,
     ) -> None:
         """Take over the descriptors, as DescriptorStream does; `opening` s are given to the first bytes to come."""
         super().__init__(reader, writer, timeout, fate, release)
         self._patience = opening
+        self._way = way
+        self._turns = Turns(way, time.monotonic())
         self._exchange: Exchange | None = None
         with suppress(ToolError):  # without a compiler it is slower, and that is all
             self._exchange = Exchange(reader, writer)
@@ -140,7 +145,7 @@ class PipeStream(DescriptorStream):
         """Return the bytes that are there or come within `timeout` seconds and some; a zero byte if none came."""
         self._due = time.monotonic() + max(timeout, self._patience)
         try:
-            data = os.read(self._reader, CHUNK)
+            data = self._read_waiting()
         except OSError:
             raise LinkError(self._fate()) from None
         self._due, self._patience = math.inf, 0.0
@@ -154,7 +159,9 @@ class PipeStream(DescriptorStream):
         """Send one request and read its reply at once, as verify.links.exchange says; (None, None) if it cannot."""
         if self._exchange is None:
             return None, None
-        self._due = time.monotonic() + timeout
+        now = time.monotonic()
+        self._turns.count(now)
+        self._due = now + timeout
         found = self._exchange(kind, sequence, bound, payload)
         self._due = math.inf
         return found
@@ -167,8 +174,19 @@ class PipeStream(DescriptorStream):
             self._alarm.join()
         super().close()
 
+    def _read_waiting(self) -> bytes:
+        while True:
+            try:
+                return os.read(self._reader, CHUNK)
+            except BlockingIOError:  # we were asking
+                self._readable.poll()
+
     def _watch(self) -> None:
+        left = self._turns.left
         while not self._closed.wait(ALARM_PERIOD):
+            if self._turns.asking and self._turns.left == left:
+                self._way.set_emulator_blocking(True)
+            left = self._turns.left
             if time.monotonic() > self._due:
                 with suppress(OSError), open(f"/proc/self/fd/{self._reader}", "wb", buffering=0) as pipe:
                     pipe.write(b"\0")
