@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy.linalg
 
 from design.law import DesignError
 from identify.linear import Linear
@@ -96,7 +97,5 @@ def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:
     block = np.zeros((order + inputs, order + inputs))
     block[:order, :order] = a
     block[:order, order:] = b
-    import scipy.linalg  # here, for it takes longer to read than most laws to design
-
     exponential = scipy.linalg.expm(block * time)
     return exponential[:order, :order], exponential[:order, order:]

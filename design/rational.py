@@ -19,6 +19,7 @@ from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
+import scipy.linalg
 
 from design.law import DesignError
 
@@ -113,8 +114,6 @@ def _held(above: Array, below: Array, poles: Roots, h: float) -> Rational:
     block = np.zeros((order + 1, order + 1))
     block[0, :order], block[0, order] = -monic, 1.0
     block[1:order, : order - 1] = np.eye(order - 1)
-    import scipy.linalg  # here, for it takes longer to read than most laws to design
-
     exponential = scipy.linalg.expm(block)
     a, b = exponential[:order, :order] - np.eye(order), exponential[:order, order:]
     numerator = np.poly(a - b @ c[None, :]) + (direct - 1) * np.poly(a)
