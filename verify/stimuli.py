@@ -27,7 +27,8 @@ LANE_STEPS = 1000
 FRESH_STEPS = 8
 LONGEST_WORST = 40_000  # steps of a worst case
 EDGE_STEPS = 3
-SEARCHED = 16  # lanes of each character in which limits are sought that are crossed late
+SEARCHED = 16  # lanes of each character in which limits are sought that are crossed late,
+LATEST = 400  # and how late
 RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
@@ -335,7 +336,8 @@ def _afar(program: Program, random: np.random.Generator, lanes: int, length: int
     """
     if not program.tables and program.state:
         samples = lanes * length
-        hard = [make(program, random, SEARCHED, min(length, max(1, samples // 3))) for make in (_worst, _squares)]
+        latest = min(length, LATEST, max(1, samples // 3))
+        hard = [make(program, random, SEARCHED, latest) for make in (_worst, _squares)]
         drives = np.concatenate([_physical(program, drive) for drive in hard])
         found = approaches(program, random, drives, samples, to_raw)
         if found is not None:
