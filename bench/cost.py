@@ -1,6 +1,7 @@
 """Count what a step of each controller kind costs on the Cortex-M4F in each number format, beside the bars to pass.
 
-    python -m bench.cost               one line a kind and format: instructions with the call, text, seconds to generate
+    python -m bench.cost               one line a law and format: instructions with the call, text, seconds to generate;
+                                       names of laws take these alone
 
 Instructions are counted by QEMU's -icount with the code at -O2; `most` is the costliest step that the stimuli find, the
 first one and those with a NaN at an input included, `usual` the median. Exit status 1 when a bar is not kept.
@@ -68,9 +69,9 @@ def counts(program: Program) -> tuple[int, int, int]:
 def main() -> int:
     """Print the table."""
     print("law               format    usual  most   bar   text   bar  generate s")
-    missed = 0
+    missed, chosen = 0, sys.argv[1:]
     for name, law in laws().items():
-        for arithmetic in ARITHMETICS:
+        for arithmetic in ARITHMETICS if not chosen or name in chosen else ():
             start = time.process_time()
             try:
                 program = lower(law, arithmetic)

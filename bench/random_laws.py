@@ -1,4 +1,4 @@
-"""Prove the ranges of random laws of every kind a second time, in both fixed-point words.
+"""Prove the ranges of every example and of random laws a second time, in both fixed-point words.
 
     python -m bench.random_laws          200 laws from one seed; a number takes another count
 
@@ -14,10 +14,11 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from design.kinds import design
+from design.kinds import design, kinds
 from design.law import DesignError, Law
 from identify.signal import Signal
 from quantize.lower import lower
@@ -140,16 +141,24 @@ def _decades(random: Random, low: float, high: float) -> float:
     return float(10.0 ** random.uniform(low, high))
 
 
+def examples() -> Iterator[Draw]:
+    """Give every example of every kind."""
+    for kind in kinds().values():
+        for name, request in kind.examples.items():
+            yield Draw(f"example {name}", kind.design(request).law, "")
+
+
 def main() -> int:
-    """Print a line per kind, and every refusal once."""
+    """Print a line per example and kind, and every refusal once."""
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else LAWS
     proven: Counter[str] = Counter()
     laws: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     failed = 0
     start = time.perf_counter()
-    for draw in draws(SEED):
-        if sum(laws.values()) == wanted:
+    own = tuple(examples())
+    for draw in chain(own, draws(SEED)):
+        if sum(laws.values()) == wanted + len(own):
             break
         if draw.law is None:
             refused[f"{draw.kind}: {draw.refused}"] += 1
@@ -169,7 +178,7 @@ def main() -> int:
                 failed += 1
                 print(f"NOT PROVEN: {draw.kind} {arithmetic}: {error}", flush=True)
     for kind in laws:
-        print(f"{kind:18} {laws[kind]:4} laws, {proven[kind]:6,} operations and stores proven again")
+        print(f"{kind:32} {laws[kind]:4} laws, {proven[kind]:6,} operations and stores proven again")
     print(f"{sum(laws.values())} laws, {sum(proven.values()):,} proven, {failed} programs not: {_wall(start)}")
     for reason, count in refused.most_common():
         print(f"  refused {count}: {reason}")

@@ -1,8 +1,11 @@
-"""Read the generated C with tools that run nothing: gcc -fanalyzer, cppcheck with its MISRA C:2012 checks, the linker.
+"""Read the generated C of every kind in every format with tools that mostly run nothing, and give it no numbers.
 
-    python -m bench.static             the exit status is 1 when a tool finds something that no reason below covers
+    python -m bench.static             every example; names of examples take these alone
 
-cppcheck's MISRA addon is not a certified checker; it gives rule numbers, the reasons are ours.
+gcc's -fanalyzer under all warnings, cppcheck's MISRA C:2012 checks, the double-precision helpers that the linker took,
+the stack from gcc's call graph, and what a NaN at each input does: outputs must keep their ranges, then and after it.
+Exit status 1 when a tool finds something that no reason below covers. cppcheck's MISRA addon is not a certified
+checker; it gives rule numbers, the reasons are ours.
 """
 
 from __future__ import annotations
@@ -13,16 +16,30 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from bench.mutants import example_law
-from codegen.bundle import write_files
+from codegen.bundle import Bundle, write_files
 from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
+from design.kinds import kinds
+from design.law import Law
 from quantize.lower import ARITHMETICS, lower
-from verify.build import build_image
-from verify.host import WARNINGS
+from quantize.program import Program, QuantizeError
+from verify.build import Image, build_image
+from verify.compare import record_type
+from verify.host import WARNINGS, build_host
+from verify.links.library import LibraryLink
+from verify.settings import records
+from verify.stimuli import characters
+
+TARGET = "qemu_mps2_an386"
+LOST_AT = 7  # sample in which an input is no number
+SEEN = 40  # samples
 
 # Rule of MISRA C:2012 -> (category, why the generated code departs from it)
 REASONS = {
@@ -34,48 +51,90 @@ REASONS = {
 }
 
 
-def misra(folder: Path, source: str) -> Counter[str]:
+def laws() -> Iterator[tuple[str, Law]]:
+    """Give the PID with every part in use, and every example of every kind."""
+    yield "full pid", example_law()
+    for kind in kinds().values():
+        for name, request in kind.examples.items():
+            yield name, kind.design(request).law
+
+
+def misra(folder: Path, sources: tuple[str, ...]) -> Counter[str]:
     """Return how often each rule is hit."""
-    command = ["cppcheck", "--addon=misra", "--std=c99", "--quiet", source]
+    command = ["cppcheck", "--addon=misra", "--std=c99", "--quiet", *sources]
     said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     return Counter(re.findall(r"\[misra-c2012-([0-9.]+)\]", said.stderr + said.stdout))
 
 
-def analyzer(folder: Path, source: str) -> list[str]:
+def analyzer(folder: Path, sources: tuple[str, ...]) -> list[str]:
     """Return what gcc's analyzer and all warnings say."""
-    command = ["gcc", *WARNINGS, "-O2", "-fanalyzer", "-c", source, "-o", "analyzed.o"]
+    command = ["gcc", *WARNINGS, "-O2", "-fanalyzer", "-c", *sources]
     said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     return said.stderr.strip().splitlines()
 
 
+def image(program: Program, bundle: Bundle) -> Image | None:
+    """Build for the M4F; None without its compiler."""
+    target = load_target(TARGET)
+    if not shutil.which(target.compiler):
+        return None
+    with tempfile.TemporaryDirectory() as name:
+        return build_image(firmware(program, bundle, target, target.links[0]), target, Path(name))
+
+
+def spoiled(program: Program, bundle: Bundle) -> int:
+    """Return how many outputs leave their range when an input is no number, once or for good, or after it."""
+    if program.arithmetic.startswith("fixed"):
+        return 0
+    link = LibraryLink(build_host(bundle, load_target("host")), program)
+    calm = next(block.inputs[0] for block in characters(program, 1, SEEN, 1) if block.name == "tracking")
+    wrong = 0
+    for places in (*((j,) for j in range(len(program.inputs))), tuple(range(len(program.inputs)))):
+        for last in (LOST_AT + 1, SEEN):
+            inputs = calm.copy()
+            inputs[LOST_AT:last, places] = np.nan
+            link.reset()
+            answer = link.step(records(program, inputs, None), len(inputs))
+            got = np.frombuffer(answer, dtype=record_type(program))
+            for value in program.outputs:
+                out = got[f"out_{value.name}"]
+                wrong += int(np.sum(~((out >= value.low) & (out <= value.high))))
+    return wrong
+
+
 def main() -> int:
-    """Print one line per format, then each rule's reason."""
-    law = example_law()
+    """Print one line per kind and format, then each rule's reason."""
+    chosen = sys.argv[1:]
     hits: Counter[str] = Counter()
     wrong = 0
-    target = load_target("qemu_mps2_an386")
-    for arithmetic in ARITHMETICS:
-        program = lower(law, arithmetic)
-        bundle = emit(program, "firmloop generate motor_pid.toml")
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            write_files(bundle.files, folder)
-            source = bundle.sources[0]
-            words = analyzer(folder, source)
-            found = misra(folder, source) if shutil.which("cppcheck") else Counter()
-        hits += found
-        double: tuple[str, ...] | None = None
-        if shutil.which(target.compiler):
-            with tempfile.TemporaryDirectory() as name:
-                files = firmware(program, bundle, target, target.links[0])
-                double = build_image(files, target, Path(name)).double_helpers
-        helpers = "not built" if double is None else str(len(double))
-        print(f"{arithmetic:9} analyzer {len(words)}, MISRA hits {found.total()}, double-precision helpers {helpers}")
-        wrong += len(words) + sum(rule not in REASONS for rule in found)
-        wrong += arithmetic != "float64" and bool(double)
+    print("law                    format    analyzer  MISRA  double helpers  stack B  outputs lost to NaN")
+    for name, law in laws():
+        for arithmetic in ARITHMETICS if not chosen or name in chosen else ():
+            try:
+                program = lower(law, arithmetic)
+            except QuantizeError as error:
+                print(f"{name:22} {arithmetic:9} refused: {error}")
+                continue
+            bundle = emit(program, "firmloop generate project.toml")
+            with tempfile.TemporaryDirectory() as text:
+                folder = Path(text)
+                write_files(bundle.files, folder)
+                words = analyzer(folder, bundle.sources)
+                found = misra(folder, bundle.sources) if shutil.which("cppcheck") else Counter()
+            built, lost = image(program, bundle), spoiled(program, bundle)
+            double = "-" if built is None else str(len(built.double_helpers))
+            stack = "-" if built is None or built.stack_bytes is None else str(built.stack_bytes)
+            print(
+                f"{name:22} {arithmetic:9} {len(words):8} {found.total():6} {double:>15} {stack:>8} {lost:20}",
+                flush=True,
+            )
+            print("".join(f"    {word}\n" for word in words), end="")
+            hits += found
+            wrong += len(words) + sum(rule not in REASONS for rule in found) + lost
+            wrong += arithmetic != "float64" and built is not None and bool(built.double_helpers)
     for rule, count in sorted(hits.items(), key=lambda item: [int(part) for part in item[0].split(".")]):
         category, why = REASONS.get(rule, ("?", "NO REASON GIVEN"))
-        print(f"rule {rule:5} {category:9} {count:3} hits in all formats: {why}")
+        print(f"rule {rule:5} {category:9} {count:5} hits in all: {why}")
     if not shutil.which("cppcheck"):
         print("cppcheck is not installed: the MISRA checks were left out (apt-get install cppcheck)")
     return 1 if wrong else 0

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from design.active_set import Solution, exact, solve
 from design.law import Solve, Tree
+from design.located import located
 from design.splitting import swept
-from design.tree import located
 
 Array = npt.NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Compare what a step costs with an older verdict: a continuous-integration gate that needs no hardware."""
+"""Compare what a step costs with an older run: a continuous-integration gate that needs no hardware."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from firmloop.documents import cost_document
 from firmloop.pipeline import Outcome
 from firmloop.table import ProjectError
 
@@ -43,27 +44,43 @@ class Growth:
 
 
 def growths(baseline: Path, allowed: float, outcomes: Sequence[Outcome]) -> tuple[Growth, ...]:
-    """Return every figure that both the old verdict and the new one of the same target have.
+    """Return every figure that both the old file and the new verdict of the same target have.
+
+    The file is a verdict.json, or a cost.json, which has every target and every function.
 
     Raises
     ------
     ProjectError
-        when the file is no verdict, or of a target that was not run now.
+        when the file is neither, or of targets that were not run now.
     """
     old = _read(baseline)
-    verdicts = [outcome.verdict for outcome in outcomes if outcome.verdict]
-    matching = [verdict for verdict in verdicts if verdict.target == old["target"]]
-    if not matching:
-        ran = ", ".join(verdict.target for verdict in verdicts)
-        raise ProjectError(f"--baseline {baseline}: is of target {old['target']}, but what ran is {ran}")
-    new, before = matching[0].as_dict()["cost"], old["cost"]
-    assert isinstance(new, Mapping) and isinstance(before, Mapping)
-    pairs = [(figure, before.get(figure), new.get(figure)) for figure in FIGURES]
-    return tuple(
-        Growth(figure, was, now, allowed)
-        for figure, was, now in pairs
-        if isinstance(was, int | float) and isinstance(now, int | float)
-    )
+    new = cost_document(outcomes)["targets"]
+    assert isinstance(new, Mapping)
+    both = [name for name in new if name in old]
+    if not both:
+        raise ProjectError(f"--baseline {baseline}: is of target {', '.join(old)}, but what ran is {', '.join(new)}")
+    found = []
+    for name in both:
+        before, now = _figures(old[name]), _figures(new[name])
+        mark = f"{name}: " if len(both) > 1 else ""
+        found += [Growth(mark + key, before[key], now[key], allowed) for key in before if key in now]
+    return tuple(found)
+
+
+def _figures(target: object) -> Mapping[str, float]:
+    """Return the figures of one target that were measured: of the whole step, then of each function."""
+    assert isinstance(target, Mapping)
+    cost, functions = target["cost"], target.get("functions")
+    parts = [("", cost)]
+    if isinstance(functions, Mapping):
+        parts += [(f"{name} ", part) for name, part in functions.items()]
+    return {
+        mark + figure: part[figure]
+        for mark, part in parts
+        if isinstance(part, Mapping)
+        for figure in FIGURES
+        if isinstance(part.get(figure), int | float)
+    }
 
 
 def check_baseline(baseline: Path, targets: Sequence[str]) -> None:
@@ -84,10 +101,17 @@ def check_baseline(baseline: Path, targets: Sequence[str]) -> None:
 
 
 def _read(path: Path) -> Mapping[str, object]:
+    """Return the targets of an old cost.json, or the one of an old verdict.json."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ProjectError(f"--baseline {path}: cannot be read: {error}") from None
-    if not isinstance(document, dict) or not isinstance(document.get("cost"), dict) or "target" not in document:
-        raise ProjectError(f"--baseline {path}: is no verdict.json of an earlier run")
-    return document
+    if isinstance(document, dict):
+        one = {str(document["target"]): document} if "target" in document else document.get("targets")
+        if isinstance(one, dict) and one and all(_has_cost(target) for target in one.values()):
+            return one
+    raise ProjectError(f"--baseline {path}: is no cost.json nor verdict.json of an earlier run")
+
+
+def _has_cost(target: object) -> bool:
+    return isinstance(target, Mapping) and isinstance(target.get("cost"), Mapping)

@@ -238,7 +238,10 @@ def _parser() -> argparse.ArgumentParser:
         )
         if name == "verify":
             verb.add_argument(
-                "--baseline", type=Path, metavar="FILE", help="an older verdict.json; status 1 if a cost has grown"
+                "--baseline",
+                type=Path,
+                metavar="FILE",
+                help="an older cost.json; status 1 if a cost has grown",
             )
             verb.add_argument(
                 "--growth", type=_percent, default=2.0, metavar="PERCENT", help="that a cost may grow by (default 2)"

@@ -20,6 +20,33 @@ def outcomes_document(outcomes: Sequence[Outcome]) -> list[Mapping[str, object]]
     ]
 
 
+def cost_document(outcomes: Sequence[Outcome]) -> Mapping[str, object]:
+    """Return cost.json: what a step takes on each target that counts, and each function of the controller there."""
+    return {
+        "schema": 1,
+        "targets": {
+            outcome.target: {
+                "program_id": outcome.verdict.program_id,
+                "compiler": outcome.verdict.compiler,
+                "flags": list(outcome.verdict.flags),
+                "cost": outcome.verdict.as_dict()["cost"],
+                "functions": {
+                    function.name: {
+                        "instructions_max": outcome.verdict.cost.instructions_max
+                        if function.name.endswith("_step")
+                        else None,
+                        "text_bytes": function.text_bytes,
+                        "stack_bytes": function.stack_bytes,
+                    }
+                    for function in outcome.verdict.cost.functions
+                },
+            }
+            for outcome in outcomes
+            if outcome.verdict
+        },
+    }
+
+
 def fit_document(fit: Fit) -> Mapping[str, object]:
     """Return what `--json` says of a fit."""
     return {

@@ -102,7 +102,7 @@ class Campaign:
     steps: int
     seed: int
     port: str | None
-    baseline: Path | None = None  # an older verdict.json that the costs are compared with
+    baseline: Path | None = None  # an older cost.json or verdict.json that the costs are compared with
     growth: float = 2.0  # % by which a cost may exceed it
 
 

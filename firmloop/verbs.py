@@ -45,7 +45,7 @@ from identify.recording import read_recording, write_recording
 __all__ = ["as_recorded", "at_rest", "design", "identify", "run", "simulate", "verify", "walk"]
 
 AGREES, DIFFERS, NO_TOOL = 0, 1, 3
-VERDICTS = ("verdict.json", "verdict_*.json")  # an older run must not leave its own beside new results
+VERDICTS = ("verdict.json", "verdict_*.json", "cost.json")  # an older run must not leave its own beside new results
 
 
 def identify(project: Project, out: Path, console: Console) -> int:
@@ -209,10 +209,11 @@ def _status(outcomes: Sequence[Outcome]) -> int:
 
 
 def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:
-    """One file a target; verdict.json is the first that differs, else the last."""
+    """One file a target; verdict.json is the first that differs, else the last; cost.json holds all costs."""
     verdicts = [outcome.verdict for outcome in outcomes if outcome.verdict]
     files = {f"verdict_{verdict.target}.json": as_json(verdict.as_dict()) for verdict in verdicts}
     if verdicts:
         shown = next((verdict for verdict in verdicts if not verdict.agrees), verdicts[-1])
         files["verdict.json"] = as_json(shown.as_dict())
+        files["cost.json"] = as_json(documents.cost_document(outcomes))
     return files

@@ -35,6 +35,15 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True)
+class Function:
+    """One function of the controller: bytes of its code, and of the stack of it and all it calls (None: not known)."""
+
+    name: str
+    text_bytes: int
+    stack_bytes: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class Image:
     """A built image."""
 
@@ -45,6 +54,7 @@ class Image:
     whole: Size
     stack_bytes: int | None  # of step() and all it calls; None where a callee's is not known, as with soft float
     double_helpers: tuple[str, ...]  # run-time functions for double precision that were linked
+    functions: tuple[Function, ...]  # of the controller, as compiled: what was inlined is in its caller
 
 
 def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image:
@@ -81,6 +91,7 @@ def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image
         whole=_sum(_sizes(target.compiler, [ELF], folder)),
         stack_bytes=stack,
         double_helpers=_double_helpers(target.compiler, folder),
+        functions=_functions(target.compiler, own, folder, graph),
     )
 
 
@@ -132,6 +143,13 @@ def _sum(sizes: Sequence[Size]) -> Size:
         sum(size.data_bytes for size in sizes),
         sum(size.bss_bytes for size in sizes),
     )
+
+
+def _functions(compiler: str, names: Sequence[str], folder: Path, graph: str) -> tuple[Function, ...]:
+    # nm -S: value size type name, in hexadecimal
+    lines = (line.split() for line in run_compiler([_binutil(compiler, "nm"), "-S", *names], folder).splitlines())
+    sized = [(found[3], int(found[1], 16)) for found in lines if len(found) == 4 and found[2] in "tT"]
+    return tuple(Function(name, size, stack_of(graph, name)) for name, size in sorted(sized))
 
 
 def _double_helpers(compiler: str, folder: Path) -> tuple[str, ...]:

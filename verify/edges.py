@@ -33,7 +33,7 @@ def limits(program: Program) -> list[tuple[str, float]]:
         value = op.arguments[0]
         if op.function in (*LIMITS, "min", "max") and isinstance(value, str):
             found += [(becomes.get(value, value), float(a)) for a in op.arguments[1:] if not isinstance(a, str)]
-    return found
+    return list(dict.fromkeys(found))
 
 
 def edges(program: Program, random: np.random.Generator, lanes: int, length: int, convert: Convert) -> Raw:
@@ -54,14 +54,15 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             noise = noise[len(part) :]
             state = start_state(program, len(part))
             for k in range(at):
-                state = _after(machine, _row(program, part[:, k], convert, kind), state)
-            near = _to_an_edge(program, machine, random, part, at, state, wanted, convert)
-            kept.append(part[np.argsort(near, kind="stable")[:count]])
+                state = after(machine, row(program, part[:, k], convert, kind), state)
+            miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
+            kept.append(part[np.argsort(np.abs(miss), kind="stable")[:count]])
         noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
 
 
-def _short(program: Program) -> bool:
+def short(program: Program) -> bool:
+    """Tell whether every input is a word of 16 bits."""
     return all(v.number.kind == "fixed" and v.number.bits == 16 for v in program.inputs)
 
 
@@ -69,10 +70,10 @@ def _tried(program: Program, lanes: int) -> int:
     """Return how many lanes to try for each that is kept; a program that solves takes long to try."""
     if program.tables:
         return 1
-    return max(TRIED, min(TRIED_SHORT, MOST_TRIED // max(lanes, 1))) if _short(program) else TRIED
+    return max(TRIED, min(TRIED_SHORT, MOST_TRIED // max(lanes, 1))) if short(program) else TRIED
 
 
-def _to_an_edge(
+def to_an_edge(
     program: Program,
     machine: Machine,
     random: np.random.Generator,
@@ -81,18 +82,28 @@ def _to_an_edge(
     state: list[Raw],
     wanted: list[tuple[str, float]],
     convert: Convert,
+    wait: int = 0,
 ) -> Array:
-    """Put sample `at` of every lane at an edge that it can cross; return how far its value then is from its limit."""
+    """Put sample `at` of every lane at an edge that it can cross; return how far above its limit its value then is.
+
+    `state` is the one before that sample; the value is taken `wait` samples later. `noise` (lanes, length, m) is
+    written to; infinite where no way across was found.
+    """
     kind, lanes = working_type(program), np.arange(len(noise))
     limit = np.array([limit for _, limit in wanted])[:, None]
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
     def beyond(inputs: Array) -> tuple[NDArray[np.bool_], Array]:
         """Tell of every limit (rows) and lane on which side of it the value is, and how far."""
+        now = state
         with np.errstate(all="ignore"):
-            named = machine.named(machine.step(_row(program, inputs, convert, kind), state))
+            for later in range(wait):
+                now = after(machine, row(program, noise[:, at + later] if later else inputs, convert, kind), now)
+            named = machine.named(
+                machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
+            )
             values = np.stack([np.broadcast_to(named[name], len(noise)).astype(np.float64) for name, _ in wanted])
-            return np.where(odd, values > limit, values >= limit), np.abs(values - limit)
+            return np.where(odd, values > limit, values >= limit), values - limit
 
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
     here, there = noise[:, at], np.stack([random.uniform(*span, size=len(noise)) for span in spans], axis=-1)
@@ -100,7 +111,7 @@ def _to_an_edge(
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
     side = beyond(here)[0][which, lanes]
     near, far = np.zeros((len(noise), 1)), np.ones((len(noise), 1))
-    for _ in range(HALVINGS_SHORT if _short(program) else HALVINGS):
+    for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
         middle = (near + far) / 2
         same = (beyond(here + middle * (there - here))[0][which, lanes] == side)[:, None]
         near, far = np.where(same, middle, near), np.where(same, far, middle)
@@ -109,11 +120,13 @@ def _to_an_edge(
     return np.where(crossed[which, lanes], missed, np.inf)
 
 
-def _row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
+def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
+    """Return one sample's physical inputs (lanes, m) as the program reads them."""
     return [convert(v, inputs[:, j]).astype(kind) for j, v in enumerate(program.inputs)]
 
 
-def _after(machine: Machine, row: list[Raw], state: list[Raw]) -> list[Raw]:
+def after(machine: Machine, inputs: list[Raw], state: list[Raw]) -> list[Raw]:
+    """Return the state after one sample."""
     with np.errstate(all="ignore"):
-        values = machine.step(row, state)
-    return [np.broadcast_to(values[slot], len(row[0])) for slot in machine.next]
+        values = machine.step(inputs, state)
+    return [np.broadcast_to(values[slot], len(inputs[0])) for slot in machine.next]

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from design.law import Law
 from quantize.graph import Graph, evaluate, law_graph
@@ -31,9 +31,9 @@ LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
 def measure_rounding(
-    law: Law, program: Program, blocks: Sequence[Block], traces: Sequence[Trace]
+    law: Law, program: Program, blocks: Sequence[Block], traces: Sequence[Trace], real: DTypeLike = np.float64
 ) -> tuple[Rounded, ...]:
-    """Return the worst differences over all blocks, output by output."""
+    """Return the worst differences over all blocks, output by output; a step of the law is computed in `real`."""
     graph = law_graph(law)
     groups = by_length(blocks)
     blocks, traces = (
@@ -42,19 +42,20 @@ def measure_rounding(
     )
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
-        worst = _searched(law, program, graph)
+        worst = _searched(law, program, graph, real)
         for block, trace in zip(blocks, traces, strict=True):
             raw = [block.inputs[..., j] for j in range(len(program.inputs))]
             held = [trace.state[..., j] for j in range(len(program.state))]
             got = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
-            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in _apart(law, program, graph, raw, held, got)])
+            apart = _apart(law, program, graph, raw, held, got, real)
+            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
             calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 2))
             if np.any(calm):
                 inputs = [to_physical(v, x[calm]) for v, x in zip(program.inputs, raw, strict=True)]
                 state = [to_physical(v, x[calm]) for v, x in zip(program.state, held, strict=True)]
                 free = _free_run(program, law, graph, inputs, state)
-                apart = (np.max(np.abs(g[calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
-                drift = np.maximum(drift, list(apart))
+                away = (np.max(np.abs(g[calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
+                drift = np.maximum(drift, list(away))
     bounds = {r.output: r for r in program.rounding}
     return tuple(
         Rounded(v.name, float(worst[j]), bounds[v.name].bound, v.unit, float(drift[j]))
@@ -68,7 +69,13 @@ def _all_of(traces: Sequence[Trace]) -> Trace:
 
 
 def _apart(
-    law: Law, program: Program, graph: Graph, raw: Sequence[Raw], held: Sequence[Raw], got: Sequence[Array]
+    law: Law,
+    program: Program,
+    graph: Graph,
+    raw: Sequence[Raw],
+    held: Sequence[Raw],
+    got: Sequence[Array],
+    real: DTypeLike,
 ) -> list[Array]:
     """Return |program - law| of each output and sample; 0 where an input or a state is not in its range."""
     fresh = _fresh(program, raw, held)
@@ -85,8 +92,8 @@ def _apart(
         else:
             state.append(np.where(fresh, start, by_name[signal.name]))
     inputs = [to_physical(v, x) for v, x in zip(program.inputs, raw, strict=True)]
-    expected = evaluate(graph, [state, inputs])[1]
-    return [np.where(valid, np.abs(g - e), 0.0) for g, e in zip(got, expected, strict=True)]
+    expected = evaluate(graph, [[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
+    return [np.where(valid, np.abs(g - e), 0.0).astype(np.float64) for g, e in zip(got, expected, strict=True)]
 
 
 def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:
@@ -110,7 +117,7 @@ def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
     return (raw >= value.low) & (raw <= value.high)
 
 
-def _searched(law: Law, program: Program, graph: Graph) -> Array:
+def _searched(law: Law, program: Program, graph: Graph, real: DTypeLike) -> Array:
     """Return the worst differences that a search finds, output by output."""
     random = np.random.default_rng(1)
     machine = Machine(program)
@@ -132,7 +139,7 @@ def _searched(law: Law, program: Program, graph: Graph) -> Array:
             slots = machine.step([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
             outputs = zip(program.outputs, machine.results, strict=True)
             got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
-            apart = _apart(law, program, graph, inputs, held, got)
+            apart = _apart(law, program, graph, inputs, held, got, real)
             worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
             best = points[:, np.argsort(-apart[j])[:kept]]
             again = np.repeat(best, count // kept, axis=1)

@@ -159,6 +159,7 @@ class _Proof:
             stack_bytes=image.stack_bytes if image.stack_bytes is not None else painted,
             stack_painted_bytes=painted,
             worst=self._worst(int(counts.argmax())),
+            functions=image.functions,
         )
 
     def _cycles(self, comparison: Comparison, link: FramedLink) -> Cost:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantize.program import Program, Value
+from verify.approach import approaches
 from verify.edges import edges
 from verify.reference import Raw, Trace, element_type, run
 from verify.settings import requests
@@ -26,6 +27,8 @@ LANE_STEPS = 1000
 FRESH_STEPS = 8
 LONGEST_WORST = 40_000  # steps of a worst case
 EDGE_STEPS = 3
+SEARCHED = 16  # lanes of each character in which limits are sought that are crossed late,
+LATEST = 400  # and how late
 RECORDED_STEPS = 2500  # of a lane cut from a recording: many lanes run at once, one long one does not
 
 
@@ -48,8 +51,10 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
     """
     random = np.random.default_rng(seed)
     length = min(LANE_STEPS, max(1, steps))
-    blocks = []
+    blocks: list[Block] = []
     for name, make, share, span in MAKERS:
+        if sum(len(block.inputs) * block.inputs.shape[1] for block in blocks) >= steps:
+            break
         span = min(span, length)
         count = max(1, round(share * steps / span))
         blocks.append(Block(name, make(program, random, count, span)))
@@ -59,6 +64,13 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
     if program.tunable:
         return [Block(b.name, b.inputs, requests(program, random, *b.inputs.shape[:2])) for b in blocks]
     return blocks
+
+
+def characters(program: Program, lanes: int, steps: int, seed: int) -> list[Block]:
+    """Return lanes of `steps` steps, so many of each character whose lanes are not shorter by nature."""
+    random = np.random.default_rng(seed)
+    makers = [row for row in MAKERS if row[3] == LANE_STEPS and row[1] is not _afar]
+    return [Block(name, make(program, random, lanes, steps)) for name, make, _, _ in makers]
 
 
 def adversarial(program: Program, steps: int, seed: int) -> list[Block]:
@@ -317,16 +329,37 @@ def _edges(program: Program, random: np.random.Generator, lanes: int, length: in
     return edges(program, random, lanes, length, to_raw)
 
 
+def _afar(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
+    """Bring values to limits that they reach after many samples; noise where none does.
+
+    A program that solves takes long to try, and is left out.
+    """
+    if not program.tables and program.state:
+        samples = lanes * length
+        latest = min(length, LATEST, max(1, samples // 3))
+        hard = [make(program, random, SEARCHED, latest) for make in (_worst, _squares)]
+        drives = np.concatenate([_physical(program, drive) for drive in hard])
+        found = approaches(program, random, drives, samples, to_raw)
+        if found is not None:
+            return found
+    return _noise(program, random, lanes, length)
+
+
+def _physical(program: Program, inputs: Raw) -> Array:
+    return np.stack([to_physical(v, inputs[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+
+
 # name, maker, share of the steps, steps of a lane
 MAKERS = (
     ("tracking", _tracking, 0.37, LANE_STEPS),
     ("corners", _corners, 0.20, LANE_STEPS),
-    ("noise", _noise, 0.12, LANE_STEPS),
-    ("long saturation", _saturation, 0.12, LANE_STEPS),
+    ("noise", _noise, 0.10, LANE_STEPS),
+    ("long saturation", _saturation, 0.10, LANE_STEPS),
     ("worst case", _worst, 0.04, LANE_STEPS),
     ("squares", _squares, 0.04, LANE_STEPS),
     ("chirps", _chirps, 0.04, LANE_STEPS),
     ("fresh starts", _tracking, 0.05, FRESH_STEPS),
     ("edges of limits", _edges, 0.02, EDGE_STEPS),
+    ("limits from afar", _afar, 0.04, LANE_STEPS),
 )
 ADVERSARIAL = tuple(row for row in MAKERS if row[0] in ("worst case", "squares", "chirps", "long saturation"))

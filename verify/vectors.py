@@ -7,17 +7,15 @@ import numpy as np
 from quantize.program import Program
 from verify.reference import Raw, Trace, run
 from verify.settings import requests
-from verify.stimuli import LANE_STEPS, stimuli
+from verify.stimuli import characters
 
 STEPS = 60  # of a lane: enough to fill the state and to meet limits, few enough to read
 LANES = 2  # of each character
 SEED = 1
-DRAWN = 30 * LANE_STEPS  # steps to draw, so that every character has whole lanes
 
 
 def golden(program: Program) -> tuple[Raw, Raw, Trace]:
     """Return raw inputs (lanes, STEPS, m), what parameters are set to (lanes, STEPS, k), and the reference's run."""
-    whole = [block for block in stimuli(program, [], DRAWN, SEED) if block.inputs.shape[1] >= STEPS]
-    inputs = np.concatenate([block.inputs[:LANES, :STEPS] for block in whole])
+    inputs = np.concatenate([block.inputs for block in characters(program, LANES, STEPS, SEED)])
     settings = requests(program, np.random.default_rng(SEED), *inputs.shape[:2])
     return inputs, settings, run(program, inputs, settings)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from verify.build import Function
+
 
 @dataclass(frozen=True, slots=True)
 class Difference:
@@ -55,6 +57,7 @@ class Cost:
     cycles_max: int | None = None  # of a real processor; an emulator knows none
     cycles_mean: float | None = None
     worst: Worst | None = None
+    functions: tuple[Function, ...] = ()
 
 
 NO_COST = Cost(None, None, None, None, None, None, None)

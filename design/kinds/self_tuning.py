@@ -57,6 +57,11 @@ def design(request: Request) -> Design:
     spread, size = real(table, "spread", 4.0, 1.01, 1e3), real(table, "start_covariance", 0.5, 1e-3, 2.0)
     a0 = math.exp(-h / positive(table, "lag_s", None))
     b0 = positive(table, "gain", None) * (1 - a0) * strong / wide
+    if not 1e-12 < b0 < 1e12:
+        raise DesignError(
+            f"controller.gain = {table['gain']:g} and lag_s = {table['lag_s']:g} make the whole output move the "
+            f"measurement by {b0:g} of its range in a sample; it must be from 1e-12 to 1e12: correct them, or period_s"
+        )
     pole = math.exp(-h / positive(table, "time_constant_s", None))
     ends = b0 / spread, b0 * spread
 

@@ -14,7 +14,7 @@ from quantize.lower import ARITHMETICS, lower
 from quantize.program import QuantizeError
 from tests.kind_formulas import FORMULAS
 from tests.quantize.test_lower import leaves_bounds
-from verify.compare import compare
+from verify.compare import compare, record_type
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.rounding import measure_rounding
@@ -94,7 +94,10 @@ def test_no_state_leaves_its_range_and_none_is_much_wider(kind: str, wanted: Req
 
 @pytest.mark.parametrize(("kind", "wanted", "arithmetic"), IN_C)
 def test_program_and_c(kind: str, wanted: Request, arithmetic: str) -> None:
-    """The program keeps bounds and distance; the C is the program; two instances do not touch; init starts over."""
+    """The program keeps bounds and distance; the C is the program; two instances do not touch; init starts over.
+
+    In float64 the C is also the formula, which a stranger may write from the contract alone.
+    """
     law = kinds()[kind].design(wanted).law
     if law.solve is not None and arithmetic.startswith("fixed"):
         with pytest.raises(QuantizeError, match="no fixed-point form"):
@@ -124,3 +127,11 @@ def test_program_and_c(kind: str, wanted: Request, arithmetic: str) -> None:
         for i, link in enumerate((one, other)):
             mixed[i] += link.step(lanes[i].tobytes()[k * size : (k + 1) * size], 1)
     assert mixed == alone
+
+    if arithmetic == "float64":
+        rows = rows_of(law, 500, 0)
+        one.reset()
+        got = np.frombuffer(one.step(rows.astype("<f8").tobytes(), len(rows)), record_type(program))
+        u = np.stack([got[f"out_{wire.name}"] for wire in law.outputs], axis=-1)
+        scale = np.array([wire.high - wire.low for wire in law.outputs])
+        assert np.max(np.abs(u - FORMULAS[kind](wanted, rows)) / scale) < 1e-9

@@ -140,6 +140,7 @@ def test_an_unknown_key_is_named(kind: str) -> None:
             ["ki_rules", "-2", "negative"],
         ),
         ("self_tuning", {"gain": -3.0}, ["controller.gain = -3"]),
+        ("self_tuning", {"lag_s": 1e30}, ["gain = 3", "lag_s = 1e+30", "by 0 of its range"]),
         ("self_tuning", {"forget": 0.5}, ["forget = 0.5", "0.9 to 1"]),
         ("self_tuning", {"u_min": 1.0}, ["u_min = 1", "0 between"]),
         ("sensorless_speed", {"bandwidth_rad_s": 1e5}, ["bandwidth_rad_s = 100000", "at most"]),

@@ -104,4 +104,25 @@ def test_growth_is_status_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert told.out == "" and "is of target qemu_microbit, but what is to run is qemu_mps2_an385" in told.err
     old.write_text("[]")
     assert main([*command, "--baseline", str(old)]) == 2
-    assert "is no verdict.json of an earlier run" in capsys.readouterr().err
+    assert "is no cost.json nor verdict.json of an earlier run" in capsys.readouterr().err
+
+
+def test_the_cost_table_holds_every_function_and_is_a_baseline(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project, out, old = tmp_path / "wheel.toml", tmp_path / "out", tmp_path / "old.json"
+    project.write_text(PROJECT)
+    command = ["verify", str(project), "--out", str(out), "--target", "qemu_mps2_an385", "--steps", "100"]
+    assert main(command) == 0
+    document = json.loads((out / "cost.json").read_text())
+    own = document["targets"]["qemu_mps2_an385"]
+    step, init = (own["functions"][f"wheel_{name}"] for name in ("step", "init"))
+    assert step["instructions_max"] == own["cost"]["instructions_max"] and init["instructions_max"] is None
+    assert step["stack_bytes"] == own["cost"]["stack_bytes"] and init["stack_bytes"] is not None
+    assert 0 < step["text_bytes"] + init["text_bytes"] <= own["cost"]["text_bytes"]
+    own["functions"]["wheel_init"]["text_bytes"] -= 2
+    old.write_text(json.dumps(document))
+    capsys.readouterr()
+    assert main([*command, "--baseline", str(old)]) == 1
+    (grown,) = [line for line in capsys.readouterr().out.splitlines() if "MORE THAN" in line]
+    assert "wheel_init text_bytes" in grown
