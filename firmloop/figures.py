@@ -15,6 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from verify.verdict import Searches
+
 Array = NDArray[np.float64]
 
 INK = "#0a0b0c"  # stands for the color of the text around the figure
@@ -94,6 +96,27 @@ def step_figure(step: Step) -> str:
         _draw_step(above, step)
         _draw_drive(below, step)
         below.set_xlabel("time, s")
+        return _svg(figure, "currentColor")
+
+
+def search_figure(found: Searches) -> str:
+    """Draw which limits were active in each step, the work of its search, and its instructions."""
+    side, steps = np.array(found.side), np.arange(found.begins, found.begins + len(found.work))
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 4.6))
+        limits, work, count = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2), squeeze=True)
+        for value, color, label in ((1, MODEL, "at its high limit"), (-1, DATA, "at its low limit")):
+            at, row = np.nonzero(side == value)
+            limits.scatter(steps[at], row, s=3.0, marker="s", color=color, label=label, linewidths=0)
+        limits.set_ylim(side.shape[1] - 0.5, -0.5)
+        limits.set_title("the steps about the one that took longest")
+        limits.set_ylabel("row")
+        _legend(limits)
+        work.step(steps, found.work, color=DRIVE, where="mid", linewidth=FINE)
+        work.set_ylabel("work")
+        count.step(steps, found.instructions, color=DRIVE, where="mid", linewidth=FINE)
+        count.set_ylabel("instructions")
+        count.set_xlabel("step")
         return _svg(figure, "currentColor")
 
 

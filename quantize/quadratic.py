@@ -13,7 +13,7 @@ from quantize.program import Table
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it
 TRUSTED = 2.0**-8  # share of the limits by which an active row may miss its own,
-SPREAD = {"float32": 2.0**-20, "float64": 2.0**-49}  # and of the terms whose sum it is: what their roundings leave
+SPREAD = {"float32": 2.0**-17, "float64": 2.0**-46}  # and of the terms whose sum it is: what their roundings leave
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 STIFF = 0.25  # of that, where limits are soft: their pivots are small, but never 0
 

@@ -22,6 +22,8 @@ from design.regulator import terminal_weight
 
 Array = npt.NDArray[np.float64]
 
+FARTHEST = 1e15  # one weight from another
+
 
 def seen_samples(setup: Setup, place: int) -> tuple[int, ...]:
     """Return which samples of input `place` the horizon sees, counted from the one that is due."""
@@ -35,6 +37,7 @@ def prediction_of(request: Request, setup: Setup) -> Prediction:
     q = np.zeros((n, n))
     q[: model.order, : model.order] = weights(table, "Q", model.order, False)
     r = weights(table, "R", m, True)
+    _check_weights(q, r)
     p = weights(table, "P", n, False) if "P" in table else terminal_weight(model.a, model.b, q, r)
     blocks = blocks_of(table, setup.horizon)
     sizes = [n, m if setup.rated else 0, m if setup.disturbed else 0]
@@ -57,6 +60,16 @@ def prediction_of(request: Request, setup: Setup) -> Prediction:
             u_target[j] += np.outer(u_rest, parameter)
             drift[j] += np.outer(enters, parameter)
     return Prediction(model.a, model.b, q, r, p, blocks, columns[0], drift, x_target, u_target, last)
+
+
+def _check_weights(q: Array, r: Array) -> None:
+    """Refuse weights of which double precision cannot see both."""
+    most, least = float(np.max(np.abs(q))), float(np.min(np.diag(r)))
+    if most > FARTHEST * least or float(np.max(r)) > FARTHEST * most > 0:
+        raise DesignError(
+            f"controller.Q is up to {most:.4g} and R from {least:.4g} to {np.max(r):.4g}; beyond a ratio of "
+            f"{FARTHEST:.0e} one of them counts for nothing: bring them nearer to each other"
+        )
 
 
 def _order(setup: Setup, place: int) -> list[int]:

@@ -149,6 +149,8 @@ def _check_apart(names: list[str], reference: int | None, known: tuple[int, ...]
 def _check_stabilizable(model: Model) -> None:
     """Refuse a mode that does not fade and that no input reaches (the test of Hautus)."""
     size = len(model.a)
+    if not np.any(model.b):
+        raise DesignError(f"controller.B is all 0 ({size} x {model.b.shape[1]}): no output moves the plant; correct it")
     for pole in poles(model.a):
         if abs(pole) < 1 - ON_CIRCLE:
             continue
