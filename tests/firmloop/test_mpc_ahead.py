@@ -51,6 +51,7 @@ def test_what_is_known_ahead_waits_in_the_controller(tmp_path: Path, capsys: pyt
     assert {f"{name}_in_{k}" for name in ("reference", "load") for k in range(6)} <= {
         entry["name"] for entry in manifest["state"]
     }
+    assert "limit" in (out / "search_qemu_mps2_an386.svg").read_text() and not (out / "search_host.svg").exists()
     search = verdict["search"]
     assert 0 < search["work_max"] <= search["budget"] + 14, "a column, and a row of each move, may come after"
     assert verdict["cost"]["instructions_max"] <= search["instructions_bound"]

@@ -116,7 +116,7 @@ def test_stack_is_checked_where_run_time_functions_add_the_floats_and_where_no_s
     )
     target = load_target("qemu_microbit")
     says = (
-        r"qemu_microbit: step\(\) needs 20\d\d\d bytes of stack and the image 512 more, but stack_bytes = 2048 of "
+        r"qemu_microbit: step\(\) needs 20\d\d\d bytes of stack and the image 512 more, but stack_bytes = 4096 of "
         "16384 bytes of RAM: make the controller smaller or choose a larger part"
     )
     with pytest.raises(CodegenError, match=says):
