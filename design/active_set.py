@@ -46,8 +46,8 @@ class Rows:
 
     `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`
     and, in a search, `share` of what the unconstrained optimum violates most; where answers are `checked`, an active
-    row must end within `trusted` of its limit, and `spread` of all that is added up to it; one whose pivot is below
-    `least` depends on the active ones; `budget` is the work of one search at most.
+    row must end within `trusted` of its limit; one whose pivot is below `least` depends on the active ones; `budget` is
+    the work of one search at most.
     """
 
     slope: Raw
@@ -58,7 +58,6 @@ class Rows:
     tolerance: float
     share: float
     trusted: float
-    spread: float
     least: float
     room: int
     budget: int
@@ -89,7 +88,6 @@ def exact(problem: Quadratic) -> Rows:
         tolerance,
         share,
         tolerance * 2.0**32,
-        2.0**-40,
         least,
         room,
         UNLIMITED,
@@ -185,17 +183,13 @@ class _Search:
             lanes = np.flatnonzero((self.length > place) & (self.status == SOLVED))
             row = self.active[lanes, place]
             error = -np.where(self.side[lanes, row] > 0, self.rows.high[row], self.rows.low[row])
-            size = np.abs(error)
             for j in range(parameters.shape[1]):
-                term = self.rows.slope[row, j] * parameters[lanes, j]
-                error, size = error + term, size + np.abs(term)
+                error = error + self.rows.slope[row, j] * parameters[lanes, j]
             for k in range(int(self.length[lanes].max(initial=0))):
                 other = self.active[lanes, k]
-                term = self.rows.gram[row, other] * self.value[lanes, other]
-                here = self.length[lanes] > k
-                error, size = np.where(here, error - term, error), np.where(here, size + np.abs(term), size)
-            allowed = self.kind.type(self.rows.trusted) + size * self.kind.type(self.rows.spread)
-            good = np.abs(error) < allowed
+                less = error - self.rows.gram[row, other] * self.value[lanes, other]
+                error = np.where(self.length[lanes] > k, less, error)
+            good = (error < self.rows.trusted) & (error > -self.rows.trusted)
             self.status[lanes[~good]] = CAPPED
 
     def _enter(self, lanes: NDArray[np.int64]) -> None:

@@ -12,8 +12,7 @@ from quantize.program import Table
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it
-TRUSTED = 2.0**-8  # share of the limits by which an active row may miss its own,
-SPREAD = {"float32": 2.0**-17, "float64": 2.0**-46}  # and of the terms whose sum it is: what their roundings leave
+TRUSTED = 2.0**-8  # share of the limits by which an active row may miss its own
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 STIFF = 0.25  # of that, where limits are soft: their pivots are small, but never 0
 
@@ -46,7 +45,6 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checke
         "tolerance": float(kind(TOLERANCE[arithmetic] * tolerance_of(problem))),
         "share": float(kind(SHARE[arithmetic])),
         "trusted": float(kind(TRUSTED * tolerance_of(problem))),
-        "spread": float(kind(SPREAD[arithmetic])),
         "least": float(kind(LEAST[arithmetic] * (STIFF if problem.freedom > problem.moves > 0 else 1.0))),
         "far": float(kind(FAR)),
     }
@@ -61,9 +59,9 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     count = sizes["FL_QP_ROWS"]
     gram = numbers["gram"].reshape(count, -1)
     slope = numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T
-    single = ("tolerance", "share", "trusted", "spread", "least")
-    tolerance, share, trusted, spread, least = (numbers[name].item() for name in single)
+    single = ("tolerance", "share", "trusted", "least")
+    tolerance, share, trusted, least = (numbers[name].item() for name in single)
     return Rows(
-        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"], tolerance, share, trusted,
-        spread, least, sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], bool(sizes["FL_QP_CHECKED"]),
+        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"], tolerance, share, trusted, least,
+        sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], bool(sizes["FL_QP_CHECKED"]),
     )  # fmt: skip

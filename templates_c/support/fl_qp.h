@@ -24,8 +24,7 @@ typedef struct {
     fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
     fl_real tolerance;          /* a row is violated beyond this, */
     fl_real share;              /* and this share of what the unconstrained optimum violates most */
-    fl_real trusted;            /* an active row farther from its limit than this, */
-    fl_real spread;             /* and this share of what is added up to it, was not computed well enough */
+    fl_real trusted;            /* an active row farther from its limit than this was not computed well enough */
     fl_real least;              /* smallest pivot */
     fl_real far;                /* a step that nothing stops */
 } fl_qp_t;
@@ -144,11 +143,6 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
     s->column[row] = factor * out[row];
 }
 
-static inline fl_real fl_qp_size(fl_real value)
-{
-    return (value < 0) ? -value : value;
-}
-
 static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value)
 {
     const fl_real over = value - q->high[row];
@@ -232,18 +226,13 @@ static int32_t fl_qp_holds(const fl_qp_t *q, const fl_search_t *s, const fl_real
         const int32_t row = s->active[k];
         const fl_real limit = (s->side[row] > 0) ? q->high[row] : q->low[row];
         fl_real error = -limit;
-        fl_real size = fl_qp_size(limit);
         for (int32_t j = 0; j < FL_QP_PARAMETERS; j++) {
-            const fl_real term = q->slope[j * FL_QP_WIDTH + row] * parameters[j];
-            error += term;
-            size += fl_qp_size(term);
+            error += q->slope[j * FL_QP_WIDTH + row] * parameters[j];
         }
         for (int32_t j = 0; j < s->length; j++) {
-            const fl_real term = q->gram[row * FL_QP_WIDTH + s->active[j]] * s->value[s->active[j]];
-            error -= term;
-            size += fl_qp_size(term);
+            error -= q->gram[row * FL_QP_WIDTH + s->active[j]] * s->value[s->active[j]];
         }
-        if (!(fl_qp_size(error) < q->trusted + size * q->spread)) {
+        if (!(error < q->trusted && error > -q->trusted)) {
             return 0;
         }
     }
