@@ -1,15 +1,22 @@
 """Measure the predictive controller on two problems of a cart-pole: instructions, accuracy, sizes, and bits.
 
     python -m bench.mpc PROBLEM.json...      200 recorded states on the emulated M4F, 10^5 random ones on the host
+    python -m bench.mpc --states 1000000 PROBLEM.json...      so many random ones
 
 A problem holds A, B, Q, R, QN, N, u_max, x_max and `x0_sequence`, the states of a recorded run. Each optimum is judged
 by a solver in double precision that shares nothing with the generated code, on the problem before its states are
-eliminated (qpOASES, through CasADi). Exit status 1 when a bit differs from the reference, or an output is farther than
+eliminated (qpOASES, through CasADi).
+
+`warm start` compares the work of the searches from the recorded states, each from the unconstrained optimum, with the
+least that any start can have: one that guesses the active set of the answer and takes the columns of its rows alone.
+
+Exit status 1 when a bit differs from the reference, or an output is farther than
 1e-3 from the optimum.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
@@ -24,7 +31,7 @@ from codegen.bundle import Bundle
 from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
-from design.active_set import COLUMN, solve
+from design.active_set import COLUMN, Solution, solve
 from design.kinds import design
 from design.law import Law
 from identify.signal import Signal
@@ -107,7 +114,7 @@ class Judge:
         return float(found["x"][0]) if self.solver.stats()["success"] else None
 
 
-def measure(path: Path) -> int:
+def measure(path: Path, count: int) -> int:
     """Print one problem's figures; return how much is wrong."""
     problem = json.loads(path.read_text())
     begun = time.perf_counter()
@@ -125,7 +132,7 @@ def measure(path: Path) -> int:
     status = np.bincount(trace.status.ravel() & 3, minlength=4)
 
     random = np.random.default_rng(1)
-    states = random.uniform(-1, 1, size=(RANDOM, 4)) * np.array(RANGES) * random.uniform(0, 1, size=(RANDOM, 1))
+    states = random.uniform(-1, 1, size=(count, 4)) * np.array(RANGES) * random.uniform(0, 1, size=(count, 1))
     lots = Block("random", states.astype(np.float32)[:, None])
     lots_trace = run(program, lots.inputs)
     host = LibraryLink(build_host(bundle, load_target("host")), program)
@@ -136,6 +143,8 @@ def measure(path: Path) -> int:
     counts, differences, steps, sizes = _on_target(program, bundle, [recorded, share], [trace, share_trace])
     first, rest = counts[: recorded.inputs.shape[1]], counts[recorded.inputs.shape[1] :]
     bound = _bound(program, share.inputs[:, 0], rest)
+    rows = rows_of(program.tables[0], np.dtype(np.float32))
+    work = solve(rows, lots.inputs[:, 0]).work
     told = lots_trace.status.ravel() & 3
     print(f"\n{law.name}: {law.says}")
     print(f"  generation              {generated:.2f} s")
@@ -151,7 +160,22 @@ def measure(path: Path) -> int:
     )
     print(f"  {TARGET}         {steps:,} states, {differences} differences; worst random {rest.max():,} instructions")
     print(f"  at most                 {bound:,} instructions: {bound / rest.max():.2f} of the worst random state")
+    print(
+        f"  work                    {work.max():,} in the worst of {len(work):,} random states, cut short at "
+        f"{rows.budget:,}: {rows.budget / work.max():.2f} of it"
+    )
+    print(f"  warm start              {_guessed(solve(rows, recorded.inputs[0]))}")
     return on_host.differences + differences + int(error > ALLOWED)
+
+
+def _guessed(solution: Solution) -> str:
+    """Say what a start that knows the active set of each answer would save."""
+    active = np.count_nonzero(solution.side, axis=1)
+    least = COLUMN * active + active * (active - 1) // 2  # each column costs COLUMN and 1 for each row already active
+    return (
+        f"work {solution.work.sum():,} from the unconstrained optimum, {least.sum():,} with every active set guessed; "
+        f"worst {solution.work.max():,} and {least.max():,}"
+    )
 
 
 def _bound(program: Program, states: np.ndarray, counts: np.ndarray) -> int:
@@ -184,7 +208,11 @@ def _on_target(
 
 def main() -> int:
     """Measure every problem file named."""
-    return 1 if sum(measure(Path(name)) for name in sys.argv[1:]) else 0
+    parser = argparse.ArgumentParser(prog="python -m bench.mpc")
+    parser.add_argument("problems", nargs="+", type=Path)
+    parser.add_argument("--states", type=int, default=RANDOM, help="random states on the host")
+    asked = parser.parse_args()
+    return 1 if sum(measure(path, asked.states) for path in asked.problems) else 0
 
 
 if __name__ == "__main__":

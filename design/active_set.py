@@ -10,8 +10,11 @@ the root of its gram's diagonal, so that the most violated row is the one farthe
 
 Every solve starts at the unconstrained optimum m = 0; where that keeps every limit it is the answer. Otherwise the most
 violated row enters, rows whose multiplier would change its sign leave, until none is violated. Where no such set
-exists, or the search takes too long, the unconstrained moves stand: with limits behind them, the saturated LQR. What
-stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau,
+exists, or the search takes too long, the unconstrained moves stand: with limits behind them, the saturated LQR. A start
+from the active set of the sample before would take the columns of its rows all the same, and only spare rows that enter
+and leave again, of which there are few: `bench/mpc.py` prints what even the right guess would spare.
+
+What stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau,
 which is taken from the gram's column through the pivots so far (product form: Dantzig and Orchard-Hays, 1954).
 
 `fl_qp.h` is the same in C, operation by operation: every product is rounded before it is added. What the two share
@@ -34,7 +37,7 @@ SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
 FAR = 1e30  # a step that nothing stops, and a limit that is none
 COLUMN = 6  # work of one column beside 1 for each active row, in the proportion of instructions
 UNLIMITED = 10**9
-CHUNK = 4096  # parameters solved at a time: their pivots stay within the processor's cache
+CACHED = 2**21  # numbers of the pivots of the parameters solved at a time: they stay within the processor's cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +103,9 @@ def tolerance_of(problem: Quadratic) -> float:
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
     """Solve for every row of `parameters` (lanes, p), in the element type of `rows`."""
+    lanes = max(1, CACHED // (max(1, rows.room) * len(rows.low)))
     with np.errstate(all="ignore"):
-        parts = [_chunk(rows, parameters[at : at + CHUNK]) for at in range(0, max(1, len(parameters)), CHUNK)]
+        parts = [_chunk(rows, parameters[at : at + lanes]) for at in range(0, max(1, len(parameters)), lanes)]
     return Solution(
         np.concatenate([part.moves for part in parts]),
         np.concatenate([part.status for part in parts]),
@@ -201,17 +205,15 @@ class _Search:
         """Take the tableau's column of a multiplier that is zero.
 
         The gram is symmetric, and so is what it becomes: what an eta takes from this column in its pivot row is what
-        it holds in this row.
+        it holds in this row. So all that is taken is known at once; it is taken one eta after the other.
         """
-        column = self.rows.gram[row]
-        self.work[lanes] += self.length[lanes] + COLUMN
-        for k in range(int(self.length[lanes].max(initial=0))):
-            here = np.flatnonzero(self.length[lanes] > k)
-            whose = lanes[here]
-            eta = self.eta[k, whose]
-            factor = eta[np.arange(len(here)), row[here]] * self.pivot[k, whose]
-            column[here] = column[here] - eta * factor[:, None]
-        self.column[lanes] = column
+        length = self.length[lanes]
+        self.work[lanes] += length + COLUMN
+        places = np.arange(int(length.max(initial=0)))
+        eta = self.eta[: len(places), lanes]
+        factor = eta[:, np.arange(len(lanes)), row] * self.pivot[: len(places), lanes]
+        taken = np.where((places[:, None] < length)[:, :, None], eta * factor[:, :, None], self.kind.type(0))
+        self.column[lanes] = np.subtract.reduce(np.concatenate([self.rows.gram[row][None], taken]), axis=0)
 
     def _step(self, lanes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Go as far as the entering row's limit or the first multiplier at zero; return that place, or -1."""
@@ -220,13 +222,13 @@ class _Search:
         pivot = column[np.arange(len(lanes)), row]
         gap = (self.value[lanes, row] - self.limit[lanes]) * sign
         step = np.where(pivot > self.rows.least, gap / pivot, self.kind.type(FAR))
-        place = np.arange(self.active.shape[1])
-        active = self.active[lanes]
-        which = np.arange(len(lanes))[:, None]
-        toward = self.side[lanes][which, active].astype(self.kind)
-        rate = column[which, active] * (sign[:, None] * toward)
-        ratio = self.value[lanes][which, active] * toward / rate
-        stops = (place < self.length[lanes][:, None]) & (rate > self.rows.least)
+        length = self.length[lanes][:, None]
+        place = np.arange(max(1, int(length.max(initial=0))))
+        active, which = self.active[lanes, : len(place)], lanes[:, None]
+        toward = self.side[which, active].astype(self.kind)
+        rate = self.column[which, active] * (sign[:, None] * toward)
+        ratio = self.value[which, active] * toward / rate
+        stops = (place < length) & (rate > self.rows.least)
         ratio = np.where(stops, ratio, self.kind.type(FAR))
         first = ratio.argmin(axis=1)
         nearest = ratio[np.arange(len(lanes)), first]

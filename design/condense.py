@@ -2,13 +2,13 @@
 
 With the parameters p of one sample (state, last output, disturbance, reference) and the moves v, the prediction is
 
-    x[k+1] = A x[k] + B (u[k] + E p),   x[0] = X p,   U = (u[0] .. u[N-1]) = M v,   k = 0 .. N-1
+    x[k+1] = A x[k] + B u[k] + E[k] p,   x[0] = X p,   U = (u[0] .. u[N-1]) = M v,   k = 0 .. N-1
 
 and the problem  min 1/2 sum_k (x - x_s)'Q(x - x_s) + (u - u_s)'R(u - u_s) + 1/2 (x[N] - x_s)'P(x[N] - x_s), where the
-targets x_s, u_s are linear in p, subject to limits on u, on its changes and on x[1] .. x[N]. Eliminating x leaves
-min 1/2 v'Hv + p'F'v, low <= Gv + Sp <= high; eliminating v as well leaves the rows of `Quadratic` (Maciejowski,
-Predictive Control with Constraints, 2002, ch. 3). A soft limit costs 1/2 weight (excess)^2 in each sample: its share of
-the gram's diagonal is 1/weight.
+targets x_s, u_s of each sample are linear in p, subject to limits on u, on its changes and on x[1] .. x[N].
+Eliminating x leaves min 1/2 v'Hv + p'F'v, low <= Gv + Sp <= high; eliminating v as well leaves the rows of `Quadratic`
+(Maciejowski, Predictive Control with Constraints, 2002, ch. 3). A soft limit costs 1/2 weight (excess)^2 in each
+sample: its share of the gram's diagonal is 1/weight.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class Prediction:
     p: Array  # (n, n)
     blocks: tuple[int, ...]  # samples that each move is held
     start: Array  # (n, params): x[0]
-    drift: Array  # (n, params): what is added in every sample
-    x_target: Array  # (n, params)
-    u_target: Array  # (m, params)
+    drift: Array  # (N, n, params): what is added to x[1] .. x[N]
+    x_target: Array  # (N, n, params), of x[1] .. x[N]
+    u_target: Array  # (N, m, params), of u[0] .. u[N-1]
     last: Array  # (m, params): the output of the sample before
 
 
@@ -72,7 +72,6 @@ class Condensed:
     low: Array
     high: Array
     softness: Array
-    drives: int
 
 
 def condense(prediction: Prediction, limits: Limits) -> Condensed:
@@ -102,8 +101,8 @@ def condense(prediction: Prediction, limits: Limits) -> Condensed:
         x_weight[-n:, -n:] = prediction.p
         u_weight = np.kron(np.eye(horizon), prediction.r)
         h = moved.T @ x_weight @ moved + hold.T @ u_weight @ hold
-        away = free - np.tile(prediction.x_target, (horizon, 1))
-        f = moved.T @ x_weight @ away - hold.T @ u_weight @ np.tile(prediction.u_target, (horizon, 1))
+        away = free - prediction.x_target.reshape(horizon * n, -1)
+        f = moved.T @ x_weight @ away - hold.T @ u_weight @ prediction.u_target.reshape(horizon * m, -1)
     condition = float(np.linalg.cond(h)) if np.all(np.isfinite(h)) else math.inf
     if condition > CONDITION:
         raise DesignError(
@@ -113,8 +112,8 @@ def condense(prediction: Prediction, limits: Limits) -> Condensed:
     return _rows(prediction, limits, (h + h.T) / 2, f, free, moved, bounded, changing)
 
 
-def eliminate(problem: Condensed, budget: int) -> Quadratic:
-    """Eliminate the moves; limits that are softened less than SOFTEST are softened by that."""
+def eliminate(problem: Condensed, budget: int, moves: int) -> Quadratic:
+    """Eliminate the moves, of which the first `moves` are asked for; a limit is softened by SOFTEST or not at all."""
     factor = scipy.linalg.cho_factor(problem.h)
     gram = problem.g @ scipy.linalg.cho_solve(factor, problem.g.T)
     soft = problem.softness > 0
@@ -126,7 +125,7 @@ def eliminate(problem: Condensed, budget: int) -> Quadratic:
         low=problem.low / size,
         high=problem.high / size,
         gram=gram / np.outer(size, size),
-        scale=size[: problem.drives],
+        scale=size[:moves],
         freedom=len(problem.h) + int(np.count_nonzero(problem.softness)),
         budget=budget,
         moves=len(problem.h),
@@ -171,7 +170,7 @@ def _trajectory(prediction: Prediction, horizon: int) -> tuple[Array, Array]:
     forced = np.zeros((horizon * n, horizon * m))
     response = prediction.b
     for k in range(horizon):
-        state = prediction.a @ state + prediction.drift
+        state = prediction.a @ state + prediction.drift[k]
         free.append(state)
         for j in range(horizon - k):
             forced[(j + k) * n : (j + k + 1) * n, j * m : (j + 1) * m] = response
@@ -213,5 +212,5 @@ def _rows(
         high.append(np.full(reached.sum(), limits.x_high[k]))
         softness.append(np.full(reached.sum(), 0.0 if np.isinf(limits.soft[k]) else 1.0 / limits.soft[k]))
     return Condensed(
-        h, f, np.vstack(g), np.vstack(s), np.concatenate(low), np.concatenate(high), np.concatenate(softness), m
+        h, f, np.vstack(g), np.vstack(s), np.concatenate(low), np.concatenate(high), np.concatenate(softness)
     )

@@ -91,11 +91,11 @@ def check_baseline(baseline: Path, targets: Sequence[str]) -> None:
     ProjectError
         when the file is no verdict, or of none of `targets`, which are names or paths of TOML files.
     """
-    old = _read(baseline)["target"]
+    old = _read(baseline)
     asked = [Path(name).name.removesuffix(".toml") for name in targets]
-    if old not in asked:
+    if not set(old) & set(asked):
         raise ProjectError(
-            f"--baseline {baseline}: is of target {old}, but what is to run is {', '.join(asked)}: "
+            f"--baseline {baseline}: is of target {', '.join(old)}, but what is to run is {', '.join(asked)}: "
             "take the verdict of one of these, or give --target"
         )
 

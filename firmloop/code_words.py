@@ -30,6 +30,12 @@ def about_code(generated: Generated) -> list[str]:
         lines.append(f"  no overflow: {again} proven twice, by interval rules and by z3")
     bounds = [f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding]
     lines.append(f"  rounding, proven: at most {', '.join(bounds)} off the law in one step")
+    lines += [
+        f"  search: cut short at a work of {dict(table.sizes)['FL_QP_BUDGET']:,}; then the last plan's next move, then "
+        "the saturated LQR stands in"
+        for table in program.tables
+        if table.form == "fl_qp_t"
+    ]
     return lines + (about_still(generated.still) if generated.still else [])
 
 

@@ -12,8 +12,11 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from verify.verdict import Searches
 
 Array = NDArray[np.float64]
 
@@ -95,6 +98,29 @@ def step_figure(step: Step) -> str:
         _draw_drive(below, step)
         below.set_xlabel("time, s")
         return _svg(figure, "currentColor")
+
+
+def search_figure(found: Searches, ink: str = "currentColor") -> str:
+    """Draw which limits were active in each step, the work of its search, and its instructions; `ink` is the text's."""
+    side, steps = np.array(found.side), np.arange(found.begins, found.begins + len(found.work))
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 4.6))
+        limits, work, count = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2), squeeze=True)
+        shown = np.zeros((*side.T.shape, 4))
+        for value, color, label in ((1, MODEL, "at its high limit"), (-1, DATA, "at its low limit")):
+            shown[side.T == value] = to_rgba(color)
+            limits.plot([], [], "s", color=color, label=label, markersize=4.0)
+        edges = (steps[0] - 0.5, steps[-1] + 0.5, side.shape[1] - 0.5, -0.5)
+        limits.imshow(shown, extent=edges, aspect="auto", interpolation="nearest")
+        limits.set_title("the steps about the one that took longest")
+        limits.set_ylabel("row")
+        _legend(limits)
+        work.step(steps, found.work, color=DRIVE, where="mid", linewidth=FINE)
+        work.set_ylabel("work")
+        count.step(steps, found.instructions, color=DRIVE, where="mid", linewidth=FINE)
+        count.set_ylabel("instructions")
+        count.set_xlabel("step")
+        return _svg(figure, ink)
 
 
 def overview(comparison: Comparison, step: Step | None, verdict: Sequence[str]) -> str:

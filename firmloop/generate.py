@@ -53,5 +53,7 @@ def as_json(document: Mapping[str, object]) -> str:
 
 def written(console: Console, folder: Path, names: Sequence[str] | Mapping[str, str]) -> None:
     """Tell where the results are; those that a person opens in words."""
-    console.lines([f"written: {folder / name}" for name in names if name.endswith((".html", ".toml", ".csv", ".gz"))])
+    console.lines(
+        [f"written: {folder / name}" for name in names if name.endswith((".html", ".toml", ".csv", ".gz", ".svg"))]
+    )
     console.result("written", [str(folder / name) for name in names])

@@ -14,7 +14,7 @@ from design.contest import Entry
 from design.kinds import Design
 from design.roles import reference_and_measurement
 from firmloop import words
-from firmloop.figures import Comparison, Step, comparison_figure, overview, step_figure
+from firmloop.figures import Comparison, Step, comparison_figure, overview, search_figure, step_figure
 from firmloop.pipeline import Data, Generated, Loop, Outcome
 from firmloop.project import Project
 from firmloop.tracking import Tracking
@@ -259,6 +259,7 @@ def _targets(outcomes: Sequence[Outcome], design: Design) -> list[str]:
             ("differences", f"{verdict.differences:,}"),
             *words.rounding_rows(verdict),
             *words.cost_rows(verdict),
+            *words.search_rows(verdict),
             *words.loop_rows(verdict),
             ("compiler", f"{verdict.compiler} {' '.join(verdict.flags)}"),
             ("seed", str(verdict.seed)),
@@ -266,6 +267,8 @@ def _targets(outcomes: Sequence[Outcome], design: Design) -> list[str]:
         parts.append(_table(("figure", "value"), rows))
         if verdict.closed_loop:
             parts.append(step_figure(_target_loop(verdict.closed_loop, design)))
+        if verdict.searches:
+            parts.append(search_figure(verdict.searches))
         if verdict.first:
             parts.append(f"<pre>{html.escape(chr(10).join(words.about_outcome(outcome)))}</pre>")
     return parts

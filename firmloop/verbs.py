@@ -10,6 +10,7 @@ from design.kinds import Design
 from firmloop import documents, words
 from firmloop.baseline import check_baseline, growths
 from firmloop.console import Console, complain, progress, table
+from firmloop.figures import LIMIT, search_figure
 from firmloop.generate import as_json, c_files, generate_files, written
 from firmloop.output import results_file, results_folder
 from firmloop.pipeline import (
@@ -45,7 +46,7 @@ from identify.recording import read_recording, write_recording
 __all__ = ["as_recorded", "at_rest", "design", "identify", "run", "simulate", "verify", "walk"]
 
 AGREES, DIFFERS, NO_TOOL = 0, 1, 3
-VERDICTS = ("verdict.json", "verdict_*.json", "cost.json")  # an older run must not leave its own beside new results
+VERDICTS = ("verdict.json", "verdict_*.json", "search_*.svg", "cost.json")  # of an older run, none may stay
 
 
 def identify(project: Project, out: Path, console: Console) -> int:
@@ -209,11 +210,14 @@ def _status(outcomes: Sequence[Outcome]) -> int:
 
 
 def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:
-    """One file a target; verdict.json is the first that differs, else the last; cost.json holds all costs."""
+    """One file a target, and one more where it searched; cost.json holds all costs.
+
+    verdict.json is the first that differs, else the last.
+    """
     verdicts = [outcome.verdict for outcome in outcomes if outcome.verdict]
     files = {f"verdict_{verdict.target}.json": as_json(verdict.as_dict()) for verdict in verdicts}
     if verdicts:
         shown = next((verdict for verdict in verdicts if not verdict.agrees), verdicts[-1])
         files["verdict.json"] = as_json(shown.as_dict())
         files["cost.json"] = as_json(documents.cost_document(outcomes))
-    return files
+    return files | {f"search_{v.target}.svg": search_figure(v.searches, LIMIT) for v in verdicts if v.searches}

@@ -101,7 +101,7 @@ def about_outcome(outcome: Outcome) -> list[str]:
     if verdict is None:
         return [f"{outcome.target}: NOT RUN: {outcome.not_run}"]
     lines = [f"{verdict.target}: {verdict.steps:,} steps, {verdict.differences:,} differences: {verdict_word(verdict)}"]
-    lines += table(cost_rows(verdict) + loop_rows(verdict) + rounding_rows(verdict))
+    lines += table(cost_rows(verdict) + search_rows(verdict) + loop_rows(verdict) + rounding_rows(verdict))
     first = verdict.first
     if first:
         where = f"  first at step {first.step} ({first.lane}): {first.output}"
@@ -136,6 +136,22 @@ def cost_rows(verdict: Verdict) -> list[tuple[str, str]]:
     if cost.stack_bytes is not None:
         rows.append(("stack", f"{cost.stack_bytes} bytes"))
     return rows
+
+
+def search_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """How much work the searches took, where there were any, and what their budget bounds."""
+    found, worst = verdict.searches, verdict.cost.instructions_max
+    if found is None or worst is None:
+        return []
+    share = f"{found.instructions_bound / worst:.2f} of the worst seen"
+    return [
+        ("search", f"work {found.work_max:,} at most, cut short at {found.budget:,}"),
+        ("bound of a step", f"{found.instructions_bound:,} instructions with the whole budget taken, {share}"),
+        (
+            "steps without answer",
+            f"{found.capped:,} cut short, {found.infeasible:,} with no moves that keep every limit",
+        ),
+    ]
 
 
 def loop_rows(verdict: Verdict) -> list[tuple[str, str]]:

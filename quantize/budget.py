@@ -1,7 +1,8 @@
 """Choose how much work one search of a law's quadratic program may take, from its whole declared region.
 
-SPARE times the work of the worst of the searches drawn is the budget; a search that would take more is cut short, with
-its status. So the work of every step is bounded, and the bound is near to what is needed.
+SPARE times the work of the worst of the searches drawn that end where they should is the budget; a search that would
+take more is cut short, with its status: a rounded search can go round in circles, and no budget would end that. So the
+work of every step is bounded, and the bound is near to what is needed.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ from design.law import Law, Quadratic
 from design.region import drawn_parameters
 from quantize.quadratic import rows_of, table_of
 
-DRAWN = 700
+DRAWN, LEAST_DRAWN = 700, 100
 SPARE = 1.4
 NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
 LEAST = 100  # work, for a problem that hardly ever meets a limit
-LONGEST = 15_000  # work: a search beyond it is taken for one that does not end
+LONGEST = 15_000  # work of a budget at most
+ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
+NUMBERS = 2**22  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
 def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]:
@@ -25,14 +28,15 @@ def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]
 
     They do where one of the drawn searches ends with moves that are not those of float64.
     """
-    parameters = drawn_parameters(law, DRAWN, 0)
-    table = table_of(problem, arithmetic, "drawn", LONGEST, False)
-    rounded = parameters.astype(arithmetic)
-    found, best = (
-        solve(rows_of(table, np.dtype(arithmetic)), rounded),
-        solve(exact(problem), rounded.astype(np.float64)),
-    )
+    drawn = max(LEAST_DRAWN, min(DRAWN, NUMBERS // len(problem.low) ** 2))
+    rounded = drawn_parameters(law, drawn, 0).astype(arithmetic)
+    best = solve(exact(problem), rounded.astype(np.float64))
+    longest = min(LONGEST, max(LEAST, ENDLESS * int(best.work.max())))
+    table = table_of(problem, arithmetic, "drawn", longest, False)
+    found = solve(rows_of(table, np.dtype(arithmetic)), rounded)
     low, high = (ends[: len(problem.scale)] * problem.scale for ends in (problem.low, problem.high))
     away = np.abs(np.clip(found.moves, low, high) - np.clip(best.moves, low, high)).max(axis=1)
-    wrong = (found.status == SOLVED) & ((best.status != SOLVED) | (away > NEAR * float(np.max(high - low))))
-    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * found.work.max())))), bool(np.any(wrong))
+    same = found.status == best.status
+    wrong = (found.status == SOLVED) & (~same | (away > NEAR * float(np.max(high - low))))
+    work = found.work[same & ~wrong].max(initial=0)
+    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work)))), bool(np.any(wrong))

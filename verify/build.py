@@ -12,16 +12,18 @@ from pathlib import Path
 from codegen.bundle import CodegenError, write_files
 from codegen.firmware import LINK_FLAGS, compile_flags
 from codegen.target import Target
-from identify.compiler import compiler_version, run_compiler
+from identify.compiler import ToolError, compiler_version, run_compiler
 from verify.elf import check_start
 
 ELF = "image.elf"
 CONTROLLER = "controller/"  # where firmware() puts the controller's own files
 OWN_STACK = 512  # bytes, what the image takes above step(), with room to spare
+RUN_TIME_STACK = 128  # bytes, what a run-time function of the compiler takes at most, such as one that adds floats
 DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|\w+2d)")  # run-time ABI for Arm (IHI 0043), section 4.1.2: double precision
 
 _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "([^"]*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
+_OVERFLOW = re.compile(r"region `(\w+)' overflowed by (\d+) bytes")
 _FRAME = re.compile(r"(\d+) bytes \(static\)")
 
 
@@ -65,52 +67,78 @@ def build_image(files: Mapping[str, str], target: Target, folder: Path) -> Image
     ToolError
         when the cross compiler is missing or refuses the code.
     CodegenError
-        when the target's stack cannot hold what step() needs.
+        when the target's memory cannot hold the image, or its stack what step() needs.
     """
     write_files(files, folder)
     sources = [name for name in files if name.endswith(".c")]
     flags = compile_flags(target)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         objects = list(pool.map(lambda source: _compile(target.compiler, flags, source, folder), sources))
-    run_compiler([target.compiler, *flags, *objects, *LINK_FLAGS, "-o", ELF], folder)
+    _link([target.compiler, *flags, *objects, *LINK_FLAGS, "-o", ELF], target, folder)
     check_start(folder / ELF, target)
     own = [name for name in objects if name.startswith(CONTROLLER)]
     graph = "\n".join((folder / name).with_suffix(".ci").read_text() for name in own)
-    stack, least = stack_of(graph, "_step"), stack_of(graph, "_step", unknown=0) or 0
-    if target.stack_bytes is not None and least + OWN_STACK > target.stack_bytes:
-        amount = f"{stack}" if stack is not None else f"at least {least}"
-        raise CodegenError(
-            f"target {target.name}: step() needs {amount} bytes of stack and the image {OWN_STACK} more, "
-            f"but stack_bytes = {target.stack_bytes}: raise it in the target's file or choose a larger part"
-        )
+    _check_stack(stack_of(graph, "_step", RUN_TIME_STACK), target)
     return Image(
         elf=folder / ELF,
         compiler=compiler_version(target.compiler),
         flags=(*flags, *LINK_FLAGS),
         controller=_sum(_sizes(target.compiler, own, folder)),
         whole=_sum(_sizes(target.compiler, [ELF], folder)),
-        stack_bytes=stack,
+        stack_bytes=stack_of(graph, "_step"),
         double_helpers=_double_helpers(target.compiler, folder),
         functions=_functions(target.compiler, own, folder, graph),
     )
 
 
-def stack_of(graph: str, suffix: str, unknown: int | None = None) -> int | None:
+def _link(command: Sequence[str], target: Target, folder: Path) -> None:
+    """Link the image; CodegenError with both numbers where a memory cannot hold it."""
+    try:
+        run_compiler(command, folder)
+    except ToolError as error:
+        beyond = {name: int(excess) for name, excess in _OVERFLOW.findall(str(error))}
+        sizes = {region.name: region.size for region in target.memory}
+        if not beyond:
+            raise
+        needs = " and ".join(
+            f"{sizes[name] + beyond[name]} bytes of {name}, which has {sizes[name]}" for name in beyond
+        )
+        raise CodegenError(
+            f"target {target.name}: the image needs {needs}; make the controller smaller (a predictive one: a shorter "
+            "horizon, or moves held longer) or choose a larger part"
+        ) from None
+
+
+def _check_stack(needed: int | None, target: Target) -> None:
+    if needed is None or target.stack_bytes is None or needed + OWN_STACK <= target.stack_bytes:
+        return
+    ram = next(region.size for region in target.memory if region.name == "ram")
+    remedy = "raise it in the target's file" if needed + OWN_STACK < ram else "make the controller smaller"
+    raise CodegenError(
+        f"target {target.name}: step() needs {needed} bytes of stack and the image {OWN_STACK} more, "
+        f"but stack_bytes = {target.stack_bytes} of {ram} bytes of RAM: {remedy} or choose a larger part"
+    )
+
+
+def stack_of(graph: str, suffix: str, run_time: int | None = None) -> int | None:
     """Return the deepest stack in bytes below the function whose name ends in `suffix`.
 
     `graph` is what gcc's -fcallgraph-info=su writes. The answer is None where it cannot be known from there: a callee
-    that was compiled elsewhere, a frame whose size is not fixed, or recursion. With `unknown` bytes for each of these,
-    such as 0, it is no more than what is really needed.
+    that was compiled elsewhere, a frame whose size is not fixed, or recursion. A run-time function of the compiler is
+    such a callee too, unless it is given what those take at most, `run_time`.
     """
-    frames = {title: _FRAME.search(label) for title, label in _NODE.findall(graph)}
+    labels = dict(_NODE.findall(graph))
+    frames = {title: _FRAME.search(label) for title, label in labels.items()}
     calls: dict[str, list[str]] = {}
     for caller, callee in _EDGE.findall(graph):
         calls.setdefault(caller, []).append(callee)
 
     def depth(function: str, above: tuple[str, ...]) -> int | None:
         frame = frames.get(function)
+        if frame is None and labels.get(function, "").endswith("<built-in>"):
+            return run_time
         if frame is None or function in above:
-            return unknown
+            return None
         below = [depth(callee, (*above, function)) for callee in calls.get(function, [])]
         if any(bytes_below is None for bytes_below in below):
             return None

@@ -28,9 +28,10 @@ from verify.links.opener import openers
 from verify.links.uart import open_port
 from verify.reference import Trace
 from verify.rounding import measure_rounding
+from verify.search import searches
 from verify.settings import records
 from verify.stimuli import Block, run_blocks, stimuli, to_physical
-from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Verdict, Worst
+from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searches, Verdict, Worst
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -95,6 +96,7 @@ def verify(
         cost=cost,
         sanitized=sanitized,
         closed_loop=_closed_loop(proof.looped),
+        searches=proof.searches,
     )
 
 
@@ -116,6 +118,7 @@ class _Proof:
     ) -> None:
         self.program, self.bundle, self.target, self.loop = program, bundle, target, loop
         self.looped: LoopCheck | None = None
+        self.searches: Searches | None = None
         self.blocks, self.traces, self.progress = blocks, traces, progress
 
     def on_host(self) -> tuple[Comparison, Details]:
@@ -149,6 +152,7 @@ class _Proof:
     def _cost(self, image: Image, comparison: Comparison, link: FramedLink) -> Cost:
         counts = instructions(comparison.ticks, link.hello().overhead_ticks, self.target)
         painted = self._painted(link)
+        self.searches = searches(self.program, self.blocks, self.traces, counts)
         return Cost(
             instructions_max=int(counts.max()),
             instructions_mean=round(float(counts.mean()), 2),

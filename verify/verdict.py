@@ -75,6 +75,25 @@ class ClosedLoop:
 
 
 @dataclass(frozen=True, slots=True)
+class Searches:
+    """What the searches of a predictive controller did around the step that took longest, and what bounds them.
+
+    `side` has a row a step and a place a limit: -1 where the low one is active, 1 the high one, else 0. `work` and
+    `budget` are counted as `design/active_set.py` says; `capped` and `infeasible` are steps of the whole run.
+    """
+
+    begins: int  # step of the run that the first row is of
+    side: Sequence[Sequence[int]]
+    work: Sequence[int]
+    instructions: Sequence[int]
+    budget: int
+    work_max: int
+    instructions_bound: int  # of one step, with the whole budget taken
+    capped: int
+    infeasible: int
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """One target's comparison against the bit-exact reference."""
 
@@ -94,6 +113,7 @@ class Verdict:
     cost: Cost
     sanitized: int  # steps repeated under the undefined-behavior and address sanitizers; 0 where not done
     closed_loop: ClosedLoop | None = None  # not run without a plant, nor on the host, which it is compared with
+    searches: Searches | None = None  # where instructions are counted, of a controller that searches
 
     @property
     def agrees(self) -> bool:
@@ -159,6 +179,15 @@ class Verdict:
             "closed_loop": None
             if self.closed_loop is None
             else {"steps": self.closed_loop.steps, "differences": self.closed_loop.differences},
+            "search": None
+            if self.searches is None
+            else {
+                "budget": self.searches.budget,
+                "work_max": self.searches.work_max,
+                "instructions_bound": self.searches.instructions_bound,
+                "capped_steps": self.searches.capped,
+                "infeasible_steps": self.searches.infeasible,
+            },
             "verdict": "agrees" if self.agrees else "differs",
         }
 

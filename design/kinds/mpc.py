@@ -11,14 +11,19 @@ every sample (`condense.py`). Keys beside those:
 - `du_min`, `du_max`: limits of the change of u from sample to sample, the last one applied included.
 - `reference` names an input: the first output of the model (C x; without C the first state) is led there, and x and u
   are weighed as distances from the rest that belongs to it.
+- `disturbances` names inputs that carry known disturbances d, `E` how they enter: x[k+1] = A x[k] + B u[k] + E d[k].
+- `preview`: reference and known disturbances are given so many samples before they are due, and the controller keeps
+  those on their way; the horizon sees them coming. Until the first one given is due they are taken for 0, or the end
+  of their range next to it. Without it each is due in the sample that gives it, and is expected to stay.
 - `delay_periods`: u acts so many samples later; the state is predicted up to there from the outputs on their way.
 - `observer = "kalman"` with `process_noise`, `measurement_noise`, or "luenberger" with `observer_poles`: the inputs
   other than the reference are then measurements of C x, in order.
 - `offset_free = true`: a constant disturbance at the plant's input is estimated and met; `disturbance_noise` is the
   variance of its change in a sample.
 - `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
-  without it the worst over the ranges in [signals] and some more. The output is then that of the saturated LQR, and the
-  status says `capped`; likewise `infeasible` where no moves keep every limit.
+  without it the worst over the ranges in [signals] and some more. The output is then the second move of the last
+  sample's plan, or the saturated LQR's where that sample had none either, and the status says `capped`; likewise
+  `infeasible` where no moves keep every limit.
 - `solver = "explicit"`: the moves as affine laws, one a region of the parameters, in a table that a binary search
   reads (`design/partition.py`, `design/tree.py`); for few moves and states.
 - `solver = "fixed_iterations"`: the same number of iterations in every sample, in floating or fixed point
@@ -38,17 +43,18 @@ import numpy.typing as npt
 from design.condense import Condensed, Prediction, check_feasible, condense, eliminate
 from design.kinds import Design, Kind, Request
 from design.kinds.mpc_method import FLAGS, with_method
-from design.kinds.mpc_read import KEYS, Setup, blocks_of, setup_of, whole
-from design.law import DesignError, Flag, Law, Scalar, Solve
+from design.kinds.mpc_predict import prediction_of, seen_samples
+from design.kinds.mpc_read import KEYS, Setup, setup_of, whole
+from design.law import Flag, Law, Scalar, Solve
 from design.linear_law import check_names, symbols, weighted_sum
-from design.model import Model, weights
 from design.reach import reach, widened
-from design.regulator import terminal_weight
 from design.table import check_keys, choice
 from identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
+TOLD_WHY = "an input of a sample before"
+NEXT_WHY = "a move that keeps its limits, or 0"
 PAST_WHY = "an output of a sample before, which is limited"
 ESTIMATE_WHY = "L1 norm from the limited output and the measurements through the observer, which forgets"
 
@@ -58,58 +64,29 @@ def design(request: Request) -> Design:
     check_keys(request.table, KEYS, "an mpc")
     solver = choice(request.table, "solver", "online", tuple(FLAGS))
     setup = setup_of(request)
-    prediction = _prediction(request, setup)
+    prediction = prediction_of(request, setup)
     condensed = condense(prediction, setup.limits)
     _check_feasible(request, setup, condensed)
-    freedom = len(condensed.h)
-    problem = eliminate(condensed, whole(request.table, "budget", 0, 0, 1_000_000))
+    budget = whole(request.table, "budget", 0, 0, 1_000_000)
     figures = {
-        "rows": float(len(problem.low)),
-        "moves": float(freedom),
+        "rows": float(len(condensed.low)),
+        "moves": float(len(condensed.h)),
         "condition": float(np.linalg.cond(condensed.h)),
     }
-    law = _law(request, setup, Solve(_parameters(request, setup), problem), FLAGS[solver])
-    law, more = with_method(law, request.table, solver)
+
+    def built(searched: bool) -> Law:
+        own = replace(setup, second=_second(prediction, searched))
+        problem = eliminate(condensed, budget, prediction.b.shape[1] + (own.second or 0))
+        return _law(request, own, Solve(_parameters(request, own), problem), FLAGS[solver])
+
+    law, more = with_method(built, request.table, solver)
     return Design(law, figures | more, None, {})
 
 
-def _prediction(request: Request, setup: Setup) -> Prediction:
-    """Say how the parameters enter: the state, then the last output, the disturbance and the reference."""
-    table, model = request.table, setup.model
-    n, m = model.b.shape
-    q = np.zeros((n, n))
-    q[: model.order, : model.order] = weights(table, "Q", model.order, False)
-    r = weights(table, "R", m, True)
-    p = weights(table, "P", n, False) if "P" in table else terminal_weight(model.a, model.b, q, r)
-    blocks = blocks_of(table, setup.horizon)
-    sizes = (n, m if setup.rated else 0, m if setup.disturbed else 0, 0 if setup.reference is None else 1)
-    edges = np.concatenate([[0], np.cumsum(sizes)])
-    columns = [np.eye(edges[-1])[edges[k] : edges[k + 1]] for k in range(4)]
-    none = np.zeros((m, edges[-1]))
-    last = columns[1] if setup.rated else none
-    disturbance = columns[2] if setup.disturbed else none
-    x_target, u_target = np.zeros((n, edges[-1])), -disturbance
-    if setup.reference is not None:
-        x_rest, u_rest = _rest(model)
-        x_target = x_rest[:, None] @ columns[3]
-        u_target = u_target + u_rest[:, None] @ columns[3]
-    return Prediction(
-        model.a, model.b, q, r, p, blocks, columns[0], model.b @ disturbance, x_target, u_target, last
-    )  # fmt: skip
-
-
-def _rest(model: Model) -> tuple[Array, Array]:
-    """Return x and u at rest with the first output at 1."""
-    n, m = model.b.shape
-    ring = np.block([[model.a - np.eye(n), model.b], [model.c[:1], np.zeros((1, m))]])
-    wanted = np.append(np.zeros(n), 1.0)
-    found, *_ = np.linalg.lstsq(ring, wanted, rcond=None)
-    if not np.allclose(ring @ found, wanted, atol=1e-6):
-        raise DesignError(
-            "no constant input holds the model's first output at a reference (a zero at z = 1); remove "
-            "controller.reference, or give another C"
-        )
-    return found[:n], found[n:]
+def _second(prediction: Prediction, searched: bool) -> int | None:
+    """Return the place of the moves of the next sample in the plan; None where they are not kept."""
+    held = len(prediction.blocks) == 1 or prediction.blocks[0] > 1
+    return (0 if held else prediction.b.shape[1]) if searched else None
 
 
 def _check_feasible(request: Request, setup: Setup, condensed: Condensed) -> None:
@@ -121,6 +98,9 @@ def _check_feasible(request: Request, setup: Setup, condensed: Condensed) -> Non
     low[: len(wires)], high[: len(wires)] = [w.low for w in wires], [w.high for w in wires]
     if setup.rated:
         low[n : n + m], high[n : n + m] = setup.limits.u_low, setup.limits.u_high
+    told = [request.inputs[place] for place in setup.told for _ in seen_samples(setup, place)]
+    if told:
+        low[-len(told) :], high[-len(told) :] = [w.low for w in told], [w.high for w in told]
     check_feasible(condensed, low, high)
 
 
@@ -133,6 +113,18 @@ def _past_names(request: Request, setup: Setup) -> list[str]:
     ]
 
 
+def _coming_names(request: Request, setup: Setup) -> list[str]:
+    """Names of the told signals' samples on their way, signal by signal, the one that is due first."""
+    return [f"{request.inputs[place].name}_in_{k}" for place in setup.told for k in range(setup.preview)]
+
+
+def _next_names(request: Request, setup: Setup) -> list[str]:
+    """Names of the kept moves of the next sample, and of whether they are any."""
+    if setup.second is None:
+        return []
+    return [*(f"next_{wire.name}" for wire in request.outputs), "planned"]
+
+
 def _estimate_names(setup: Setup) -> list[str]:
     if setup.correction is None:
         return []
@@ -143,24 +135,35 @@ def _estimate_names(setup: Setup) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Wires:
-    """Symbols of one sample: inputs, estimates, disturbances, and the kept outputs [newest first][output]."""
+    """Symbols of one sample: inputs, estimates, disturbances, the kept outputs [newest first][output], and the rest.
+
+    `coming` are the samples of each told signal [signal][the one that is due first], the input itself the last;
+    `following` are the moves that the last plan had for this sample, and whether there was one.
+    """
 
     z: tuple[ca.SX, ...]
     estimate: tuple[ca.SX, ...]
     disturbance: tuple[ca.SX, ...]
     past: tuple[tuple[ca.SX, ...], ...]
+    coming: tuple[tuple[ca.SX, ...], ...]
+    following: tuple[ca.SX, ...]
 
     @property
     def x(self) -> ca.SX:
         """The law's state."""
-        return ca.vertcat(*self.estimate, *self.disturbance, *(u for outputs in self.past for u in outputs))
+        past, coming = (u for outputs in self.past for u in outputs), (r for row in self.coming for r in row[:-1])
+        return ca.vertcat(*self.estimate, *self.disturbance, *past, *coming, *self.following)
 
 
 def _wires(request: Request, setup: Setup) -> Wires:
     n, m = setup.model.b.shape
     held, past = symbols(_estimate_names(setup)), symbols(_past_names(request, setup))
     rows = tuple(past[k : k + m] for k in range(0, len(past), m))
-    return Wires(symbols([w.name for w in request.inputs]), held[:n], held[n:], rows)
+    z, ahead = symbols([w.name for w in request.inputs]), symbols(_coming_names(request, setup))
+    coming = tuple(
+        (*ahead[k * setup.preview : (k + 1) * setup.preview], z[place]) for k, place in enumerate(setup.told)
+    )
+    return Wires(z, held[:n], held[n:], rows, coming, symbols(_next_names(request, setup)))
 
 
 def _parameters(request: Request, setup: Setup) -> ca.Function:
@@ -175,28 +178,43 @@ def _parameters(request: Request, setup: Setup) -> ca.Function:
         if wires.disturbance:
             factors = np.hstack([factors, model.b])
             terms += wires.disturbance
+        factors = np.hstack([factors, setup.entry])
+        terms += [row[min(k, setup.preview)] for row in _known(setup, wires)]
     parameters = [weighted_sum(list(row), terms) for row in factors]
     if setup.rated:
         parameters += wires.past[0]
     parameters += wires.disturbance
-    if setup.reference is not None:
-        parameters.append(wires.z[setup.reference])
+    for place, row in zip(setup.told, wires.coming, strict=True):
+        parameters += [row[k] for k in seen_samples(setup, place)]
     return ca.Function("parameters", [wires.x, ca.vertcat(*wires.z)], [ca.densify(ca.vertcat(*parameters))])
+
+
+def _known(setup: Setup, wires: Wires) -> tuple[tuple[ca.SX, ...], ...]:
+    """Return the samples of the known disturbances, as `Wires.coming` has them."""
+    return wires.coming[len(setup.told) - len(setup.known) :]
 
 
 def _law(request: Request, setup: Setup, solve: Solve, flags: tuple[Flag, ...]) -> Law:
     wires, model, bounds = _wires(request, setup), setup.model, setup.limits
     m = model.b.shape[1]
-    moves, capped, infeasible = symbols([f"move_{k}" for k in range(m)]), ca.SX.sym("capped"), ca.SX.sym("infeasible")
+    capped, infeasible = ca.SX.sym("capped"), ca.SX.sym("infeasible")
+    moves = symbols([f"move_{k}" for k in range(solve.quadratic.results)])
+    failed = ca.logic_or(capped, infeasible)
     told, outputs = {"capped": capped, "infeasible": infeasible}, []
-    for k, move in enumerate(moves):
+    for k, move in enumerate(moves[:m]):
+        if wires.following:
+            move = ca.if_else(ca.logic_and(failed, wires.following[-1] > 0.5), wires.following[k], move)
         if setup.rated:
             move = ca.fmin(ca.fmax(move, wires.past[0][k] + bounds.du_low[k]), wires.past[0][k] + bounds.du_high[k])
         outputs.append(ca.fmin(ca.fmax(move, bounds.u_low[k]), bounds.u_high[k]))
     acting = wires.past[setup.delay - 1] if setup.delay else tuple(outputs)
     after = _observed(setup, wires, acting)
     kept = [*outputs, *(u for row in wires.past[:-1] for u in row)] if wires.past else []
-    names = [*_estimate_names(setup), *_past_names(request, setup)]
+    kept += [r for row in wires.coming for r in row[1:]] if setup.preview else []
+    if setup.second is not None:
+        kept += [ca.if_else(failed, 0.0, move) for move in moves[setup.second :]] + [ca.if_else(failed, 0.0, 1.0)]
+    names = [*_estimate_names(setup), *_past_names(request, setup), *_coming_names(request, setup)]
+    names += _next_names(request, setup)
     check_names(request, names)
     stage = ca.Function(
         "law",
@@ -236,9 +254,13 @@ def _observed(setup: Setup, wires: Wires, acting: tuple[ca.SX, ...]) -> list[ca.
         for row, place in zip(setup.seen, setup.measured, strict=True)
     ]
     driven = [u + d for u, d in zip(acting, wires.disturbance, strict=True)] if wires.disturbance else list(acting)
+    due = [row[0] for row in _known(setup, wires)]
     n = len(model.a)
     found = [
-        weighted_sum([*model.a[k], *model.b[k], *setup.correction[k]], [*wires.estimate, *driven, *error])
+        weighted_sum(
+            [*model.a[k], *model.b[k], *setup.entry[k], *setup.correction[k]],
+            [*wires.estimate, *driven, *due, *error],
+        )
         for k in range(n)
     ]
     return found + [d + weighted_sum(setup.correction[n + k], error) for k, d in enumerate(wires.disturbance)]
@@ -252,8 +274,9 @@ def _ranges(request: Request, setup: Setup) -> list[tuple[Signal, str]]:
         drives = m if setup.disturbed else 0
         a = np.block([[model.a, model.b[:, :drives]], [np.zeros((drives, n)), np.eye(drives)]])
         seen = np.hstack([setup.seen, np.zeros((len(setup.seen), drives))])
-        drive = np.hstack([np.vstack([model.b, np.zeros((drives, m))]), setup.correction])
-        wires = [request.inputs[k] for k in setup.measured]
+        entry = np.hstack([model.b, setup.entry])
+        drive = np.hstack([np.vstack([entry, np.zeros((drives, entry.shape[1]))]), setup.correction])
+        wires = [request.inputs[k] for k in (*setup.known, *setup.measured)]
         low = np.append(bounds.u_low, [w.low for w in wires])
         high = np.append(bounds.u_high, [w.high for w in wires])
         ends = reach(a - setup.correction @ seen, drive, low, high)
@@ -265,6 +288,13 @@ def _ranges(request: Request, setup: Setup) -> list[tuple[Signal, str]]:
     for k, name in enumerate(_past_names(request, setup)):
         down, up = float(bounds.u_low[k % m]), float(bounds.u_high[k % m])
         ranges.append((Signal(name, request.outputs[k % m].unit, min(down, 0.0), max(up, 0.0)), PAST_WHY))
+    for k, name in enumerate(_coming_names(request, setup)):
+        ranges.append((replace(request.inputs[setup.told[k // setup.preview]], name=name), TOLD_WHY))
+    for k, name in enumerate(_next_names(request, setup)[:-1]):
+        down, up = min(float(bounds.u_low[k]), 0.0), max(float(bounds.u_high[k]), 0.0)
+        ranges.append((widened(name, request.outputs[k].unit, down, up), NEXT_WHY))
+    if setup.second is not None:
+        ranges.append((Signal("planned", "1", 0.0, 1.0), "1 or 0"))
     return ranges
 
 

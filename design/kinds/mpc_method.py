@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from design.law import DesignError, Flag, Law
@@ -13,8 +13,8 @@ from design.tree import choose_tree
 ACCURACY, LEAST_ACCURACY = 0.01, 1e-4  # of an output over its range, where the number of iterations is fixed
 SEARCH_CODE, TABLE_CODE = 1850, 210  # bytes of step() beside its constants, float32, Cortex-M4F
 ONLINE = (
-    Flag("capped", "the search was cut short; the output is that without limits, limited"),
-    Flag("infeasible", "no moves keep every limit; the output is that without limits, limited"),
+    Flag("capped", "the search was cut short; the output is the last plan's, or that without limits, limited"),
+    Flag("infeasible", "no moves keep every limit; the output is the last plan's, or that without limits, limited"),
 )
 FLAGS = {
     "online": ONLINE,
@@ -26,25 +26,28 @@ FLAGS = {
 }
 
 
-def with_method(law: Law, table: Mapping[str, object], solver: str) -> tuple[Law, dict[str, float]]:
-    """Return the law as `solver`, a key of FLAGS, has it, and the figures of that."""
+def with_method(built: Callable[[bool], Law], table: Mapping[str, object], solver: str) -> tuple[Law, dict[str, float]]:
+    """Return the law as `solver`, a key of FLAGS, has it, and the figures of that.
+
+    `built` returns the law for a search, which may end without an answer, where it is told True.
+    """
     match solver:
         case "fixed_iterations":
-            return _with_sweeps(law, real(table, "accuracy", ACCURACY, LEAST_ACCURACY))
+            return _with_sweeps(built(False), real(table, "accuracy", ACCURACY, LEAST_ACCURACY))
         case "explicit":
-            return _with_tree(law)
+            return _with_tree(built(False))
         case "auto":
-            return _smaller(law)
-    return law, {}
+            return _smaller(built)
+    return built(True), {}
 
 
-def _smaller(law: Law) -> tuple[Law, dict[str, float]]:
+def _smaller(built: Callable[[bool], Law]) -> tuple[Law, dict[str, float]]:
     """Take a table where it is smaller than a search, which it is faster than anyway."""
     try:
-        found, figures = _with_tree(law)
+        found, figures = _with_tree(built(False))
     except DesignError:
-        return law, {}
-    return (found if figures["flash_bytes"] < figures["online_flash_bytes"] else law), figures
+        return built(True), {}
+    return (found if figures["flash_bytes"] < figures["online_flash_bytes"] else built(True)), figures
 
 
 def _with_tree(law: Law) -> tuple[Law, dict[str, float]]:

@@ -14,7 +14,7 @@ from design.law import DesignError
 from design.model import Model, model_of, weights
 from design.reach import ON_CIRCLE, poles
 from design.regulator import kalman, luenberger
-from design.table import choice, each, limits, numbers, real
+from design.table import choice, each, limits, matrix, numbers, real
 
 Array = npt.NDArray[np.float64]
 
@@ -24,7 +24,7 @@ KEYS = (
     *("horizon", "states", "A", "B", "C", "Q", "R", "P", "u_min", "u_max", "du_min", "du_max", "x_min", "x_max"),
     *("x_soft", "blocks", "reference", "delay_periods", "observer", "observer_poles", "process_noise"),
     *("measurement_noise", "offset_free", "disturbance_noise", "budget", "solver"),
-    "accuracy",
+    *("accuracy", "preview", "disturbances", "E"),
 )
 
 
@@ -37,10 +37,19 @@ class Setup:
     measured: tuple[int, ...]  # indices of the inputs that carry the states, or the measurements
     seen: Array  # (r, n): what those are of the states
     reference: int | None  # index of that input
+    known: tuple[int, ...]  # indices of the inputs that are known disturbances
+    entry: Array  # (n, d): E, how those enter
+    preview: int  # samples that reference and known disturbances are given ahead
     delay: int  # samples
     correction: Array | None  # L of the observer, the disturbances' rows last; None where the state is measured
     disturbed: bool
     limits: Limits
+    second: int | None = None  # place in the plan of the next sample's moves, which the law keeps; None: it does not
+
+    @property
+    def told(self) -> tuple[int, ...]:
+        """Indices of the inputs that are not of the plant's state: the reference, then the known disturbances."""
+        return (() if self.reference is None else (self.reference,)) + self.known
 
     @property
     def rated(self) -> bool:
@@ -58,9 +67,11 @@ def setup_of(request: Request) -> Setup:
         raise DesignError("controller.kind = 'mpc' needs a model: give A and B (discrete), or [plant]")
     names = [wire.name for wire in request.inputs]
     reference = _reference(table, names)
-    others = tuple(k for k in range(len(names)) if k != reference)
+    known = _places(names, table["disturbances"], "disturbances") if "disturbances" in table else ()
+    others = tuple(k for k in range(len(names)) if k != reference and k not in known)
     if "states" in table:
-        others = _places(names, table["states"])
+        others = _places(names, table["states"], "states")
+    _check_apart(names, reference, known, others)
     observer = choice(table, "observer", "none", OBSERVERS)
     disturbed = _flag(table, "offset_free")
     if len(model.a) != model.order:
@@ -92,22 +103,54 @@ def setup_of(request: Request) -> Setup:
         np.array(each(table, "x_soft", free)),
     )
     _check_limits(bounds, model)
+    horizon, delay = whole(table, "horizon", None, 1, LONGEST), whole(table, "delay_periods", 0, 0, LONGEST)
+    preview = whole(table, "preview", 0, 0, horizon + delay)
+    if preview and reference is None and not known:
+        raise DesignError(
+            f"controller.preview = {preview} has nothing to look ahead at; name a reference or disturbances, or leave "
+            "it out"
+        )
     return Setup(
         model,
-        whole(table, "horizon", None, 1, LONGEST),
+        horizon,
         others,
         seen,
         reference,
-        whole(table, "delay_periods", 0, 0, LONGEST),
+        known,
+        _entry(table, model, len(known)),
+        preview,
+        delay,
         _correction(request, model, seen, observer, disturbed),
         disturbed,
         bounds,
     )
 
 
+def _entry(table: Mapping[str, object], model: Model, count: int) -> Array:
+    """Read E, (n, count)."""
+    if count:
+        return matrix(table, "E", len(model.a), count, "A and controller.disturbances")
+    if "E" in table:
+        raise DesignError("controller.E is how known disturbances enter; name them in controller.disturbances")
+    return np.zeros((len(model.a), 0))
+
+
+def _check_apart(names: list[str], reference: int | None, known: tuple[int, ...], others: tuple[int, ...]) -> None:
+    """Refuse an input that is named for two things."""
+    named = [*(() if reference is None else (reference,)), *known, *others]
+    for k in named:
+        if named.count(k) > 1:
+            raise DesignError(
+                f"controller.states, disturbances and reference name '{names[k]}' {named.count(k)} times; an input is "
+                "one of them, once"
+            )
+
+
 def _check_stabilizable(model: Model) -> None:
     """Refuse a mode that does not fade and that no input reaches (the test of Hautus)."""
     size = len(model.a)
+    if not np.any(model.b):
+        raise DesignError(f"controller.B is all 0 ({size} x {model.b.shape[1]}): no output moves the plant; correct it")
     for pole in poles(model.a):
         if abs(pole) < 1 - ON_CIRCLE:
             continue
@@ -194,12 +237,12 @@ def _reference(table: Mapping[str, object], names: list[str]) -> int | None:
     return _place(names, table["reference"], "reference")
 
 
-def _places(names: list[str], value: object) -> tuple[int, ...]:
+def _places(names: list[str], value: object, key: str) -> tuple[int, ...]:
     if not isinstance(value, list | tuple) or not value:
         raise DesignError(
-            f'controller.states = {value!r} is not a list of names; write it like states = ["p_m", "v_m_s"]'
+            f'controller.{key} = {value!r} is not a list of names; write it like {key} = ["p_m", "v_m_s"]'
         )
-    return tuple(_place(names, name, "states") for name in value)
+    return tuple(_place(names, name, key) for name in value)
 
 
 def _place(names: list[str], name: object, key: str) -> int:

@@ -48,9 +48,9 @@ def rows_of(law: Law, steps: int, seed: int) -> np.ndarray:
 def free_run(law: Law, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """States after each sample, outputs, flags."""
     if law.solve is not None:
-        assert not law.state, "an example that solves keeps no state, so that all rows can be solved at once"
-        _, u, flags, _ = evaluate(law_graph(law), [[], list(rows.T)])
-        return np.zeros((len(rows), 0)), np.array(u).T, np.array(flags).T
+        state = [np.full(len(rows), x) for x in law.start]  # each row on its own, so that all are solved at once
+        x, u, flags, _ = evaluate(law_graph(law), [state, list(rows.T)])
+        return np.array(x).T.reshape(len(rows), -1), np.array(u).T, np.array(flags).T
     x, u, flags, _ = law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)
     return np.array(x).T, np.array(u).T, np.array(flags).T
 

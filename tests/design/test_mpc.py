@@ -197,6 +197,13 @@ WRONG = {
         r"controller.horizon = 120.* give 360 rows, .* bytes of constants; at most 255 rows",
     ),
     "indefinite Q": ({"Q": [[1.0, 2.0], [2.0, 1.0]]}, r"controller.Q must be symmetric and not negative.* -1"),
+    "huge Q": ({"Q": [1e300, 0.1]}, r"controller.Q is up to 1e\+300 and R from 0.01 to 0.01; .* ratio of 1e\+15"),
+    "huge R": ({"R": 1e300}, r"controller.Q is up to 200 and R from 1e\+300 to 1e\+300"),
+    "an input that moves nothing": ({"B": [[0.0], [0.0]]}, r"controller.B is all 0 \(2 x 1\)"),
+    "rows for each sample and its change": (
+        {"horizon": 200, "du_min": -1.0},
+        r"horizon = 200: .* give 400 rows, 640000",
+    ),
     "zero R": ({"R": 0.0}, r"controller.R must be symmetric and positive definite; its least eigenvalue is 0"),
     "indefinite P": ({"P": [-1.0, 1.0]}, r"controller.P must be symmetric and not negative"),
     "crossed limits": ({"x_min": [1.0, 0.0], "x_max": [-1.0, 1.0]}, r"x_min = 1 is not below x_max = -1 for x_1"),

@@ -11,13 +11,22 @@ import numpy as np
 import pytest
 
 from firmloop import words
-from firmloop.figures import COLUMNS, Comparison, Step, comparison_figure, overview, step_figure, thinned
+from firmloop.figures import (
+    COLUMNS,
+    Comparison,
+    Step,
+    comparison_figure,
+    overview,
+    search_figure,
+    step_figure,
+    thinned,
+)
 from firmloop.pipeline import Outcome, analyze, design, generate, identify, read_data
 from firmloop.project import read_project
 from firmloop.report import Walk, picture, report
 from firmloop.tuning import beside
 from identify.plant import Parameter
-from verify.verdict import Cost, Difference, Rounded, Verdict
+from verify.verdict import Cost, Difference, Rounded, Searches, Verdict
 
 VERDICT = Verdict(
     program_id="0123456789abcdef",
@@ -111,6 +120,22 @@ def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk) -
     assert "Tuning rules on this plant" in page and "<th>load IAE</th>" in page and "<td>simc</td>" in page
 
 
+def test_what_a_search_did_stands_beside_its_cost(walk: Walk) -> None:
+    found = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_400, 3, 4)
+    searched = dataclasses.replace(VERDICT, searches=found)
+    page = report(dataclasses.replace(walk, outcomes=(Outcome("board", searched, ""),)))
+    for word in (
+        "work 20 at most, cut short at 60",
+        "2,400 instructions with the whole budget taken, 20.00 of the worst seen",
+        "3 cut short, 4 with no moves that keep every limit",
+        "at its high limit",
+    ):
+        assert word in page and word not in report(walk), word
+    assert searched.as_dict()["search"] == {
+        "budget": 60, "work_max": 20, "instructions_bound": 2_400, "capped_steps": 3, "infeasible_steps": 4,
+    }  # fmt: skip
+
+
 def test_nothing_a_user_wrote_is_markup(walk: Walk) -> None:
     page = report(walk)
     assert "&lt;no port&gt;" in page and "<no port>" not in page
@@ -131,8 +156,10 @@ def _comparison(rows: int) -> Comparison:
 
 def test_figures_escape_and_repeat() -> None:
     step = Step(np.arange(9.0), np.ones(9), np.ones(9), np.ones(9), "rad/s", "V", (-1e9, 1e9))
+    searches = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_000, 3, 4)
     for make in (
         lambda: comparison_figure(_comparison(50)),
+        lambda: search_figure(searches),
         lambda: step_figure(step),
         lambda: overview(_comparison(50), step, ["<x>"]),
     ):
