@@ -43,15 +43,15 @@ TUNED = {"u": {"rho": 0.01, "eps_abs": 3e-4, "eps_rel": 0.0}, "ux": {"rho": 0.00
 
 def default(problem: Problem, folder: Path) -> Parts:
     """Return it with the settings of the package."""
-    return _parts(problem, folder, {})
+    return _parts(problem, folder, {}, ())
 
 
 def tuned(problem: Problem, folder: Path) -> Parts:
-    """Return it with a penalty and tolerances that a scan found to fit these problems."""
-    return _parts(problem, folder, TUNED.get(problem.name, {}))
+    """Return it with a penalty and tolerances that a scan found to fit these problems, and its constants in single."""
+    return _parts(problem, folder, TUNED.get(problem.name, {}), ("-fsingle-precision-constant",))
 
 
-def _parts(problem: Problem, folder: Path, settings: dict[str, float]) -> Parts:
+def _parts(problem: Problem, folder: Path, settings: dict[str, float], flags: tuple[str, ...]) -> Parts:
     folder.mkdir(parents=True, exist_ok=True)
     n = len(problem.hessian)
     rows = np.vstack([np.eye(n), problem.along])
@@ -67,4 +67,4 @@ def _parts(problem: Problem, folder: Path, settings: dict[str, float]) -> Parts:
     adapter = ADAPTER.format(tables=text, n=n, m=len(rows), states=len(problem.a), bounds=bounds)
     code = folder / "code"
     sources = (*sorted((code / "src").glob("*.c")), code / "mpc_workspace.c")
-    return Parts(adapter, sources, (code, code / "inc" / "public", code / "inc" / "private"))
+    return Parts(adapter, sources, (code, code / "inc" / "public", code / "inc" / "private"), flags)
