@@ -242,7 +242,8 @@ def _on_target(case: Case, block: Block, trace: Trace) -> tuple[int, int, np.nda
             done = compare(case.program, link, [block], [trace], lambda part, label: None)
             counts = instructions(done.ticks, link.hello().overhead_ticks, target)
     own, helpers = image.controller, ", ".join(image.double_helpers) or "no double helpers"
-    return done.steps, done.differences, counts, f"{own.text_bytes:,} B flash, {image.stack_bytes:,} B stack; {helpers}"
+    stack = "unknown" if image.stack_bytes is None else f"{image.stack_bytes:,} B"
+    return done.steps, done.differences, counts, f"{own.text_bytes:,} B flash, stack {stack}; {helpers}"
 
 
 def main() -> int:

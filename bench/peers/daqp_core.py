@@ -1,7 +1,8 @@
 """DAQP: the C core of its source package over constant data, its working set kept from step to step.
 
 The package has no code generator, so the data are laid out here: H = R'R, z = R u + v, v = F'x, rows of unit length,
-bounds d = d0 + D x on M z. Settings for float are ours, for those of the package are far below what float resolves.
+bounds d = d0 + D x on M z. Settings for float are ours, for those of the package are far below what float resolves: of
+those scanned they are the loosest with which no step of either problem is wrong.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ int peer_step(const float *state, float *move) {{
 """
 LIMITS = ".cycle_tol = 10, .iter_limit = 1000, .fval_bound = 1e30, .rho_soft = 1e-6"
 IN_FLOAT = (
-    ".primal_tol = 1e-3f, .dual_tol = 1e-7f, .zero_tol = 1e-7f, .pivot_tol = 1e-5f, .progress_tol = 1e-7f, "
+    ".primal_tol = 3e-5f, .dual_tol = 1e-7f, .zero_tol = 1e-7f, .pivot_tol = 1e-5f, .progress_tol = 1e-7f, "
     ".sing_tol = 1e-7f, .refactor_tol = 1e-7f, "
 )
 IN_DOUBLE = (
