@@ -225,8 +225,7 @@ def measure(case: Case, states: int, judged: int) -> int:
     steps, differences, counts, sizes = _on_target(case, block, trace)
     print(f"  {TARGET}   {steps:,} states, {differences} differences; {sizes}")
     print(
-        f"  one step          median {np.median(counts):,.0f}, worst {counts.max():,} instructions; "
-        f"of steps without search {counts[np.ravel(trace.status == 0)].min():,}",
+        f"  one step          median {np.median(counts):,.0f}, worst {counts.max():,} instructions",
         flush=True,
     )
     return wrong + unsaid + done.differences + differences + int(counts.max() > MOST)
