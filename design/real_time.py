@@ -35,7 +35,10 @@ def improve(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray
     Parameters are x[0], t, the last output, 1 where there is a plan, x[1..N] and u[0..N-1] of that plan. Results are
     the outputs, 1 where there is a plan for the next sample, the largest change of a move in its span, and that plan.
     """
-    parts = [_chunk(course, model, parameters[at : at + CHUNK]) for at in range(0, max(1, len(parameters)), CHUNK)]
+    if not len(parameters):
+        width = len(course.r) + 2 + course.length * (len(course.q) + len(course.r))
+        return np.empty((0, width), parameters.dtype), np.empty(0, np.int64)
+    parts = [_chunk(course, model, parameters[at : at + CHUNK]) for at in range(0, len(parameters), CHUNK)]
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 LANE_STEPS = 1000
 FRESH_STEPS = 8
 LONGEST_WORST = 40_000  # steps of a worst case
+LONGEST_PLANNED = 100  # samples of the response of a program that follows a plant's equations: each takes long
 EDGE_STEPS = 3
 SEARCHED = 16  # lanes of each character in which limits are sought that are crossed late,
 LATEST = 400  # and how late
@@ -226,7 +227,9 @@ def _worst(program: Program, random: np.random.Generator, lanes: int, length: in
 
     Half of the lanes stay off the ends of the ranges by up to a thousandth, so that no two samples round alike.
     """
-    signs = np.sign(_impulse_responses(program, length))[:, ::-1]
+    answered = min(length, LONGEST_PLANNED) if program.routines else length
+    signs = np.sign(_impulse_responses(program, answered))[:, ::-1]
+    signs = np.pad(signs, ((0, 0), (length - answered, 0), (0, 0)))
     signs = np.where(signs == 0, 1.0, signs)  # (targets, length, m)
     targets = np.arange(lanes) // 2 % len(signs)
     drive = signs[targets] * np.where(np.arange(lanes) % 2, -1.0, 1.0)[:, None, None]

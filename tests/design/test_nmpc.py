@@ -206,6 +206,12 @@ def test_what_is_no_number_commands_the_low_limit_and_the_next_sample_starts_ane
         assert broken.step(again) == fresh.step(again)
 
 
+def test_no_controllers_at_all_have_no_results() -> None:
+    program = lower(swing_up(horizon=4)[1], "float32")
+    trace = run(program, np.zeros((0, 3, 4), np.float32))
+    assert trace.outputs.shape == (0, 3, 1) and trace.status.shape == (0, 3)
+
+
 def test_where_no_moves_keep_every_limit_the_status_says_so() -> None:
     _, law = swing_up(horizon=4, x_max=[0.5, math.inf, math.inf, math.inf])
     u, status = Stepped(lower(law, "float32")).step(np.array([1.5, 3.1, 3.0, 0.0]))
