@@ -2,9 +2,9 @@
 
     python -m bench.induction_faults [NAME ...]
 
-Each case is a project as a user writes it, without the effect, and a recording by `bench/induction_truth.py` with noise:
-0.3 A rms on both currents (0.3 % of the start's) and 0.5 rad/s on the speed. Exit status 1 where a verdict is not the
-effect alone, or its value is further than a tenth from the truth.
+Each case is a project as a user writes it, without the effect, and a recording by `bench/induction_truth.py`, 2 s at
+1 kHz, with noise: 0.3 A rms on both currents (0.3 % of the start's) and 0.5 rad/s on the speed. Exit status 1 where a
+verdict is not the effect alone, or its value is further than a tenth from the truth.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from firmloop.cli import main as firmloop
 
 NOISE = (0.5, 0.3, 0.3)  # rad/s, A, A
 ON = 0.05  # s: three periods of the mains
-FREE = ("main_R_ohm", "aux_R_ohm", "rotor_R_ohm", "J_kg_m2")
+FREE = ("rotor_R_ohm", "J_kg_m2")
 VALUES = {
     "main_R_ohm": 0.525,
     "main_L_H": 1.4e-3,
@@ -64,7 +64,7 @@ class Case:
 CASES = {
     "magnetizing_saturation": Case({"knee": 10.0}, "current_A", 10.0),
     "coulomb_friction": Case({"dry": 3.0}, "torque_N_m", 3.0, off=0.8),
-    "load_step": Case({"load": (3.0, 1.1037)}, "torque_N_m", 3.0),
+    "load_step": Case({"load": (6.0, 1.1037)}, "torque_N_m", 6.0),
     "capacitor_ageing": Case({"lost": 0.1}, "loss", 0.1),
     # A load that the motor cannot bring up to speed: the winding heats far beyond the rated 62 K.
     "resistance_heating": Case(
@@ -109,7 +109,10 @@ def diagnosed(case: Case, seconds: float = 2.0, step: float = 1e-3) -> tuple[int
 
 def main() -> int:
     """Print one line a case."""
-    print("concealed               verdict           named                     judged by     truth   found   95 % interval    s")
+    print(
+        "concealed               verdict           named                     judged by     truth   found  95 % interval"
+        "      s"
+    )
     missed = 0
     for name in sys.argv[1:] or CASES:
         case, begun = CASES[name], time.process_time()

@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((0.05,), (0.2,))
+    return ((0.02,), (0.1,), (0.3,))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
