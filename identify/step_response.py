@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.signal
@@ -33,6 +33,7 @@ class StepResponse:
     final: float  # output at the end, the mean of the last part
     noise: float  # rms around a smooth curve
     unit: str
+    before: int  # rows that `start` is the mean of
 
     @property
     def gain(self) -> float:
@@ -86,7 +87,7 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
     start = float(np.mean(y[: first + 1])) if first else float(y[0])
     smooth = _smoothed(response)
     noise = float(np.std(np.diff(response, 2))) / math.sqrt(6.0)  # white noise passes a second difference sqrt(6) fold
-    last = max(int(LAST * len(response)), 3)
+    last = _last(response)
     tail, tail_time = response[-last:], moment[-last:]
     final = float(np.mean(tail))
     change = final - start
@@ -110,7 +111,16 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
             f"by {abs(drift):.2g} {unit}, {100 * abs(drift / change):.2g} % of its change; record longer, or fit a "
             "plant that integrates"
         )
-    return StepResponse(recording.source, moment, response, (float(u[0]), float(u[first])), start, final, noise, unit)
+    return StepResponse(
+        recording.source, moment, response, (float(u[0]), float(u[first])), start, final, noise, unit, first + 1
+    )
+
+
+def redrawn(response: StepResponse, random: np.random.Generator) -> StepResponse:
+    """Draw the response anew: its smooth curve with as much white noise as it has."""
+    output = _smoothed(response.output) + random.normal(0.0, response.noise, len(response.output))
+    start = response.start + float(random.normal(0.0, response.noise / math.sqrt(response.before)))
+    return replace(response, output=output, start=start, final=float(np.mean(output[-_last(output) :])))
 
 
 def step_figures(response: StepResponse, expected: float = math.nan) -> StepFigures:
@@ -146,6 +156,11 @@ def reach(time: Array, share: Array, level: float) -> float:
     if k == 0:
         return float(time[0])
     return float(time[k - 1] + (time[k] - time[k - 1]) * (level - share[k - 1]) / (share[k] - share[k - 1]))
+
+
+def _last(response: Array) -> int:
+    """Rows that a final value is the mean of."""
+    return max(int(LAST * len(response)), 3)
 
 
 def smooth_share(response: StepResponse) -> Array:

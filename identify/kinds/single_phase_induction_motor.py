@@ -14,8 +14,8 @@ The centrifugal switch opens the auxiliary winding above `switch_open_rad_s` and
 `switch_close_rad_s`; the arc ends the current with a time constant of 1 ms. It moves within 1 rad/s and some 2 ms, so
 that speeds, currents and their slopes are smooth: what a fit says of the switch, or of all that comes after it, rests
 on that. Both resistances of the stator grow with the winding's rise above its temperature at the start,
-R (1 + 0.00393 rise), and the rise follows the copper loss:
-heating_time rise' = rise_K_per_W (Rm im^2 + Ra ia^2) - rise.
+R (1 + 0.00393 rise), and the rise follows the copper loss: rise = rise_K_per_W heat,
+heating_time heat' = Rm im^2 + Ra ia^2 - heat.
 
 M falls with the flux of the air gap where the effect magnetizing_saturation is present (`iron.py`), and the effect
 resistance_heating adds to `rise_K_per_W` with a time constant of its own.
@@ -48,7 +48,7 @@ _STATES = (
     ("capacitor_V", "V"),
     ("speed_rad_s", "rad/s"),
     ("switch_1", ""),
-    ("rise_K", "K"),
+    ("heat_W", "W"),
 )
 _SPEED = 5
 _PHASE = Signal("phase_rad", "rad", -math.inf, math.inf)
@@ -121,7 +121,7 @@ def _equations(
 
     `inside` holds the knee of the iron in A, more rise in K/W and its time constant in s.
     """
-    main, aux, rotor_q, rotor_d, capacitor, speed, switch, rise = ca.vertsplit(x)[: len(_STATES)]
+    main, aux, rotor_q, rotor_d, capacitor, speed, switch, heat = ca.vertsplit(x)[: len(_STATES)]
     phase = ca.vertsplit(x)[len(_STATES) :]
     voltage = math.sqrt(2.0) * u * ca.sin(phase[0]) if phase else u
     knee, more, slower = (None, ca.SX(0.0), ca.SX(1.0)) if inside is None else ca.vertsplit(inside)
@@ -134,6 +134,7 @@ def _equations(
     i_main, i_aux = (main - gap_q) / value["main_L_H"], (aux - turns * gap_d) / value["aux_L_H"]
     i_q, i_d = (rotor_q - gap_q) / rotor_leak, (rotor_d - gap_d) / rotor_leak
 
+    rise = (value["rise_K_per_W"] + more) * heat
     warm = 1.0 + COPPER * rise
     r_main, r_aux = value["main_R_ohm"] * warm, value["aux_R_ohm"] * warm
     loss = r_main * i_main**2 + r_aux * i_aux**2
@@ -151,7 +152,7 @@ def _equations(
         i_aux / value["capacitance_F"],
         (torque - load) / value["J_kg_m2"],
         (_ramp((speed - edge) / BAND) - switch) / LATCH,
-        ((value["rise_K_per_W"] + more) * loss - rise) / heat_time,
+        (loss - heat) / heat_time,
         *([2.0 * math.pi * value["frequency_Hz"]] if phase else []),
     ]
     # Where the switch is open the flux moves so that the current dies away, whatever the other windings do.
@@ -164,6 +165,7 @@ def _equations(
         "aux_current_A": i_aux,
         "line_current_A": i_main + i_aux,
         "torque_N_m": torque,
+        "rise_K": rise,
         "magnetizing_A": magnetizing,
     }
 
