@@ -26,7 +26,9 @@ def air_gap(axes: Sequence[Sequence[tuple[ca.SX, ca.SX]]], magnetizing: ca.SX, k
     pushes = [sum((flux / leakage for flux, leakage in axis), start=ca.SX(0.0)) for axis in axes]
     leaks = [sum((1.0 / leakage for _, leakage in axis), start=ca.SX(0.0)) for axis in axes]
     shared = [push / (1.0 / magnetizing + leak) for push, leak in zip(pushes, leaks, strict=True)]
-    for _ in range(0 if knee is None else _TURNS):
+    if knee is None:
+        return tuple(shared)
+    for _ in range(_TURNS):
         more = sum((flux**2 for flux in shared), start=ca.SX(0.0)) / (magnetizing * knee) ** 2
         shared = [push / ((1.0 + more) / magnetizing + leak) for push, leak in zip(pushes, leaks, strict=True)]
     return tuple(shared)

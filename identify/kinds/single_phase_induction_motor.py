@@ -65,12 +65,13 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     states = (*(Signal(name, unit, -math.inf, math.inf) for name, unit in _STATES), *((_PHASE,) if sine else ()))
     x, u, p, z = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters)), ca.SX.sym("z", 3)
     value = dict(zip((parameter.name for parameter in parameters), ca.vertsplit(p), strict=True))
-    rates, shown = _equations(x, u, value, None)
+    rates, plain = _equations(x, u, value, None)
     inner_rates, inner = _equations(x, u, value, z)
 
     def read(readings: Mapping[str, ca.SX]) -> ca.SX:
         known = {**dict(zip((signal.name for signal in states), ca.vertsplit(x), strict=True)), **readings}
-        return ca.vertcat(*(known[output.name] for output in outputs))
+        shown: ca.SX = ca.vertcat(*(known[output.name] for output in outputs))
+        return shown
 
     return Plant(
         kind=KIND.name,
@@ -79,28 +80,28 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
-        reading=equations("reading", x, u, p, read(shown)),
+        reading=equations("reading", x, u, p, read(plain)),
         delay=None,
         balances=(
             Balance(
                 kind="torque",
                 state=_SPEED,
                 per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]]),
-                effort=equations("effort", x, u, p, shown["torque_N_m"]),
+                effort=equations("effort", x, u, p, plain["torque_N_m"]),
             ),
             Balance(kind="capacitor", state=4, per=ca.Function("per", [p], [1.0 / value["capacitance_F"]])),
             Balance(
                 kind="magnetizing",
                 state=-1,
                 per=ca.Function("per", [p], [0.0]),
-                current=equations("current", x, u, p, shown["magnetizing_A"]),
+                current=equations("current", x, u, p, plain["magnetizing_A"]),
                 inside=(0,),
             ),
             Balance(
                 kind="winding",
                 state=-1,
                 per=ca.Function("per", [p], [0.0]),
-                current=equations("current", x, u, p, shown["main_current_A"]),
+                current=equations("current", x, u, p, plain["main_current_A"]),
                 resistance=ca.Function("resistance", [p], [value["main_R_ohm"]]),
                 inside=(1, 2),
             ),
