@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 LAST = 0.15  # share of the response that its final value is the mean of
 FEWEST = 10  # rows after the step that a response is measured from
 STEADY = 0.005  # share of the input's step within which it counts as held
+CLEAR = 0.25  # of the change: how well a drift at the end has to be known
 CERTAIN = 0.001  # chance below which a response is said to drift still
 
 
@@ -102,6 +103,13 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
         raise IdentifyError(
             f"{where}the response never settles: in its last {tail_time[-1] - tail_time[0]:.3g} s {output} still "
             f"swings by {swing:.2g} {unit}, {100 * swing / abs(change):.2g} % of its change; record longer"
+        )
+    unsure = 2.0 * math.sqrt(12.0 / last) * noise / abs(change)  # of a straight line through the last rows
+    if unsure > CLEAR:
+        raise IdentifyError(
+            f"{where}{len(response)} rows after the step are too short to tell whether {output} has settled: what it "
+            f"drifts in the last {last} of them is known to {100 * unsure:.2g} % of its change, at most "
+            f"{100 * CLEAR:.0f} % would do; record longer, or with less noise"
         )
     drift = float(fitted.slope) * float(tail_time[-1] - tail_time[0])
     clear = noise == 0.0 or fitted.pvalue < CERTAIN

@@ -113,6 +113,14 @@ def test_what_is_no_step_response_is_said(recording, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_few_rows_of_a_rise_are_no_settled_response() -> None:
+    time = np.arange(30) * 0.005
+    rise = 18.0 * (1.0 - np.exp(-np.clip(time - 0.1, 0.0, None) / 2.0)) + np.random.default_rng(1).normal(0, 0.05, 30)
+    made = make_recording(time, {"u": np.where(time >= 0.1, 12.0, 0.0), "y": rise}, "short.csv", "")
+    with pytest.raises(IdentifyError, match=r"short.csv: 10 rows after the step are too short to tell whether y has"):
+        step_response(made, "u", "y")
+
+
 def test_trials_by_students_t():
     """Three values: t_0.975(2) = 4.3027."""
     found = repeated([1.0, 2.0, 4.0])
