@@ -50,6 +50,8 @@ def step(project: Project, out: Path, console: Console) -> int:
         read = {method.name: [_read(method.read, response) for response in responses] for method in METHODS}
         readers = {"figures": measured, **{method.name: method.read for method in METHODS}}
         halves = noise_halves(responses[0], readers, DRAWS) if len(responses) < FEWEST else {}
+        if halves:  # what was expected is known, so that the error is as unsure as the final value
+            halves["figures"]["steady_state_error"] = halves["figures"]["final"]
         document = _document(responses, figures, read, halves)
         write_files({"step.json": json.dumps({"schema": 1, **document}, indent=1) + "\n"}, folder)
     console.lines(about_steps(responses, figures, read, halves))
