@@ -41,11 +41,15 @@ DIMENSIONS = {"voltage_V": "V", "current_A": "A", "frequency_Hz": "1/s", "speed_
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One parameter, where it is from, and its standard deviation where a test gave one."""
+    """One parameter, where it is from, and its standard deviation where a test gave one.
+
+    `tolerance` is how far a figure of the sheet may be off, in its own unit: no interval, for nothing was measured.
+    """
 
     value: float
     deviation: float | None
     origin: str
+    tolerance: float = 0.0
 
 
 def datasheet(project: Project, out: Path, console: Console) -> int:
@@ -97,7 +101,7 @@ def _parameters(project: Project, sheet: Sheet, reading: Reading) -> dict[str, F
         if figure in reading.figures:
             relation = reading.derived.get(figure)
             origin = f"{relation.says}; {relation.source}" if relation else "printed"
-            found[name] = Found(reading.figures[figure], None, origin)
+            found[name] = Found(reading.figures[figure], None, origin, reading.halves[figure])
     tests = project.document.table("standard_tests")
     tests.only(TESTS)
     for name in (key for key in TESTS if key in tests.values):
@@ -210,6 +214,10 @@ def _lines(
         above, below = _polynomial(form.numerator), _polynomial(form.denominator)
         lines.append(f"  {order}: speed/voltage = {above} / ({below}), states {', '.join(form.states)}")
         lines.append(f"    a = {_matrix(form.a)}, b = {_matrix(form.b)}, c = {_matrix(form.c)}")
+    if any(one.tolerance for one in found.values()):
+        lines.append(
+            "  note: a datasheet gives no 95 % intervals; ± after its figures is what datasheet.tolerance allows"
+        )
     lines += [f"  CONTRADICTION: {sentence}" for sentence in told]
     if missing:
         ways = "; ".join(f"{name}: give {_ways(sheet, name)}" for name in missing)
@@ -224,7 +232,7 @@ def _ways(sheet: Sheet, name: str) -> str:
 
 
 def _figure(name: str, one: Found) -> str:
-    half = 1.96 * (one.deviation or 0.0)
+    half = 1.96 * (one.deviation or 0.0) or one.tolerance
     figure = f"{rounded_to(one.value, half)} ± {half:.2g}" if half and one.value else f"{one.value:.4g}"
     return in_unit(figure, unit_of(name))
 
@@ -232,12 +240,12 @@ def _figure(name: str, one: Found) -> str:
 def _polynomial(coefficients: tuple[float, ...]) -> str:
     powers = {0: "", 1: " s"}
     last = len(coefficients) - 1
-    return " + ".join(f"{c:.4g}{powers.get(last - k, f' s^{last - k}')}" for k, c in enumerate(coefficients))
+    return " + ".join(f"{c:.3g}{powers.get(last - k, f' s^{last - k}')}" for k, c in enumerate(coefficients))
 
 
 def _matrix(matrix: object) -> str:
     rows = np.atleast_2d(np.asarray(matrix))
-    return "[" + "; ".join(" ".join(f"{value:.4g}" for value in row) for row in rows) + "]"
+    return "[" + "; ".join(" ".join(f"{value:.3g}" for value in row) for row in rows) + "]"
 
 
 def _document(
@@ -250,7 +258,13 @@ def _document(
             for name, value in reading.figures.items()
         },
         "parameters": {
-            name: {"value": one.value, "unit": unit_of(name), "deviation": one.deviation, "origin": one.origin}
+            name: {
+                "value": one.value,
+                "unit": unit_of(name),
+                "deviation": one.deviation,
+                "tolerance": one.tolerance,
+                "origin": one.origin,
+            }
             for name, one in found.items()
         },
         "forms": {

@@ -17,9 +17,12 @@ from firmloop.saturation import refuse_saturated
 from firmloop.words import in_unit, quantity, rounded_to
 from identify.graphical import METHODS
 from identify.plant import IdentifyError
+from identify.step_noise import DRAWS, noise_halves
 from identify.step_response import StepFigures, StepResponse, step_figures, step_response
 from identify.trials import FEWEST, Repeated, repeated
 from identify.units import unit_of
+
+Halves = Mapping[str, Mapping[str, float]]  # of 95 % intervals, by what is read and figure
 
 UNITS = {"rise_s": "s", "settling_2_s": "s", "settling_5_s": "s", "peak_s": "s", "overshoot_percent": "%"}
 SAYS = {
@@ -45,12 +48,22 @@ def step(project: Project, out: Path, console: Console) -> int:
         responses = [step_response(recording, drive, output) for recording in trials]
         figures = [step_figures(response, expected(response, project)) for response in responses]
         read = {method.name: [_read(method.read, response) for response in responses] for method in METHODS}
-        document = _document(responses, figures, read)
+        readers = {"figures": measured, **{method.name: method.read for method in METHODS}}
+        halves = noise_halves(responses[0], readers, DRAWS) if len(responses) < FEWEST else {}
+        if halves:  # what was expected is known, so that the error is as unsure as the final value
+            halves["figures"]["steady_state_error"] = halves["figures"]["final"]
+        document = _document(responses, figures, read, halves)
         write_files({"step.json": json.dumps({"schema": 1, **document}, indent=1) + "\n"}, folder)
-    console.lines(about_steps(responses, figures, read))
+    console.lines(about_steps(responses, figures, read, halves))
     console.result("step", document)
     console.result("written", [str(out / "step.json")])
     return 0
+
+
+def measured(response: StepResponse) -> Mapping[str, float]:
+    """Return the figures of a response by name."""
+    found = step_figures(response)
+    return {name: getattr(found, name) for name in SAYS}
 
 
 def expected(response: StepResponse, project: Project) -> float:
@@ -79,15 +92,17 @@ def about_steps(
     responses: Sequence[StepResponse],
     figures: Sequence[StepFigures],
     read: Mapping[str, Sequence[Mapping[str, float] | str]],
+    halves: Halves,
 ) -> list[str]:
-    """Figures with their intervals over the trials; without digits that the interval does not hold."""
+    """Figures with their intervals over the trials, or from the noise of one; no digits that those do not hold."""
     count, unit = len(responses), responses[0].unit
     lines = [f"step response: {count} trial{'s' if count > 1 else ''}, {responses[0].source} first"]
     rows = []
     for name, says in SAYS.items():
         values = [getattr(one, name) for one in figures]
         if not all(math.isnan(value) for value in values):
-            rows.append((says, _over(values, UNITS.get(name, unit if name != "gain" else ""))))
+            half = halves.get("figures", {}).get(name, math.nan)
+            rows.append((says, _over(values, UNITS.get(name, unit if name != "gain" else ""), half)))
     lines += table(rows)
     lines.append("models read off the curve")
     rows = []
@@ -96,27 +111,41 @@ def about_steps(
         if len(models) < len(found):
             rows.append((name, next(one for one in found if isinstance(one, str))))
             continue
-        words = [f"{key} {_over([one[key] for one in models], unit_of(key))}" for key in models[0]]
+        own = halves.get(name, {})
+        words = [
+            f"{key} {_over([one[key] for one in models], unit_of(key), own.get(key, math.nan))}" for key in models[0]
+        ]
         rows.append((name, ", ".join(words)))
     lines += table(rows)
     if count < FEWEST:
-        lines.append(f"  note: no intervals; they need at least {FEWEST} trials in recordings.train")
+        lines.append(
+            f"  note: the 95 % intervals hold the noise of {responses[0].source} alone; for what differs from trial to "
+            f"trial name at least {FEWEST} of them in recordings.train"
+        )
     return lines
 
 
-def _over(values: Sequence[float], unit: str) -> str:
+def _over(values: Sequence[float], unit: str, half: float) -> str:
     if len(values) < FEWEST:
-        return ", ".join(quantity(value, unit) for value in values)
+        return ", ".join(_held(value, unit, half) for value in values)
     found = repeated(values)
     if not math.isfinite(found.half) or found.half == 0.0:
         return quantity(found.mean, unit)
     return in_unit(f"{rounded_to(found.mean, found.half)} ± {found.half:.2g}", unit)
 
 
+def _held(value: float, unit: str, half: float) -> str:
+    """Write a value with its interval; one that has none, or does not move with the noise, with three digits."""
+    if not (math.isfinite(value) and math.isfinite(half) and half > 0.0):
+        return quantity(value, unit)
+    return in_unit(f"{rounded_to(value, half)} ± {half:.2g}", unit)
+
+
 def _document(
     responses: Sequence[StepResponse],
     figures: Sequence[StepFigures],
     read: Mapping[str, Sequence[Mapping[str, float] | str]],
+    halves: Halves,
 ) -> dict[str, object]:
     trials = [
         {
@@ -131,7 +160,8 @@ def _document(
     over: dict[str, object] = {}
     if len(responses) >= FEWEST:
         over = {name: _repeated([getattr(one, name) for one in figures]) for name in SAYS}
-    return {"trials": trials, "over_trials": over}
+    noise = {name: {key: finite(half) for key, half in own.items()} for name, own in halves.items()}
+    return {"trials": trials, "over_trials": over, "ci95_half_from_noise": noise}
 
 
 def _repeated(values: Sequence[float]) -> Mapping[str, object]:

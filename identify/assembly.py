@@ -155,8 +155,8 @@ class Assembly:
 
     def dynamic_current(self) -> None:
         """Give an algebraic current a state with a time constant far below anything recorded."""
-        index = next(k for k, b in enumerate(self.plant.balances) if b.kind == "voltage")
-        if self.row[index] >= 0:
+        index = next((k for k, b in enumerate(self.plant.balances) if b.kind == "voltage"), -1)
+        if index < 0 or self.row[index] >= 0:
             return
         form, torque = self.forms.balances[index], self.speed
         by_x, by_u = self._split(form.current)

@@ -11,13 +11,14 @@ import casadi as ca
 
 from identify.effect import Effect, EffectParameter, Site
 from identify.effects import applies, candidates, find_effect
-from identify.plant import Balance, EffectUse, IdentifyError, Parameter, Plant
+from identify.plant import Balance, EffectUse, IdentifyError, Inside, Parameter, Plant
 from identify.signal import Signal
 from identify.units import ending_of, unit_of
 
 __all__ = [
     "EffectUse",
     "all_uses",
+    "inside_of",
     "label_of",
     "parameters_of",
     "placed",
@@ -79,7 +80,7 @@ def _first_sensor(plant: Plant, effect: Effect) -> int:
 
 
 def _balance(plant: Plant, effect: Effect, output: str | None) -> int:
-    wanted = {"torque": ("torque", "force"), "current": ("torque", "force")}
+    wanted = {"torque": ("torque", "force"), "current": ("torque", "force"), "voltage": ("voltage", "winding")}
     kinds = wanted.get(effect.place, (effect.place,))
     fitting = [k for k, b in enumerate(plant.balances) if b.kind in kinds]
     if effect.place == "flow" and output is not None:
@@ -88,6 +89,11 @@ def _balance(plant: Plant, effect: Effect, output: str | None) -> int:
             raise IdentifyError(f"plant.effects: {effect.name}.output {output!r} is no state with a flow balance")
         return named[0]
     return fitting[0] if fitting else -1
+
+
+def inside_of(plant: Plant, site: Site) -> tuple[int, ...]:
+    """Return the arguments of the plant's inside that an effect sets there; none where it acts from outside."""
+    return plant.balances[site.balance].inside if site.balance >= 0 else ()
 
 
 def label_of(plant: Plant, use: EffectUse) -> str:
@@ -191,6 +197,16 @@ def with_position(plant: Plant) -> Plant:
     def wider(function: ca.Function) -> ca.Function:
         return ca.Function(function.name(), [x, u, p], [ca.densify(function(x[:n], u, p))], ["x", "u", "p"], ["result"])
 
+    inside = plant.inside
+    if inside is not None:
+        z = ca.SX.sym("z", len(inside.neutral))
+        turning = ca.vertcat(inside.rate(x[:n], u, p, z), x[plant.balances[index].state])
+        inside = Inside(
+            ca.Function("rate", [x, u, p, z], [ca.densify(turning)]),
+            ca.Function("reading", [x, u, p, z], [ca.densify(inside.reading(x[:n], u, p, z))]),
+            ca.Function("effort", [x, u, p, z], [inside.effort(x[:n], u, p, z)]),
+            inside.neutral,
+        )
     rate = ca.vertcat(plant.rate(x[:n], u, p), x[plant.balances[index].state])
     unit = "rad" if rotary else "m"
     name = speed.name.replace("speed", "position").removesuffix("_s") if "speed" in speed.name else f"position_{unit}"
@@ -202,6 +218,7 @@ def with_position(plant: Plant) -> Plant:
         balances=tuple(
             _placed_balance(b, n if k == index else b.position, wider) for k, b in enumerate(plant.balances)
         ),
+        inside=inside,
     )
 
 

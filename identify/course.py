@@ -44,6 +44,11 @@ class Engine(Protocol):
         """Number of outputs."""
         ...
 
+    @property
+    def sticking(self) -> Sequence[int]:
+        """The states that dry friction can hold at rest."""
+        ...
+
     def run(self, course: Course, constants: Array, start: Array) -> Array:
         """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
         ...

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.assembly import OUTPUT, Assembly
-from identify.attach import placed
+from identify.attach import inside_of, placed
 from identify.course import Course
 from identify.effect import Effect, Site
 from identify.forms import FormWriter, form_writer
@@ -27,13 +28,14 @@ _KEPT = 64
 class EffectSimulator:
     """A plant with effects, ready to run for any values of its parameters; the interface is that of Simulator.
 
-    An effect at its neutral value is not there at all. Slopes are difference quotients: the simulation is right to
-    about 1e-12, so that they are good to about six digits.
+    An effect at its neutral value is not there at all; `inner` are the equations where one changes them inside. Slopes
+    are difference quotients: the simulation is right to about 1e-12, so that they are good to about six digits.
     """
 
     plant: Plant
     writer: FormWriter
-    equations: Equations | None  # of an `ode` plant that is not linear
+    equations: Equations | None  # of a plant that is not linear
+    inner: Equations | None
     effects: tuple[tuple[Effect, Site, tuple[int, ...]], ...]
     neutral: tuple[tuple[tuple[int, float], ...], ...]  # for each effect: which of its parameters, at which values
     sizes: Array  # (k,) typical size of each constant, where its value is 0
@@ -49,6 +51,12 @@ class EffectSimulator:
     def outputs(self) -> int:
         """Number of outputs."""
         return len(self.plant.outputs)
+
+    @property
+    def sticking(self) -> Sequence[int]:
+        """The states that dry friction can hold at rest: speeds, where the plant has effects."""
+        moves = [b.state for b in self.plant.balances if b.kind in ("torque", "force")]
+        return moves if self.effects else []
 
     def run(self, course: Course, constants: Array, start: Array) -> Array:
         """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
@@ -96,8 +104,8 @@ class EffectSimulator:
         n = len(assembly.a)
         assembly.read_x, assembly.read_u = np.eye(n), np.zeros((n, assembly.inputs))
         assembly.terms = [term for term in assembly.terms if term.what != OUTPUT]
-        equations = replace(self.equations, reading=0) if self.equations is not None else None
-        made = job(assembly, equations, constants)
+        equations = self.equations_at(constants)
+        made = job(assembly, replace(equations, reading=0) if equations is not None else None, constants)
         return run_job(made, self._segments(course, made), np.asarray(start, dtype=np.float64), course)
 
     def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
@@ -111,18 +119,29 @@ class EffectSimulator:
     def assemble(self, constants: Array) -> Assembly:
         """Put the linear part and every effect that is not neutral together."""
         forms = self.writer.forms(constants[: self.plant.rate.numel_in(2)])
+        if self.equations_at(constants) is self.inner is not None:
+            # What is changed inside is linear no longer, and read as the equations say.
+            forms = replace(
+                forms, **{name: np.zeros_like(getattr(forms, name)) for name in ("read_x", "read_u", "read_c")}
+            )
         assembly = Assembly(self.plant, forms)
-        present = []
-        for (effect, site, own), neutral in zip(self.effects, self.neutral, strict=True):
-            if all(constants[own[k]] == value for k, value in neutral):
-                continue
-            values = tuple(float(constants[k]) for k in own)
-            present.append((effect, site, values))
         if any(effect.place in ("voltage", "current") for effect, _, _ in self.effects):
             assembly.dynamic_current()
-        for effect, site, values in present:
-            effect.attach(assembly, site, values)
+        for effect, site, own in self._present(constants):
+            effect.attach(assembly, site, tuple(float(constants[k]) for k in own))
         return assembly
+
+    def equations_at(self, constants: Array) -> Equations | None:
+        """Return the compiled equations that hold at `constants`."""
+        changed = any(inside_of(self.plant, site) for _, site, _ in self._present(constants))
+        return self.inner if changed else self.equations
+
+    def _present(self, constants: Array) -> list[tuple[Effect, Site, tuple[int, ...]]]:
+        return [
+            placed_effect
+            for placed_effect, neutral in zip(self.effects, self.neutral, strict=True)
+            if not all(constants[placed_effect[2][k]] == value for k, value in neutral)
+        ]
 
     def _job(self, constants: Array) -> Job:
         key = np.asarray(constants, dtype=np.float64).tobytes()
@@ -130,7 +149,7 @@ class EffectSimulator:
         if found is None:
             while len(self.jobs) >= _KEPT:
                 self.jobs.pop(next(iter(self.jobs)))
-            found = self.jobs[key] = job(self.assemble(constants), self.equations, constants)
+            found = self.jobs[key] = job(self.assemble(constants), self.equations_at(constants), constants)
         return found
 
     def _segments(self, course: Course, made: Job) -> Segments:
@@ -168,10 +187,35 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         writer = form_writer(plant)
         equations = None if writer.linear_rate and writer.linear_reading else equations_of(plant, writer)
         effects = placed(plant)
+        inner = None
+        if any(inside_of(plant, site) for _, site, _ in effects):
+            inner = equations_of(_opened(plant, effects), replace(writer, linear_reading=False, linear_effort=False))
         sizes = np.ones(len(plant.parameters))
         neutral = tuple(effect.neutral(site) for effect, site, _ in effects)
-        found = EffectSimulator(plant, writer, equations, effects, neutral, sizes)
+        found = EffectSimulator(plant, writer, equations, inner, effects, neutral, sizes)
         while len(_SIMULATORS) >= _KEPT:
             _SIMULATORS.pop(next(iter(_SIMULATORS)))
         _SIMULATORS[key] = found
     return found
+
+
+def _opened(plant: Plant, effects: Sequence[tuple[Effect, Site, tuple[int, ...]]]) -> Plant:
+    """Return the plant with the parameters of effects in its equations, all constants being arguments of them."""
+    inside = plant.inside
+    assert inside is not None
+    nominal = plant.rate.numel_in(2)
+    x, u, p = (
+        ca.SX.sym(name, size)
+        for name, size in zip("xup", (len(plant.states), len(plant.inputs), len(plant.parameters)), strict=True)
+    )
+    z = list(map(ca.SX, inside.neutral))
+    for _, site, own in effects:
+        for place, index in zip(inside_of(plant, site), own, strict=False):
+            z[place] = p[index]
+    rate, reading, effort = (
+        ca.Function(made.name(), [x, u, p], [made(x, u, p[:nominal], ca.vertcat(*z))], ["x", "u", "p"], ["result"])
+        for made in (inside.rate, inside.reading, inside.effort)
+    )
+    shaft = next(k for k, b in enumerate(plant.balances) if b.kind in ("torque", "force"))
+    balances = tuple(replace(b, effort=effort) if k == shaft else b for k, b in enumerate(plant.balances))
+    return replace(plant, rate=rate, reading=reading, balances=balances)

@@ -126,8 +126,9 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
     small = _start_triangle(made, simulator, constants, guess, weights)
     if small is not None:
         pace = float(np.max(np.ptp(made.target, axis=0))) / (made.course.step * len(made.target))
-        for held in np.flatnonzero(np.linalg.norm(small[:, :-1], axis=0) < _HELD * np.linalg.norm(small[:, :-1])):
-            guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
+        for held in simulator.sticking:
+            if np.linalg.norm(small[:, held]) < _HELD * np.linalg.norm(small[:, :-1]):
+                guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
     found = [_descended(made, simulator, constants, each, weights) for each in guesses]
     return min(found, key=lambda each: each[0])[1]
 

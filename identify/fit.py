@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identify.condition import Conditioning
 from identify.course import Engine
 from identify.covariance import Uncertainty, uncertainty
+from identify.enough import check_rows, check_span
 from identify.experiment import Experiment, aligned, best_start, check_moving, conditioned, delayed, experiments
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
@@ -95,6 +96,7 @@ def fit(
     unseen = [experiments(plant, recording, conditioning) for recording in test]
     for parts in seen:
         check_moving(parts)
+    check_rows(plant, seen)
     report(0.05, "choosing starting values")
     problem = make_problem(plant, engine, seen)
     best, costs = _best_trial(problem, starting_points(plant, engine, problem.experiments), report)
@@ -102,6 +104,13 @@ def fit(
     if conditioning.align:
         best, problem = _align(problem, best, report)
     report(0.9, "covariance and scores")
+    check_span(
+        replace(
+            plant,
+            parameters=tuple(replace(p, value=float(v)) for p, v in zip(plant.parameters, best.constants, strict=True)),
+        ),
+        seen,
+    )
     return _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
 
 

@@ -120,7 +120,7 @@ def _with_effects(plant: Plant) -> Linear:
     reads_position = assembly.position >= 0 and bool(np.any(assembly.read_x[:, assembly.position]))
     assembly.coordinates = []
     assembly.terms = [term for term in assembly.terms if _has_slope(term, reads_position)]
-    made = job(assembly, engine.equations, constants)
+    made = job(assembly, engine.equations_at(constants), constants)
     n, m = len(assembly.a), assembly.inputs
     step = 1e-6
     rates, readings = [], []

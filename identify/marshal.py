@@ -105,6 +105,12 @@ def codes() -> dict[str, int]:
 
 
 @cache
+def _pushed() -> frozenset[str]:
+    """Return the functions of the library that ask for the effort, which costs time where it is not linear."""
+    return frozenset(name for effect in effects().values() for name, body in effect.codes if "v->effort" in body)
+
+
+@cache
 def library() -> ctypes.CDLL:
     """Build the simulator with the functions of all effects; once per version of their text."""
     lines = [
@@ -221,7 +227,8 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
         setattr(problem, name, value.ctypes.data)
     if equations is not None:
         problem.rate, problem.reading = equations.rate, equations.reading
-        problem.bent, problem.slope = equations.bent, equations.slope
+        problem.slope = equations.slope
+        problem.bent = equations.bent if any(term.code in _pushed() for term in made.terms) else 0
     names = [parameter.name for parameter in made.plant.parameters]
     delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
     return Job(made, problem, made.timing, delay, (terms, coordinates, fixed, lag, equations))

@@ -39,10 +39,11 @@ class Balance:
     `state` is the index of that state; -1 where a voltage balance is algebraic (no inductance), so that the current
     follows at once. `position` is the index of the state that integrates a speed, -1 for none; `to` that of the state
     an overflow runs into, -1 for none. `effort` is what the drive gives, in N m or N; it is proportional to `current`
-    where there is one.
+    where there is one. `inside` are the arguments of `Plant.inside` that an effect on this balance sets, in the order
+    of its parameters; `current` and `effort` need not be linear there.
     """
 
-    kind: str  # torque | force | voltage | flow | capacitor
+    kind: str  # torque | force | voltage | flow | capacitor | winding | magnetizing
     state: int
     per: ca.Function  # (p (k,)) -> scalar
     position: int = -1
@@ -50,6 +51,20 @@ class Balance:
     effort: ca.Function | None = None  # (x, u, p) -> scalar; not linear only in an `ode`
     current: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
     resistance: ca.Function | None = None  # (p) -> scalar
+    inside: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Inside:
+    """The equations with what effects change in the middle of them, as functions of (x, u, p, z).
+
+    Where z (c,) is `neutral` they are those of the plant, which are quicker.
+    """
+
+    rate: ca.Function  # -> dx/dt (n,)
+    reading: ca.Function  # -> y (r,)
+    effort: ca.Function  # -> scalar, that of the torque or force balance
+    neutral: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,3 +97,4 @@ class Plant:
     delay: str | None  # name of the parameter that delays every input, s
     balances: tuple[Balance, ...] = ()
     effects: tuple[EffectUse, ...] = ()
+    inside: Inside | None = None

@@ -45,6 +45,11 @@ class Simulator:
     delay: int  # index among the constants, -1 for none
     stiffness: ca.Function | None  # drate/dx, only where Runge-Kutta needs its substep from it
 
+    @property
+    def sticking(self) -> Sequence[int]:
+        """None: there are no effects."""
+        return ()
+
     def run(self, course: Course, constants: Array, start: Array) -> Array:
         """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
         return self._call(course, constants, start, (), False)[0]

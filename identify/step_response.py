@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.signal
@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 LAST = 0.15  # share of the response that its final value is the mean of
 FEWEST = 10  # rows after the step that a response is measured from
 STEADY = 0.005  # share of the input's step within which it counts as held
+CLEAR = 0.25  # of the change: how well a drift at the end has to be known
 CERTAIN = 0.001  # chance below which a response is said to drift still
 
 
@@ -33,6 +34,7 @@ class StepResponse:
     final: float  # output at the end, the mean of the last part
     noise: float  # rms around a smooth curve
     unit: str
+    before: int  # rows that `start` is the mean of
 
     @property
     def gain(self) -> float:
@@ -86,7 +88,7 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
     start = float(np.mean(y[: first + 1])) if first else float(y[0])
     smooth = _smoothed(response)
     noise = float(np.std(np.diff(response, 2))) / math.sqrt(6.0)  # white noise passes a second difference sqrt(6) fold
-    last = max(int(LAST * len(response)), 3)
+    last = _last(response)
     tail, tail_time = response[-last:], moment[-last:]
     final = float(np.mean(tail))
     change = final - start
@@ -102,6 +104,13 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
             f"{where}the response never settles: in its last {tail_time[-1] - tail_time[0]:.3g} s {output} still "
             f"swings by {swing:.2g} {unit}, {100 * swing / abs(change):.2g} % of its change; record longer"
         )
+    unsure = 2.0 * math.sqrt(12.0 / last) * noise / abs(change)  # of a straight line through the last rows
+    if unsure > CLEAR:
+        raise IdentifyError(
+            f"{where}{len(response)} rows after the step are too short to tell whether {output} has settled: what it "
+            f"drifts in the last {last} of them is known to {100 * unsure:.2g} % of its change, at most "
+            f"{100 * CLEAR:.0f} % would do; record longer, or with less noise"
+        )
     drift = float(fitted.slope) * float(tail_time[-1] - tail_time[0])
     clear = noise == 0.0 or fitted.pvalue < CERTAIN
     if clear and abs(drift) > 0.02 * abs(change):
@@ -110,7 +119,16 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
             f"by {abs(drift):.2g} {unit}, {100 * abs(drift / change):.2g} % of its change; record longer, or fit a "
             "plant that integrates"
         )
-    return StepResponse(recording.source, moment, response, (float(u[0]), float(u[first])), start, final, noise, unit)
+    return StepResponse(
+        recording.source, moment, response, (float(u[0]), float(u[first])), start, final, noise, unit, first + 1
+    )
+
+
+def redrawn(response: StepResponse, random: np.random.Generator) -> StepResponse:
+    """Draw the response anew: its smooth curve with as much white noise as it has."""
+    output = _smoothed(response.output) + random.normal(0.0, response.noise, len(response.output))
+    start = response.start + float(random.normal(0.0, response.noise / math.sqrt(response.before)))
+    return replace(response, output=output, start=start, final=float(np.mean(output[-_last(output) :])))
 
 
 def step_figures(response: StepResponse, expected: float = math.nan) -> StepFigures:
@@ -146,6 +164,11 @@ def reach(time: Array, share: Array, level: float) -> float:
     if k == 0:
         return float(time[0])
     return float(time[k - 1] + (time[k] - time[k - 1]) * (level - share[k - 1]) / (share[k] - share[k - 1]))
+
+
+def _last(response: Array) -> int:
+    """Rows that a final value is the mean of."""
+    return max(int(LAST * len(response)), 3)
 
 
 def smooth_share(response: StepResponse) -> Array:

@@ -43,7 +43,13 @@ def _showing(plant: Plant, states: Sequence[int]) -> Plant:
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     reading = ca.vertcat(plant.reading(x, u, p), *(x[k] for k in states))
     wider = ca.Function("reading", [x, u, p], [ca.densify(reading)], ["x", "u", "p"], ["result"])
-    return replace(plant, outputs=(*plant.outputs, *(plant.states[k] for k in states)), reading=wider)
+    inside = plant.inside
+    if inside is not None:
+        z = ca.SX.sym("z", len(inside.neutral))
+        shown = ca.vertcat(inside.reading(x, u, p, z), *(x[k] for k in states))
+        inside = replace(inside, reading=ca.Function("reading", [x, u, p, z], [ca.densify(shown)]))
+    outputs = (*plant.outputs, *(plant.states[k] for k in states))
+    return replace(plant, outputs=outputs, reading=wider, inside=inside)
 
 
 class SteppedPlant:
@@ -57,7 +63,7 @@ class SteppedPlant:
         self._kind, self._period = plant.kind, period
         constants = constants_of(plant)
         engine = effect_simulator(plant)
-        self._job = job(engine.assemble(constants), engine.equations, constants)
+        self._job = job(engine.assemble(constants), engine.equations_at(constants), constants)
         problem, timing = self._job.problem, self._job.timing
         problem.step, problem.longest, problem.turns = period, _LONGEST_CHANGE, 0
         self._late = self._job.delay + timing.input_delay

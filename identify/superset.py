@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -155,6 +156,9 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
+        flowing = bare.balances[balance].current if balance >= 0 and bare.balances[balance].inside else None
+        if flowing is not None:
+            see("current", _along(flowing, states, course.drive, constants))
         if assembly.speed >= 0:
             see("speed", states[:, assembly.speed])
         if assembly.position >= 0:
@@ -195,8 +199,13 @@ def efforts(
     if engine.writer.linear_effort:
         return np.asarray(states @ assembly.effort_x + drive @ assembly.effort_u)
     bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
-    nominal = constants[: plant.rate.numel_in(2)]
-    every = bent.map(len(states))(states.T, drive.T, np.tile(nominal[:, None], len(states)))
+    return _along(bent, states, drive, constants)
+
+
+def _along(function: ca.Function, states: Array, drive: Array, constants: Array) -> Array:
+    """Evaluate a scalar function (x, u, p) in every row, (n,)."""
+    nominal = constants[: function.numel_in(2)]
+    every = function.map(len(states))(states.T, drive.T, np.tile(nominal[:, None], len(states)))
     return np.asarray(every).reshape(-1)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from examples.audit_table import Row, compared, damping_of, document, overshoot, second_order_step, step_figures
-from examples.baldor_l3510 import datasheet_rows, model_rows
+from examples.baldor_l3510 import datasheet_rows, model_rows, text_rows
 from examples.baldor_l3510 import motor as l3510
 from examples.maxon_re15 import audit as re15
 
@@ -14,7 +14,7 @@ np = pytest.importorskip("numpy")
 
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
-    return [*datasheet_rows.rows(), *model_rows.rows(), *re15.rows()]
+    return [*datasheet_rows.rows(), *model_rows.rows(), *text_rows.rows(), *re15.rows()]
 
 
 def found(rows: list[Row], figure: str) -> Row:

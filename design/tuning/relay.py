@@ -64,9 +64,9 @@ def relay_experiment(linear: Linear, period: float, amplitude: float, hysteresis
     while len(rises) <= CYCLES and len(seen) < MOST_SAMPLES:
         y = float((c @ x)[0])
         seen.append(y)
-        if drive * sign > 0 and sign * y > hysteresis:
+        if drive * sign > 0 and y > hysteresis:
             drive = -drive
-        elif drive * sign < 0 and sign * y < -hysteresis:
+        elif drive * sign < 0 and y < -hysteresis:
             drive = -drive
             rises.append(len(seen))
         x = a @ x + b[:, 0] * drive

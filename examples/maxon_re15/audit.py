@@ -24,6 +24,7 @@ from design.kinds import design
 from design.loop import Trajectory, closed_loop, margins
 from examples import methods
 from examples.audit_table import Row, compared, damping_of, document, missing, run, second_order_step, step_figures
+from examples.maxon_re15 import text_rows
 from identify.kinds import make_plant
 from identify.linear import linearize
 from identify.plant import Plant
@@ -79,7 +80,8 @@ def controlled(inductance: float) -> tuple[Trajectory, Mapping[str, float], floa
 
 def rows() -> list[Row]:
     """Return every row."""
-    return [*_open_loop(), *_closed_loop(), *_between(), *_statistics(), *_consistent(), *methods.rows(methods.RE15)]
+    figures = [*_open_loop(), *_closed_loop(), *_between(), *_statistics(), *_consistent(), *text_rows.rows()]
+    return [*figures, *methods.rows(methods.RE15)]
 
 
 def _open_loop() -> list[Row]:

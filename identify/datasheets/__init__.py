@@ -65,9 +65,13 @@ class Contradiction:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A sheet in SI: what it printed, what followed, by which relation, and what contradicts what."""
+    """A sheet in SI: what it printed, what followed, by which relation, and what contradicts what.
+
+    `halves` is how far each figure may be off where every printed one may be off by the tolerance, each on its own.
+    """
 
     figures: Mapping[str, float]
+    halves: Mapping[str, float]
     derived: Mapping[str, Relation]
     contradictions: tuple[Contradiction, ...]
 
@@ -116,4 +120,16 @@ def read_sheet(sheet: Sheet, table: Mapping[str, object], tolerance: float) -> R
                 relation.figure, printed[relation.figure], computed, off, relation, tuple(sorted(origin))
             )
             found = {pair: told for pair, told in found.items() if not whole < pair} | {whole: entry}
-    return Reading(figures, derived, tuple(found.values()))
+    moved = [_followed(sheet, {**printed, name: printed[name] * (1.0 + tolerance)}) for name in printed]
+    halves = {name: math.sqrt(sum((other[name] - value) ** 2 for other in moved)) for name, value in figures.items()}
+    return Reading(figures, halves, derived, tuple(found.values()))
+
+
+def _followed(sheet: Sheet, printed: Mapping[str, float]) -> dict[str, float]:
+    """Return the printed figures and all that follow from them, by the relations in their order."""
+    figures = dict(printed)
+    for _ in sheet.relations:
+        for relation in sheet.relations:
+            if relation.figure not in figures and all(name in figures for name in relation.needs):
+                figures[relation.figure] = relation.formula(*(figures[name] for name in relation.needs))
+    return figures

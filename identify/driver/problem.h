@@ -54,7 +54,7 @@ typedef struct {
 
 typedef struct {
     const problem_t *k;
-    int levels;
+    int levels, flat; /* flat: A is zero, and the formula is the classical one */
     double *table[1 << MOST_STUCK];
     int s[MOST_STUCK]; /* direction; 0: sticks (FRICTION); 1 free, 0 at the limit (LIMIT) */
     double x[MOST], m[2];

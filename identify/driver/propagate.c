@@ -156,11 +156,11 @@ static void full_rate(const run_t *run, const double *x, double t, double *out) 
         for (int c = 0; c < k->coordinates; ++c) {
             held |= run->s[c] == 0 && k->coordinate[c].row == i;
         }
-        out[i] += held ? 0.0 : dot(k->n, &k->a[i * k->n], x);
+        out[i] += held || run->flat ? 0.0 : dot(k->n, &k->a[i * k->n], x);
     }
 }
 
-/* Classical Runge-Kutta, for lengths below the shortest tabulated one. */
+/* Classical Runge-Kutta, for lengths below the shortest tabulated one, and where nothing is linear. */
 static void step_short(const run_t *run, double h, double *out) {
     const int n = run->k->n;
     double k1[MOST], k2[MOST], k3[MOST], k4[MOST], y[MOST];

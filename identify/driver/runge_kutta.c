@@ -20,12 +20,15 @@ static void slope(const course_t *course, const motion_t *motion, motion_t *out)
     }
     plant_rate_slopes(motion->x, motion->u, course->p, out->x, by_x, by_p);
     for (int d = 0; d < total; ++d) {
+        double *to = &out->s[d * N_STATE];
         for (int i = 0; i < N_STATE; ++i) {
-            double sum = d < course->directions ? by_p[course->direction[d] * N_STATE + i] : 0.0;
-            for (int c = 0; c < N_STATE; ++c) {
-                sum += by_x[c * N_STATE + i] * motion->s[d * N_STATE + c];
+            to[i] = d < course->directions ? by_p[course->direction[d] * N_STATE + i] : 0.0;
+        }
+        for (int c = 0; c < N_STATE; ++c) { /* column by column, so that the compiler can take rows together */
+            const double share = motion->s[d * N_STATE + c];
+            for (int i = 0; i < N_STATE; ++i) {
+                to[i] += by_x[c * N_STATE + i] * share;
             }
-            out->s[d * N_STATE + i] = sum;
         }
     }
 }

@@ -107,6 +107,8 @@ static int advance(run_t *run, double length) {
         if (h > rest + 1e-7 * run->smallest) {
             h = rest;
             step_short(run, h, trial);
+        } else if (run->flat) {
+            step_short(run, h, trial);
         } else {
             const int mask = stuck_mask(run);
             if (run->table[mask] == NULL && (run->table[mask] = tabulate(run, mask)) == NULL) {
@@ -188,6 +190,10 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
         }
         reach = fmax(reach, sum);
         run->x[i] = x0[i];
+    }
+    run->flat = 1;
+    for (int i = 0; i < k->n * k->n; ++i) {
+        run->flat &= k->a[i] == 0.0;
     }
     run->levels = 11;
     while (run->levels < LEVELS && ldexp(k->step, 1 - run->levels) * reach > FINEST) {

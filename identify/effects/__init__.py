@@ -68,7 +68,7 @@ def applies(effect: Effect, plant: Plant) -> bool:
     if effect.place == "torque":
         return bool(kinds & {"torque", "force"})
     if effect.place == "current":
-        return any(balance.current is not None for balance in plant.balances)
+        return any(b.current is not None for b in plant.balances if not b.inside)
     if effect.name == "resistance_heating":
         return any(balance.resistance is not None for balance in plant.balances)
     return effect.place in kinds

@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((0.05,), (0.2,))
+    return ((0.02,), (0.1,), (0.3,))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
@@ -29,7 +29,7 @@ EFFECT = Effect(
     says="the capacitor has lost a part of its capacitance",
     parameters=parameters,
     starts=starts,
-    confusable_with=(),
+    confusable_with=("sensor_gain", "sensor_delay", "sensor_lag", "input_saturation"),
     experiment="the capacitor's voltage recorded beside its current",
     rotary_only=False,
     needs_position=False,

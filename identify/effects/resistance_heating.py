@@ -24,6 +24,8 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
+    if assembly.plant.balances[site.balance].inside:
+        return  # the equations of the plant hold it
     rise, lag = values
     row, per = assembly.row[site.balance], assembly.per[site.balance]
     resistance = assembly.forms.balances[site.balance].resistance

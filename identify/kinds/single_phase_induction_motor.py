@@ -11,9 +11,14 @@ ratio of effective turns auxiliary to main, n the pole pairs::
     J w' = n (lq id - ld iq) - b w - load w |w|
 
 The centrifugal switch opens the auxiliary winding above `switch_open_rad_s` and closes it again below
-`switch_close_rad_s`; the arc ends the current with a time constant of 0.5 ms. Both resistances of the stator grow with
-the winding's rise above its temperature at the start, R (1 + 0.00393 rise), and the rise follows the copper loss:
-heating_time rise' = rise_K_per_W (Rm im^2 + Ra ia^2) - rise.
+`switch_close_rad_s`; the arc ends the current with a time constant of 1 ms. It moves within 1 rad/s and some 2 ms, so
+that speeds, currents and their slopes are smooth: what a fit says of the switch, or of all that comes after it, rests
+on that. Both resistances of the stator grow with the winding's rise above its temperature at the start,
+R (1 + 0.00393 rise), and the rise follows the copper loss: rise = rise_K_per_W heat,
+heating_time heat' = Rm im^2 + Ra ia^2 - heat.
+
+M falls with the flux of the air gap where the effect magnetizing_saturation is present (`iron.py`), and the effect
+resistance_heating adds to `rise_K_per_W` with a time constant of its own.
 
 The input is the instantaneous voltage, or its rms value, which is then a sine of `frequency_Hz` from phase 0.
 """
@@ -25,12 +30,14 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from identify.iron import air_gap
 from identify.kind import Constant, Kind, equations
-from identify.plant import Balance, IdentifyError, Parameter, Plant
+from identify.plant import Balance, IdentifyError, Inside, Parameter, Plant
 from identify.signal import Signal
 
-ARC = 5e-4  # s; far below a period of the mains, far above what would make the equations stiff
-LATCH = 2e-3  # s; in which the switch has moved
+ARC = 1e-3  # s; far below a period of the mains, far above what would make the equations stiff
+LATCH = 2e-3  # s; in which the switch moves
+BAND = 1.0  # rad/s; over which it is told to: at a start of 600 rad/s^2 as long as it moves
 COPPER = 0.00393  # 1/K, as in effects/resistance_heating.py
 
 _STATES = (
@@ -41,8 +48,9 @@ _STATES = (
     ("capacitor_V", "V"),
     ("speed_rad_s", "rad/s"),
     ("switch_1", ""),
-    ("rise_K", "K"),
+    ("heat_W", "W"),
 )
+_SPEED = 5
 _PHASE = Signal("phase_rad", "rad", -math.inf, math.inf)
 
 
@@ -55,47 +63,16 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
             "plant.parameters.frequency_Hz is free, but the recorded voltage_V has its own frequency; set free = false"
         )
     states = (*(Signal(name, unit, -math.inf, math.inf) for name, unit in _STATES), *((_PHASE,) if sine else ()))
-    x, u, p = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+    x, u, p, z = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters)), ca.SX.sym("z", 3)
     value = dict(zip((parameter.name for parameter in parameters), ca.vertsplit(p), strict=True))
-    main, aux, rotor_q, rotor_d, capacitor, speed, switch, rise = ca.vertsplit(x)[: len(_STATES)]
-    voltage = math.sqrt(2.0) * u * ca.sin(x[len(_STATES)]) if sine else u
+    rates, plain = _equations(x, u, value, None)
+    inner_rates, inner = _equations(x, u, value, z)
 
-    mutual, across = value["magnetizing_L_H"], value["turns_ratio"] * value["magnetizing_L_H"]
-    rotor_self = value["rotor_L_H"] + mutual
-    i_main, i_q = _currents(main, rotor_q, value["main_L_H"] + mutual, rotor_self, mutual)
-    aux_self = value["aux_L_H"] + value["turns_ratio"] * across
-    i_aux, i_d = _currents(aux, rotor_d, aux_self, rotor_self, across)
-    warm = 1.0 + COPPER * rise
-    r_main, r_aux = value["main_R_ohm"] * warm, value["aux_R_ohm"] * warm
-    electric = value["pole_pairs"] * speed
-    rotor_q_rate = -value["rotor_R_ohm"] * i_q + electric * rotor_d
-    rotor_d_rate = -value["rotor_R_ohm"] * i_d - electric * rotor_q
-    opened = (across * rotor_d_rate - (aux_self * rotor_self - across**2) * i_aux / ARC) / rotor_self
-    torque = value["pole_pairs"] * (rotor_q * i_d - rotor_d * i_q)
-    load = value["b_N_m_s_rad"] * speed + value["load_N_m_s2_rad2"] * speed * ca.fabs(speed)
-    kept = ca.if_else(switch > 0.5, 1.0, 0.0)
-    wanted = ca.if_else(
-        speed > value["switch_open_rad_s"], 1.0, ca.if_else(speed < value["switch_close_rad_s"], 0.0, kept)
-    )
-    loss = r_main * i_main**2 + r_aux * i_aux**2
-    rates = [
-        voltage - r_main * i_main,
-        ca.if_else(switch > 0.5, opened, voltage - r_aux * i_aux - capacitor),
-        rotor_q_rate,
-        rotor_d_rate,
-        i_aux / value["capacitance_F"],
-        (torque - load) / value["J_kg_m2"],
-        (wanted - switch) / LATCH,
-        (value["rise_K_per_W"] * loss - rise) / value["heating_time_s"],
-        *([2.0 * math.pi * value["frequency_Hz"]] if sine else []),
-    ]
-    readings = {
-        **dict(zip((signal.name for signal in states), ca.vertsplit(x), strict=True)),
-        "main_current_A": i_main,
-        "aux_current_A": i_aux,
-        "line_current_A": i_main + i_aux,
-        "torque_N_m": torque,
-    }
+    def read(readings: Mapping[str, ca.SX]) -> ca.SX:
+        known = {**dict(zip((signal.name for signal in states), ca.vertsplit(x), strict=True)), **readings}
+        shown: ca.SX = ca.vertcat(*(known[output.name] for output in outputs))
+        return shown
+
     return Plant(
         kind=KIND.name,
         states=states,
@@ -103,24 +80,106 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
-        reading=equations("reading", x, u, p, ca.vertcat(*(readings[output.name] for output in outputs))),
+        reading=equations("reading", x, u, p, read(plain)),
         delay=None,
         balances=(
-            Balance(kind="torque", state=5, per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]])),
+            Balance(
+                kind="torque",
+                state=_SPEED,
+                per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]]),
+                effort=equations("effort", x, u, p, plain["torque_N_m"]),
+            ),
             Balance(kind="capacitor", state=4, per=ca.Function("per", [p], [1.0 / value["capacitance_F"]])),
+            Balance(
+                kind="magnetizing",
+                state=-1,
+                per=ca.Function("per", [p], [0.0]),
+                current=equations("current", x, u, p, plain["magnetizing_A"]),
+                inside=(0,),
+            ),
+            Balance(
+                kind="winding",
+                state=-1,
+                per=ca.Function("per", [p], [0.0]),
+                current=equations("current", x, u, p, plain["main_current_A"]),
+                resistance=ca.Function("resistance", [p], [value["main_R_ohm"]]),
+                inside=(1, 2),
+            ),
+        ),
+        inside=Inside(
+            rate=ca.Function("rate", [x, u, p, z], [ca.densify(ca.vertcat(*inner_rates))]),
+            reading=ca.Function("reading", [x, u, p, z], [ca.densify(read(inner))]),
+            effort=ca.Function("effort", [x, u, p, z], [inner["torque_N_m"]]),
+            neutral=(math.inf, 0.0, 1.0),
         ),
     )
+
+
+def _equations(
+    x: ca.SX, u: ca.SX, value: Mapping[str, ca.SX], inside: ca.SX | None
+) -> tuple[list[ca.SX], dict[str, ca.SX]]:
+    """Return the rates, and what can be read beside the states.
+
+    `inside` holds the knee of the iron in A, more rise in K/W and its time constant in s.
+    """
+    main, aux, rotor_q, rotor_d, capacitor, speed, switch, heat = ca.vertsplit(x)[: len(_STATES)]
+    phase = ca.vertsplit(x)[len(_STATES) :]
+    voltage = math.sqrt(2.0) * u * ca.sin(phase[0]) if phase else u
+    knee, more, slower = (None, ca.SX(0.0), ca.SX(1.0)) if inside is None else ca.vertsplit(inside)
+
+    mutual, turns, rotor_leak = value["magnetizing_L_H"], value["turns_ratio"], value["rotor_L_H"]
+    aside = (aux / turns, value["aux_L_H"] / turns**2)  # referred to the main winding
+    gap_q, gap_d = air_gap(
+        [[(main, value["main_L_H"]), (rotor_q, rotor_leak)], [aside, (rotor_d, rotor_leak)]], mutual, knee
+    )
+    i_main, i_aux = (main - gap_q) / value["main_L_H"], (aux - turns * gap_d) / value["aux_L_H"]
+    i_q, i_d = (rotor_q - gap_q) / rotor_leak, (rotor_d - gap_d) / rotor_leak
+
+    rise = (value["rise_K_per_W"] + more) * heat
+    warm = 1.0 + COPPER * rise
+    r_main, r_aux = value["main_R_ohm"] * warm, value["aux_R_ohm"] * warm
+    loss = r_main * i_main**2 + r_aux * i_aux**2
+    heat_time = value["heating_time_s"] if inside is None else ca.if_else(more > 0.0, slower, value["heating_time_s"])
+    electric = value["pole_pairs"] * speed
+    torque = value["pole_pairs"] * (rotor_q * i_d - rotor_d * i_q)
+    load = value["b_N_m_s_rad"] * speed + value["load_N_m_s2_rad2"] * speed * ca.fabs(speed)
+    opened = _ramp((switch - 0.25) / 0.5)
+    edge = value["switch_open_rad_s"] + (value["switch_close_rad_s"] - value["switch_open_rad_s"]) * opened
+    rates = [
+        voltage - r_main * i_main,
+        voltage - r_aux * i_aux - capacitor,
+        -value["rotor_R_ohm"] * i_q + electric * rotor_d,
+        -value["rotor_R_ohm"] * i_d - electric * rotor_q,
+        i_aux / value["capacitance_F"],
+        (torque - load) / value["J_kg_m2"],
+        (_ramp((speed - edge) / BAND) - switch) / LATCH,
+        (loss - heat) / heat_time,
+        *([2.0 * math.pi * value["frequency_Hz"]] if phase else []),
+    ]
+    # Where the switch is open the flux moves so that the current dies away, whatever the other windings do.
+    by_flux = ca.gradient(i_aux, x)
+    others = sum((by_flux[k] * rates[k] for k in (0, 2, 3)), start=ca.SX(0.0))
+    rates[1] += opened * ((-i_aux / ARC - others) / by_flux[1] - rates[1])
+    magnetizing = ca.sqrt((i_main + i_q) ** 2 + (turns * i_aux + i_d) ** 2)
+    return rates, {
+        "main_current_A": i_main,
+        "aux_current_A": i_aux,
+        "line_current_A": i_main + i_aux,
+        "torque_N_m": torque,
+        "rise_K": rise,
+        "magnetizing_A": magnetizing,
+    }
+
+
+def _ramp(share: ca.SX) -> ca.SX:
+    """Rise smoothly from 0 at 0 to 1 at 1."""
+    inner = ca.fmin(ca.fmax(share, 0.0), 1.0)
+    return inner**2 * (3.0 - 2.0 * inner)
 
 
 def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     """Propose nothing: the standard tests (`induction_tests.py`) give a better start than any guess."""
     return ()
-
-
-def _currents(stator: ca.SX, rotor: ca.SX, own: ca.SX, other: ca.SX, mutual: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Solve two coupled flux linkages for the currents of stator and rotor."""
-    determinant = own * other - mutual**2
-    return (other * stator - mutual * rotor) / determinant, (own * rotor - mutual * stator) / determinant
 
 
 def _positive(name: str, unit: str) -> Constant:

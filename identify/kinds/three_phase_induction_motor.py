@@ -9,6 +9,7 @@ Drive Systems, 2nd ed., section 4.5). With M the magnetizing inductance and n th
 
 The input is the rms voltage V between two lines. The mains is an oscillator, so that the simulator sees how fast it
 turns: vqs = sqrt(2/3) V (1 + c), vds = -sqrt(2/3) V s, with s' = we (1 + c) and c' = -we s held on their circle.
+M falls with the flux of the air gap where the effect magnetizing_saturation is present (`iron.py`).
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from identify.iron import air_gap
 from identify.kind import Constant, Kind, equations
-from identify.plant import Balance, Parameter, Plant
+from identify.plant import Balance, Inside, Parameter, Plant
 from identify.signal import Signal
 
 _STATES = (
@@ -37,14 +39,55 @@ HELD = 20.0  # 1/s; by which the oscillator returns to its circle
 def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equations."""
     states = tuple(Signal(name, unit, -math.inf, math.inf) for name, unit in _STATES)
-    x, u, p = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+    x, u, p, z = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters)), ca.SX.sym("z", 1)
     value = dict(zip((parameter.name for parameter in parameters), ca.vertsplit(p), strict=True))
+    rates, shown = _equations(x, u, value, None)
+    inner_rates, inner = _equations(x, u, value, z)
+    read, inner_read = (ca.vertcat(*(known[output.name] for output in outputs)) for known in (shown, inner))
+    return Plant(
+        kind=KIND.name,
+        states=states,
+        inputs=(drive,),
+        outputs=outputs,
+        parameters=parameters,
+        rate=equations("rate", x, u, p, ca.vertcat(*rates)),
+        reading=equations("reading", x, u, p, read),
+        delay=None,
+        balances=(
+            Balance(
+                kind="torque",
+                state=4,
+                per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]]),
+                effort=equations("effort", x, u, p, shown["torque_N_m"]),
+            ),
+            Balance(
+                kind="magnetizing",
+                state=-1,
+                per=ca.Function("per", [p], [0.0]),
+                current=equations("current", x, u, p, shown["magnetizing_A"]),
+                inside=(0,),
+            ),
+        ),
+        inside=Inside(
+            rate=ca.Function("rate", [x, u, p, z], [ca.densify(ca.vertcat(*inner_rates))]),
+            reading=ca.Function("reading", [x, u, p, z], [ca.densify(inner_read)]),
+            effort=ca.Function("effort", [x, u, p, z], [inner["torque_N_m"]]),
+            neutral=(math.inf,),
+        ),
+    )
+
+
+def _equations(
+    x: ca.SX, u: ca.SX, value: Mapping[str, ca.SX], knee: ca.SX | None
+) -> tuple[list[ca.SX], dict[str, ca.SX]]:
+    """Return the rates and what can be read; `knee` is that of the iron in A."""
     stator_q, stator_d, rotor_q, rotor_d, speed, sine, less = ca.vertsplit(x)
-    mutual = value["magnetizing_L_H"]
-    own, other = value["stator_L_H"] + mutual, value["rotor_L_H"] + mutual
-    determinant = own * other - mutual**2
-    i_qs, i_ds = ((other * s - mutual * r) / determinant for s, r in ((stator_q, rotor_q), (stator_d, rotor_d)))
-    i_qr, i_dr = ((own * r - mutual * s) / determinant for s, r in ((stator_q, rotor_q), (stator_d, rotor_d)))
+    own, other = value["stator_L_H"], value["rotor_L_H"]
+    gap_q, gap_d = air_gap(
+        [[(stator_q, own), (rotor_q, other)], [(stator_d, own), (rotor_d, other)]], value["magnetizing_L_H"], knee
+    )
+    i_qs, i_ds = (stator_q - gap_q) / own, (stator_d - gap_d) / own
+    i_qr, i_dr = (rotor_q - gap_q) / other, (rotor_d - gap_d) / other
     peak, electric = math.sqrt(2.0 / 3.0) * u, value["pole_pairs"] * speed
     mains, cosine = 2.0 * math.pi * value["frequency_Hz"], 1.0 + less
     back = HELD * (1.0 - sine**2 - cosine**2)
@@ -59,18 +102,13 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         mains * cosine + back * sine,
         -mains * sine + back * cosine,
     ]
-    readings = {"speed_rad_s": speed, "phase_current_A": i_qs, "torque_N_m": torque}
-    return Plant(
-        kind=KIND.name,
-        states=states,
-        inputs=(drive,),
-        outputs=outputs,
-        parameters=parameters,
-        rate=equations("rate", x, u, p, ca.vertcat(*rates)),
-        reading=equations("reading", x, u, p, ca.vertcat(*(readings[output.name] for output in outputs))),
-        delay=None,
-        balances=(Balance(kind="torque", state=4, per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]])),),
-    )
+    magnetizing = ca.sqrt((i_qs + i_qr) ** 2 + (i_ds + i_dr) ** 2)
+    return rates, {
+        "speed_rad_s": speed,
+        "phase_current_A": i_qs,
+        "torque_N_m": torque,
+        "magnetizing_A": magnetizing,
+    }
 
 
 def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:

@@ -84,6 +84,11 @@ def test_the_relay_finds_the_ultimate_point_of_four_lags():
     assert (point.gain, point.period) == pytest.approx((4.0, 2 * math.pi), rel=0.06)
 
 
+def test_the_relay_swings_a_plant_of_negative_gain_too():
+    up, down = (relay_experiment(lag_with_delay(gain, 0.5, 0.05), 0.01, 2.0, 0.0) for gain in (3.0, -3.0))
+    assert (down.gain, down.period) == pytest.approx((-up.gain, up.period))
+
+
 K, T, L = 2.0, 3.0, 1.0
 PUBLISHED = [
     ("ziegler_nichols", "p", 1.5, math.inf, 0),

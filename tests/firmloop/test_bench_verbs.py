@@ -52,6 +52,11 @@ def test_datasheet_makes_a_plant(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["datasheet", str(_file(tmp_path, SHEET)), "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "no_load test" in said and "second order: speed/voltage" in said and "J = tau_m kt^2/R" in said
+    assert "a datasheet gives no 95 % intervals" in said and "J_kg_m2      6.79e-08 ± 8.4e-09 kg*m^2" in said
+    tolerance = json.loads((out / "datasheet.json").read_text())["parameters"]["J_kg_m2"]["tolerance"]
+    inertia = 0.009 * 0.0136**2 / 24.5
+    moves = (0.05, 1.05**2 - 1.0, 1.0 - 1.0 / 1.05)  # of time constant, torque constant and resistance, each 5 % off
+    assert tolerance == pytest.approx(inertia * sum(each**2 for each in moves) ** 0.5)
     plant = tomllib.loads((out / "project.toml").read_text())["plant"]
     assert plant["parameters"]["J_kg_m2"]["value"] == pytest.approx(0.009 * 0.0136**2 / 24.5)
     assert plant["effects"][0]["name"] == "coulomb_friction"

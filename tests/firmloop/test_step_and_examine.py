@@ -56,10 +56,20 @@ def test_step_says_figures_with_intervals(trials: Path, tmp_path: Path, capsys: 
     assert abs(error["mean"]) < 0.05
 
 
-def test_one_trial_has_no_interval(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_trial_has_the_interval_of_its_noise(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     trials.write_text(PROJECT.replace('["trial1.csv", "trial2.csv", "trial3.csv"]', '["trial1.csv"]'))
     assert main(["step", str(trials), "--out", str(tmp_path / "out")]) == 0
-    assert "no intervals; they need at least 3 trials" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "hold the noise of" in said and "at least 3 of them" in said
+    line = next(line for line in said.splitlines() if "two points" in line)
+    document = json.loads((tmp_path / "out" / "step.json").read_text())
+    half = document["ci95_half_from_noise"]["two points"]["time_constant_s"]
+    assert 0.0 < half < 0.02 and f"± {half:.2g} s" in line
+    shown = line.split("time_constant_s ")[1].split(" ")[0]
+    assert len(shown.partition(".")[2]) <= -np.floor(np.log10(half)) + 1, "no digit beyond the second of the interval"
+    assert document["ci95_half_from_noise"]["figures"]["gain"] > 0.0
 
 
 def test_a_step_that_never_comes(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

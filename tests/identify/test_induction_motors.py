@@ -7,6 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from bench.induction_faults import CASES, diagnosed
+from bench.induction_truth import Motor
+from identify.effects import candidates
 from identify.induction_tests import (
     AcTest,
     at_temperature,
@@ -23,7 +26,7 @@ from identify.plant import IdentifyError, Plant
 from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording
 from identify.revolving_field import at_load, breakdown, running
-from identify.simulate import simulate
+from identify.simulate import constants_of, course_of, simulate, simulator
 
 MOTOR = {
     "main_R_ohm": 0.525,
@@ -43,6 +46,18 @@ MOTOR = {
     "load_N_m_s2_rad2": 1e-4,
     "rise_K_per_W": 0.0,
     "heating_time_s": 100.0,
+    "frequency_Hz": 60.0,
+}
+THREE_PHASE = {
+    "stator_R_ohm": 0.5,
+    "stator_L_H": 2e-3,
+    "rotor_R_ohm": 0.4,
+    "rotor_L_H": 2e-3,
+    "magnetizing_L_H": 0.06,
+    "pole_pairs": 2.0,
+    "J_kg_m2": 0.02,
+    "b_N_m_s_rad": 0.04,
+    "load_N_m_s2_rad2": 0.0,
     "frequency_Hz": 60.0,
 }
 SYNCHRONOUS = math.pi * 60.0
@@ -123,19 +138,7 @@ def test_effects_attach_to_the_shaft() -> None:
 
 
 def test_a_three_phase_motor_gives_the_torque_of_its_circuit() -> None:
-    values = {
-        "stator_R_ohm": 0.5,
-        "stator_L_H": 2e-3,
-        "rotor_R_ohm": 0.4,
-        "rotor_L_H": 2e-3,
-        "magnetizing_L_H": 0.06,
-        "pole_pairs": 2.0,
-        "J_kg_m2": 0.02,
-        "b_N_m_s_rad": 0.04,
-        "load_N_m_s2_rad2": 0.0,
-        "frequency_Hz": 60.0,
-    }
-    plant = make_plant("three_phase_induction_motor", "voltage_rms_V", ["speed_rad_s", "torque_N_m"], values)
+    plant = make_plant("three_phase_induction_motor", "voltage_rms_V", ["speed_rad_s", "torque_N_m"], THREE_PHASE)
     speed, torque = simulate(plant, mains(2.0, 200.0), None)[-100:].T
     slip, w = 1 - float(speed.mean()) / SYNCHRONOUS, 120 * math.pi
     rotor, across = 0.4 / slip + 1j * w * 2e-3, 1j * w * 0.06
@@ -198,3 +201,75 @@ def test_an_aged_capacitor_is_an_effect_of_its_own() -> None:
     smaller = simulate(motor(capacitance_F=0.9 * 340e-6), mains(0.2), None)
     np.testing.assert_allclose(aged[:, 0], smaller[:, 0], atol=0.01)
     np.testing.assert_allclose(aged[:, 1], smaller[:, 2], atol=0.05)
+
+
+def test_saturated_iron_takes_more_current_for_the_same_flux() -> None:
+    """At no load the voltage fixes the flux of the air gap, and the cubic of iron.py says what it takes."""
+    free = {"b_N_m_s_rad": 0.0, "load_N_m_s2_rad2": 0.0, "J_kg_m2": 0.002}
+    shown = []
+    for effects in ([], [{"name": "magnetizing_saturation", "current_A": 8.0}]):
+        values = {**THREE_PHASE, **free}
+        table = {"kind": "three_phase_induction_motor", "input": "voltage_rms_V", "outputs": ["phase_current_A"]}
+        plant = plant_from_table({**table, "parameters": values, "effects": effects})
+        shown.append(math.sqrt(2.0) * rms(simulate(plant, mains(2.0, 100.0), None)[-500:, 0]))
+    linear, bent = shown
+    w, peak, flux = 120 * math.pi, math.sqrt(2.0 / 3.0) * 100.0, 0.0
+    for _ in range(50):
+        current = flux / 0.06 * (1.0 + (flux / (0.06 * 8.0)) ** 2)
+        # What the stator's resistance and leakage leave of the voltage.
+        flux = 0.5 * flux + 0.5 * (math.sqrt(peak**2 - (0.5 * current) ** 2) / w - 2e-3 * current)
+    assert bent == pytest.approx(current, rel=0.01)
+    assert bent > 1.1 * linear
+
+
+def test_the_switch_can_be_identified() -> None:
+    """Its slopes are those of the simulation, though it moves once and within milliseconds."""
+    plant = motor()
+    names = [parameter.name for parameter in plant.parameters]
+    course, constants = course_of(plant, mains(0.6)), constants_of(plant)
+    engine, start = simulator(plant), np.zeros(9)
+    for name in ("switch_open_rad_s", "J_kg_m2"):
+        index = names.index(name)
+        _, slopes = engine.run_with_slopes(course, constants, start, (index,))
+        step = 1e-6 * constants[index]
+        ends = [
+            engine.run(course, constants + sign * step * (np.arange(len(names)) == index), start) for sign in (1, -1)
+        ]
+        quotient = (ends[0] - ends[1]) / (2.0 * step)
+        assert rms(quotient[:, 2]) > 0.0
+        assert rms(slopes[:, 2, 0] - quotient[:, 2]) < 1e-3 * rms(quotient[:, 2])
+
+
+def test_the_simulator_agrees_with_one_written_apart() -> None:
+    time = np.arange(400) * 1e-3
+    volts = np.where(time < 0.35, 115.0, 0.0)
+    concealed = {"knee": 8.0, "lost": 0.1, "heat": (0.05, 0.5), "load": (3.0, 0.3003)}
+    truth = Motor(MOTOR, **concealed).run(time, volts)
+    effects = [
+        {"name": "magnetizing_saturation", "current_A": 8.0},
+        {"name": "capacitor_ageing", "loss": 0.1},
+        {"name": "resistance_heating", "rise_K_per_W": 0.05, "time_constant_s": 0.5},
+        {"name": "load_step", "torque_N_m": 3.0, "time_s": 0.3003},
+    ]
+    table = {"kind": "single_phase_induction_motor", "input": "voltage_rms_V", "outputs": list(OUTPUTS[:3])}
+    plant = plant_from_table({**table, "parameters": MOTOR, "effects": effects})
+    found = simulate(plant, make_recording(time, {"voltage_rms_V": volts}, "simulated", ""), None)
+    np.testing.assert_allclose(found, truth, atol=2e-3)
+
+
+def test_what_limits_the_studies_can_be_looked_for() -> None:
+    names = {effect.name for effect in candidates(motor())}
+    limits = {"magnetizing_saturation", "resistance_heating", "coulomb_friction", "load_step", "capacitor_ageing"}
+    assert limits <= names
+    assert not names & {"inductance_saturation", "torque_constant_saturation", "brush_drop", "supply_sag"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["resistance_heating"])
+def test_what_is_concealed_is_found_through_the_command_line(name: str) -> None:
+    case = CASES[name]
+    status, found = diagnosed(case)
+    assert (status, found["verdict"]) == (1, "explained")
+    assert [effect["name"] for effect in found["effects"]] == [name]
+    value = found["effects"][0]["parameters"][case.parameter]["value"]
+    assert value == pytest.approx(case.value, rel=0.1)

@@ -11,6 +11,7 @@ import pytest
 from identify.graphical import METHODS, one_point, overshoot, sundaresan, two_point
 from identify.plant import IdentifyError
 from identify.recording import make_recording
+from identify.step_noise import noise_halves
 from identify.step_response import step_figures, step_response
 from identify.trials import repeated
 
@@ -112,6 +113,14 @@ def test_what_is_no_step_response_is_said(recording, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_few_rows_of_a_rise_are_no_settled_response() -> None:
+    time = np.arange(30) * 0.005
+    rise = 18.0 * (1.0 - np.exp(-np.clip(time - 0.1, 0.0, None) / 2.0)) + np.random.default_rng(1).normal(0, 0.05, 30)
+    made = make_recording(time, {"u": np.where(time >= 0.1, 12.0, 0.0), "y": rise}, "short.csv", "")
+    with pytest.raises(IdentifyError, match=r"short.csv: 10 rows after the step are too short to tell whether y has"):
+        step_response(made, "u", "y")
+
+
 def test_trials_by_students_t():
     """Three values: t_0.975(2) = 4.3027."""
     found = repeated([1.0, 2.0, 4.0])
@@ -119,3 +128,27 @@ def test_trials_by_students_t():
     assert found.half == pytest.approx(4.302653 * np.std([1, 2, 4], ddof=1) / math.sqrt(3), rel=1e-6)
     with pytest.raises(IdentifyError, match="at least 3 trials"):
         repeated([1.0, 2.0])
+
+
+def test_intervals_of_one_trial_hold_the_truth_as_often_as_they_say() -> None:
+    """Of a lag with delay, which is the rule's own plant, recorded for nine time constants."""
+    inside, repeats = np.zeros(3), 40
+    time = np.arange(200) * 0.02
+    clean = 3.0 * (1.0 - np.exp(-np.clip(time - 0.5, 0.0, None) / 0.36))
+    for seed in range(repeats):
+        noisy = clean + np.random.default_rng(seed).normal(0.0, 0.05, len(time))
+        made = make_recording(time, {"u": np.where(time >= 0.2, 2.0, 0.0), "y": noisy}, "step", "")
+        response = step_response(made, "u", "y")
+        found = two_point(response)
+        half = noise_halves(response, {"two": two_point}, 30)["two"]
+        truth = {"gain": 1.5, "time_constant_s": 0.36, "delay_s": 0.3}
+        inside += [abs(found[name] - true) <= half[name] for name, true in truth.items()]
+    assert np.all(inside / repeats > 0.84), inside / repeats  # three deviations of 40 draws below 95 %
+
+
+def test_a_rule_without_a_model_in_some_draw_has_no_interval() -> None:
+    made = recorded(lag(1.5, 0.4), noise=0.01)
+    halves = noise_halves(
+        step_response(made, "voltage_V", "speed_rad_s"), {"overshoot": overshoot, "63 %": one_point}, 20
+    )
+    assert halves["overshoot"] == {} and halves["63 %"]["delay_s"] == 0.0 and halves["63 %"]["time_constant_s"] > 0.0
