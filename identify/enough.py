@@ -34,8 +34,13 @@ def check_rows(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
 
 
 def check_span(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
-    """Raise IdentifyError where a gain is wanted and the recordings end before the fitted plant can show it."""
-    if not any(parameter.name == "gain" and parameter.free for parameter in plant.parameters):
+    """Raise IdentifyError where a gain is wanted and the recordings end before the fitted plant can show it.
+
+    Where some of the dynamics are given, what was asked may be a ratio of the gain and those: a mass, say.
+    """
+    if not all(parameter.free for parameter in plant.parameters if parameter.name != "delay_s"):
+        return
+    if not any(parameter.name == "gain" for parameter in plant.parameters):
         return
     poles = np.linalg.eigvals(linearize(plant).a)
     poles = poles[np.abs(poles) > _NOISE_FREE * np.max(np.abs(poles), initial=0.0)]
