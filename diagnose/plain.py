@@ -49,16 +49,17 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     scene = found.scene
     if not scene.test or not strays(found):
         return found
-    plain = plain_search(found, slow if not found.best.fitted.causes else (), progress)
-    if plain.best.fitted.causes and _predicts(scene, plain.best.fitted, found.best.fitted):
-        if _evidence(found, plain.best.fitted) > max(_EVIDENCE, _SHARE * (found.nominal.score - found.best.score)):
+    plain, evidence = plain_search(found, slow if not found.best.fitted.causes else (), progress)
+    if evidence > max(_EVIDENCE, _SHARE * (found.nominal.score - found.best.score)):
+        if _predicts(scene, plain.best.fitted, found.best.fitted):
             return _refined(plain)
     return _simulated(found) if found.best.fitted.causes else found
 
 
 def _predicts(scene: Scene, one: Fitted, other: Fitted) -> bool:
     """Tell whether an explanation leaves less than another, and clearly less on unseen recordings."""
-    return _size(one.residuals, other.residuals) < 1.0 and _size(_unseen(scene, one), _unseen(scene, other)) < _CLEAR
+    train, test = _ratios(scene, one, other)
+    return train < 1.0 and test < _CLEAR
 
 
 def _simulated(found: Search) -> Search:
@@ -115,24 +116,21 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
         return None
     scene, best = found.scene, found.best
     one = rivals[0].fitted
-    ratios = [
-        _size(one.residuals, best.fitted.residuals),
-        _size(_unseen(scene, one), _unseen(scene, best.fitted)),
-    ]
-    if max(ratios) > _LEAP:
+    ratio = max(_ratios(scene, one, best.fitted))
+    if ratio > _LEAP:
         return None
     again = rated(scene, fit(scene, scene.train, one.causes, one.point, noises_of(scene, one.residuals), _LONG))
     gain = best.score - again.score
-    if gain < (THRESHOLD if max(ratios) > _SURE else 0.0):
+    if gain < (THRESHOLD if ratio > _SURE else 0.0):
         return None
     nominal = found.nominal if found.gains else best
     return replace(found, nominal=nominal, best=again, rounds=(*found.rounds, (again,)), gains=(*found.gains, gain))
 
 
-def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> Search:
+def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> tuple[Search, float]:
     """Grow an explanation effect by effect, each the one after which the simulations miss least.
 
-    `begin` are the single effects if they have been tried already.
+    `begin` are the single effects if they have been tried already. Return the evidence by innovations too.
     """
     progress(0.7, "looking for what moves slowly")
     begun = time.process_time()
@@ -141,26 +139,25 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> S
     best = nominal
     rounds: list[tuple[Rival, ...]] = []
     gains: list[float] = []
+    evidence = 0.0
     while len(gains) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
         noises = _independent(best.fitted.residuals)
-        tried = begin if begin and not gains else _round(scene, best.fitted, noises)
-        rivals = tuple(
-            _rated(scene, each.fitted, noises) for each in tried if _same_machine(nominal.fitted, each.fitted)
-        )
+        known = tuple(_rated(scene, each.fitted, noises) for each in begin if not gains)
+        tried = known or _round(scene, best.fitted, noises)
+        rivals = tuple(each for each in tried if _same_machine(nominal.fitted, each.fitted))
         if not rivals:
             break
         base, chosen = _rated(scene, best.fitted, noises), rivals[0]
-        train = _size(chosen.fitted.residuals, base.fitted.residuals)
-        test = _size(_unseen(scene, chosen.fitted), _unseen(scene, base.fitted))
         rounds.append(rivals)
-        if base.score - chosen.score < _THRESHOLD or max(train, test) > _BETTER:
+        if base.score - chosen.score < _THRESHOLD or max(_ratios(scene, chosen.fitted, base.fitted)) > _BETTER:
             break
         gains.append(base.score - chosen.score)
         best = chosen
         nominal = base if len(gains) == 1 else nominal
-        if _evidence(found, best.fitted) < 0.0:
+        evidence = _evidence(found, best.fitted)
+        if evidence < 0.0:
             break
-    return Search(scene, nominal, best, tuple(rounds), found.screened, tuple(gains))
+    return Search(scene, nominal, best, tuple(rounds), found.screened, tuple(gains)), evidence
 
 
 def _same_machine(nominal: Fitted, fitted: Fitted) -> bool:
@@ -220,6 +217,11 @@ def _rated(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Rival:
 def _unseen(scene: Scene, fitted: Fitted) -> tuple[Array, ...]:
     """Return what is left of the test recordings; only their initial states are fitted."""
     return unseen_residuals(scene, fitted, _independent(fitted.residuals))
+
+
+def _ratios(scene: Scene, one: Fitted, other: Fitted) -> tuple[float, float]:
+    """Return the residual rms of one explanation over that of another, on train and on test."""
+    return _size(one.residuals, other.residuals), _size(_unseen(scene, one), _unseen(scene, other))
 
 
 def _size(one: Sequence[Array], other: Sequence[Array]) -> float:

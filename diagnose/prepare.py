@@ -95,10 +95,10 @@ def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
             continue
         near = slice(max(worst - _TRIAL_ROWS // 2, 0), worst + _TRIAL_ROWS // 2)
         part = replace(recording, time=recording.time[near], columns={k: v[near] for k, v in recording.columns.items()})
-        time = part.time.copy()
-        time[worst + 1 - near.start :] -= gaps[worst] - step
+        stamps = part.time.copy()
+        stamps[worst + 1 - near.start :] -= gaps[worst] - step
         try:
-            open_, closed = (_trial(plant, [each]).power for each in (part, replace(part, time=time)))
+            open_, closed = (_trial(plant, [each]).power for each in (part, replace(part, time=stamps)))
         except IdentifyError:
             continue
         if closed < _CLOSED * open_:

@@ -89,26 +89,31 @@ class Progress:
         self._drawn = False
         self._done = threading.Event()
         self._terminal = sys.stderr.isatty()
+        self._drawer = threading.Thread(target=self._watch, daemon=True)
 
     def __call__(self, share: float, doing: str) -> None:
         """Note the share done; the drawing is done elsewhere, at its own pace."""
         self._share = min(max(share, 0.0), 1.0)
         self._doing = doing
 
-    def watch(self) -> None:
-        """Draw until the work is done; runs in a thread of its own because the work may never call."""
+    def start(self) -> None:
+        """Draw from a thread of its own from now on, because the work may never call."""
+        self._drawer.start()
+
+    def finish(self) -> None:
+        """Take the bar away, after the last of it was drawn."""
+        self._done.set()
+        self._drawer.join()
+        if self._drawn:
+            _error("\r\x1b[K")
+
+    def _watch(self) -> None:
         while not self._done.wait(REDRAW):
             now = time.monotonic()
             if now - self._begun < QUIET or (not self._terminal and now - self._shown < PLAIN):
                 continue
             self._shown = now
             self._draw(now - self._begun)
-
-    def finish(self) -> None:
-        """Take the bar away."""
-        self._done.set()
-        if self._drawn:
-            _error("\r\x1b[K")
 
     def _draw(self, elapsed: float) -> None:
         share = "" if self._share is None else f" {self._share:4.0%} {self._doing}".rstrip()
@@ -125,13 +130,11 @@ class Progress:
 def progress(label: str) -> Iterator[Progress]:
     """Show on stderr that something is being done, if it lasts longer than two seconds."""
     bar = Progress(label)
-    drawer = threading.Thread(target=bar.watch, daemon=True)
-    drawer.start()
+    bar.start()
     try:
         yield bar
     finally:
         bar.finish()
-        drawer.join()
 
 
 def complain(message: str) -> None:
