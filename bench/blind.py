@@ -73,7 +73,8 @@ def work(seed: int) -> Scored:
             said = {"verdict": "refused", "effects": [], "error": str(error), "fit": {}, "location": None}
         seconds = time.process_time() - begin
         label = json.loads((labels / "label.json").read_text(encoding="utf-8"))
-        return Scored(seed, label, said, seconds, _visible(project, labels, label) if label["effects"] else 0.0)
+        hidden = label["effects"] or label["outside"]
+        return Scored(seed, label, said, seconds, _visible(project, labels, label) if hidden else 0.0)
 
 
 def _quiet(fraction: float, label: str) -> None:
@@ -111,9 +112,9 @@ def table(results: Sequence[Scored]) -> list[str]:
     for color in (False, True):
         chosen = [r.said["verdict"] == "no_mismatch" for r in nulls if r.label["colored"] == color]
         lines.append(_share(f"nothing concealed, {'colored' if color else 'white'}: silent", chosen))
-    lines.append(
-        _share("not in the library: unknown_physics", [r.said["verdict"] == "unknown_physics" for r in outside])
-    )
+    for which, word in ((outside, ""), ([r for r in outside if r.visible >= 1.0], ", visible")):
+        unknown = [r.said["verdict"] == "unknown_physics" for r in which]
+        lines.append(_share(f"not in the library{word}: unknown_physics", unknown))
     for count, word in ((2, "pairs"), (3, "triples")):
         chosen = [_exact(r) for r in results if len(r.label["effects"]) == count]
         lines.append(_share(f"{word} exact", chosen))
@@ -130,10 +131,11 @@ def table(results: Sequence[Scored]) -> list[str]:
     after = [r.said["fit"]["test"]["after"] for r in seen if r.said["fit"].get("test", {}).get("after")]
     if after:
         lines.append(f"unseen residual / noise: median {np.median(after):.3f}, p90 {np.quantile(after, 0.9):.3f}")
-    tied = [r for r in singles if r.said["verdict"] == "ambiguous"]
-    lines.append(_share("ambiguous sets: hold the truth", [_covered(r) for r in tied]))
-    if tied:
-        lines.append(f"ambiguous sets: mean size {np.mean([len(r.said['effects']) for r in tied]):.2f}")
+    # A name alone is a set of one, as where the bar was measured first.
+    for verdicts, word in ((("explained", "ambiguous"), "sets of one and more"), (("ambiguous",), "ambiguous sets")):
+        sets = [r for r in seen if r.said["verdict"] in verdicts]
+        size = f", mean size {np.mean([len(r.said['effects']) for r in sets]):.2f}" if sets else ""
+        lines.append(_share(f"{word}: hold the truth", [_covered(r) for r in sets]) + size)
     seconds = [r.seconds for r in results]
     lines.append(f"time per case: median {np.median(seconds):.2f} s, p90 {np.quantile(seconds, 0.9):.2f} s of one core")
     lines.append(_share("refused", [r.said["verdict"] == "refused" for r in results]))

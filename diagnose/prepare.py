@@ -45,7 +45,7 @@ _LONGER = 16  # of one that parameters are read off
 _PATIENCE = 1.0  # s of computing after which no other start is tried
 _LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
 _ALIKE = 1.15  # ratio of that share in the first and second halves of the recordings
-_WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
+HOLD_WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
 _SMALLER = 0.98  # ratio of residual rms which that has to bring
 
 
@@ -329,7 +329,7 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
     except IdentifyError:
         return given  # preflight will say it better
     best = min(tried, key=lambda hold: tried[hold][0])
-    clear = tried[best][0] < tried[given][0] - _WORTH and tried[best][1] < _SMALLER * tried[given][1]
+    clear = tried[best][0] < tried[given][0] - HOLD_WORTH and tried[best][1] < _SMALLER * tried[given][1]
     return best if clear else given
 
 

@@ -134,8 +134,9 @@ def settled(found: Search) -> Search:
 
 def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
     """Drop what is not needed, and put what is mistaken for an effect in its place; the best and all that was tried."""
-    best, tried = swapped(scene, _pruned(scene, best), sum(gains))
-    return merged(scene, best), tried
+    pruned = _pruned(scene, best)
+    swap, tried = swapped(scene, pruned, sum(gains))
+    return merged(scene, swap if swap is pruned else _pruned(scene, swap)), tried
 
 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:

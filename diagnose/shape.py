@@ -164,24 +164,26 @@ def _weighed(base: _Base, moved: Sequence[Array], free: bool = False) -> tuple[f
 
     Its unknowns and the base's are fitted to train; on test only the initial states are, and what is `free`.
     """
-    scene, count = base.search.scene, len(base.rival.fitted.coordinates)
-    nothing = [np.zeros((*each.shape, 0)) for each in base.residuals]
-    terms = list(moved) or nothing
-    noises, best = base.rival.noises, (np.inf, np.zeros(0), base.residuals)
-    for _ in range(_ROUNDS):
-        tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(base.train)]
-        answer = _solved(tall, base.residuals[: base.train], noises)
-        left = [residual - part @ answer for part, residual in zip(tall, base.residuals, strict=False)]
-        size = terms[0].shape[2]
-        shared = answer[: size + count]
-        noises = noises_of(scene, left)
-        for k in range(base.train, len(base.recordings)):
-            rest = base.residuals[k] - np.concatenate([terms[k], base.own[k][..., :count]], axis=2) @ shared
-            start = np.concatenate([base.own[k][..., count:], terms[k][..., : size if free else 0]], axis=2)
-            left.append(rest - start @ _solved([start], [rest], noises))
-        score = _score(base, left, size)
-        if score < best[0]:
-            best = (score, answer[:size], tuple(left))
+    count = len(base.rival.fitted.coordinates)
+    terms = list(moved) or [np.zeros((*each.shape, 0)) for each in base.residuals]
+    size = terms[0].shape[2]
+    tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(base.train)]
+    best = (np.inf, np.zeros(0), base.residuals)
+    # A noise model may hold what the term would explain, and then hides it from the fit: so begin without one, too.
+    begins = (base.rival.noises, tuple(white(noise.rms) for noise in base.rival.noises))
+    for noises in begins if moved else begins[:1]:
+        for _ in range(_ROUNDS):
+            answer = _solved(tall, base.residuals[: base.train], noises)
+            left = [residual - part @ answer for part, residual in zip(tall, base.residuals, strict=False)]
+            shared = answer[: size + count]
+            noises = noises_of(base.search.scene, left)
+            for k in range(base.train, len(base.recordings)):
+                rest = base.residuals[k] - np.concatenate([terms[k], base.own[k][..., :count]], axis=2) @ shared
+                start = np.concatenate([base.own[k][..., count:], terms[k][..., : size if free else 0]], axis=2)
+                left.append(rest - start @ _solved([start], [rest], noises))
+            score = _score(base, left, size)
+            if score < best[0]:
+                best = (score, answer[:size], tuple(left))
     return best
 
 
