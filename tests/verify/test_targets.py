@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import time
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from bench.every_target import emulated, numbers_of
 from codegen.emit import emit
+from codegen.firmware import firmware
 from codegen.target import Target
 from quantize.lower import lower
 from tests.laws import FULL, pid
+from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT
+from verify.build import build_image
+from verify.cost import instructions
+from verify.links import uart
+from verify.links.qemu import QemuProcess
+from verify.links.semihosting import open_semihosting
+from verify.links.uart import open_qemu_uart
 from verify.run import verify
 from verify.verdict import Verdict
 
@@ -55,6 +67,40 @@ def test_formats_that_a_core_is_special_for(name: str, number: str) -> None:
 def test_the_uart_of_each_family_carries_it(name: str, link: str) -> None:
     verdict = verdict_of(TARGETS[name], "fixed32", 100, link)
     assert verdict.agrees and verdict.link == link
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_an_image_sleeps_until_its_uart_has_a_byte_and_counts_the_same(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every step in a frame of its own, so that the image falls asleep and is woken between any two."""
+    target = TARGETS[name]
+    started: list[int] = []
+    start = uart.QemuProcess.__init__
+
+    def remember(self: QemuProcess, *arguments: object) -> None:
+        start(self, *arguments)  # type: ignore[arg-type]
+        started.append(self.number)
+
+    monkeypatch.setattr(uart.QemuProcess, "__init__", remember)
+    counts = {}
+    for transport, opened in (("uart", open_qemu_uart), ("semihosting", open_semihosting)):
+        image = build_image(firmware(PROGRAM, BUNDLE, target, transport), target, tmp_path / transport)
+        with opened(target, image.elf, PROGRAM.id) as link:
+            rows = [link.step(ONE_STEP(0.3 * k, 1.7 - k), 1) for k in range(20)]
+            ticks = np.frombuffer(b"".join(rows), RESULT)["ticks"]
+            counts[transport] = instructions(ticks, link.hello().overhead_ticks, target)
+            if transport == "uart":
+                before = processor_time(started[0])
+                time.sleep(0.3)
+                assert processor_time(started[0]) - before < 0.1
+    np.testing.assert_array_equal(counts["uart"], counts["semihosting"])
+
+
+def processor_time(process: int) -> float:
+    """Return what all threads of the process have taken so far, s."""
+    threads = Path(f"/proc/{process}/task").glob("*/schedstat")
+    return sum(int(thread.read_text().split()[0]) for thread in threads) * 1e-9
 
 
 def test_two_timers_count_the_same_instructions() -> None:
