@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
@@ -17,9 +18,8 @@ from tests.laws import FULL, pid
 from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT
 from verify.build import build_image
 from verify.cost import instructions
-from verify.links import uart
+from verify.links.pty import open_qemu_pty
 from verify.links.qemu import QemuProcess
-from verify.links.semihosting import open_semihosting
 from verify.links.uart import open_qemu_uart
 from verify.run import verify
 from verify.verdict import Verdict
@@ -76,25 +76,25 @@ def test_an_image_sleeps_until_its_uart_has_a_byte_and_counts_the_same(
     """Every step in a frame of its own, so that the image falls asleep and is woken between any two."""
     target = TARGETS[name]
     started: list[int] = []
-    start = uart.QemuProcess.__init__
+    start = QemuProcess.__init__
 
     def remember(self: QemuProcess, *arguments: object) -> None:
         start(self, *arguments)  # type: ignore[arg-type]
         started.append(self.number)
 
-    monkeypatch.setattr(uart.QemuProcess, "__init__", remember)
-    counts = {}
-    for transport, opened in (("uart", open_qemu_uart), ("semihosting", open_semihosting)):
-        image = build_image(firmware(PROGRAM, BUNDLE, target, transport), target, tmp_path / transport)
+    monkeypatch.setattr(QemuProcess, "__init__", remember)
+    image = build_image(firmware(PROGRAM, BUNDLE, target, "uart"), target, tmp_path)
+    free, runs = os.sched_getaffinity(0), []
+    for opened in (open_qemu_uart, open_qemu_pty):
         with opened(target, image.elf, PROGRAM.id) as link:
             rows = [link.step(ONE_STEP(0.3 * k, 1.7 - k), 1) for k in range(20)]
             ticks = np.frombuffer(b"".join(rows), RESULT)["ticks"]
-            counts[transport] = instructions(ticks, link.hello().overhead_ticks, target)
-            if transport == "uart":
-                before = processor_time(started[0])
-                time.sleep(0.3)
-                assert processor_time(started[0]) - before < 0.1
-    np.testing.assert_array_equal(counts["uart"], counts["semihosting"])
+            runs.append(instructions(ticks, link.hello().overhead_ticks, target))
+            before = processor_time(started[-1])
+            time.sleep(0.2)
+            assert processor_time(started[-1]) - before < 0.1
+        assert os.sched_getaffinity(0) == free
+    np.testing.assert_array_equal(runs[0], runs[1])
 
 
 def processor_time(process: int) -> float:
