@@ -128,6 +128,7 @@ def _board_parts(target: Target, transport: str) -> tuple[str, ...]:
         parts.append(f"boot_{target.boot}")
     if target.uart is not None and transport == "uart":
         parts.append(f"uart_{target.uart.driver}")
+        parts.append("wait_poll" if target.uart.interrupt is None else f"wait_{target.uart.driver}")
     return tuple(parts)
 
 
@@ -227,6 +228,8 @@ def _figures(target: Target) -> list[dict[str, str]]:
             ("BOARD_UART_CLOCK_HZ", f"{target.uart.clock_hz}U", "Hz, what the baud rate is divided from"),
             ("BOARD_UART_BAUD", f"{target.uart.baud}U", "bit/s"),
         ]
+        if target.uart.interrupt is not None:
+            figures.append(("BOARD_UART_INTERRUPT", f"{target.uart.interrupt}U", "number in the NVIC"))
     return [{"name": name, "value": value, "says": says} for name, value, says in figures]
 
 

@@ -14,6 +14,7 @@ from codegen.toml_table import TomlTable
 
 FLOAT_UNITS = ("float32", "float64")
 CYCLE_TIMERS = ("dwt", "systick")  # run at the processor's clock
+INTERRUPTS = 480  # of a nested vectored interrupt controller at most
 DRAGGED = ("bin", "hex", "uf2")
 TESTED = ("run", "built")  # its images run in the test suite; they are only compiled, linked and measured there
 
@@ -29,12 +30,16 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Uart:
-    """A UART; `driver` names templates_c/board/uart_<driver>.c."""
+    """A UART; `driver` names templates_c/board/uart_<driver>.c.
+
+    With an `interrupt`, which a byte that comes raises, an image sleeps until then: templates_c/board/wait_<driver>.c.
+    """
 
     driver: str
     base: int
     baud: int
     clock_hz: int
+    interrupt: int | None = None  # its number in the NVIC
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +210,11 @@ def _uart(table: TomlTable, board_clock: int) -> Uart:
         base=table.integer("base", 0, 2**32 - 1),
         baud=table.integer("baud", 1200, 12_000_000),
         clock_hz=table.integer("clock_hz", 1, 2**32 - 1) if table.has("clock_hz") else board_clock,
+        interrupt=table.integer("interrupt", 0, INTERRUPTS - 1) if table.has("interrupt") else None,
     )
+    if uart.interrupt is not None and uart.driver not in board_parts("wait"):
+        rule = f"is of no use to driver {uart.driver!r}, which asks for bytes again and again: leave it out"
+        raise table.wrong("interrupt", uart.interrupt, rule)
     table.finish()
     return uart
 

@@ -1,6 +1,7 @@
 /* board.h -- what main.c needs of a board: one startup, one timer, one transport, and a UART if the transport is one
  *
- * A new UART family is one file that defines the four uart_ functions; a new board is one TOML file of firmloop.
+ * A new UART family is one file that defines the four functions of uart_*.c, and a wait_*.c if images shall sleep on
+ * it; a new board is one TOML file of firmloop.
  */
 #ifndef FIRMLOOP_BOARD_H
 #define FIRMLOOP_BOARD_H
@@ -47,6 +48,10 @@ bool uart_ready(void);
 /** The next byte, or -1 if none has come. */
 int32_t uart_get(void);
 
+/* wait_*.c */
+/** After uart_get() found none: sleeps until a byte may have come since, or does not sleep at all. */
+void uart_wait(void);
+
 /* The user's own, with the UART driver `user` */
 bool board_putc(uint8_t byte);
 int board_getc(void);
@@ -54,6 +59,10 @@ int board_getc(void);
 /* startup_*.c */
 /** Of a timer that has one; otherwise it is a fault. */
 void systick_handler(void);
+/** Has this interrupt of the NVIC be no longer pending, unless it is raised. */
+void interrupt_clear(uint32_t interrupt);
+/** Sleeps until this interrupt is pending, be it already, or another event wakes the core; no handler of it runs. */
+void interrupt_wait(uint32_t interrupt);
 /** Fills the stack below the caller with a pattern. */
 void stack_paint(void);
 /** Bytes below the caller that were written since stack_paint(). */

@@ -1,4 +1,4 @@
-/* startup_cortex_m.c -- reset, faults and stack of any Cortex-M
+/* startup_cortex_m.c -- reset, faults, sleep and stack of any Cortex-M
  *
  * Register addresses: ARMv7-M Architecture Reference Manual (DDI 0403), B3.2 "System Control Space".
  */
@@ -14,6 +14,11 @@ extern uint32_t data_end[];
 extern const uint32_t data_image[];
 extern uint32_t bss_start[];
 extern uint32_t bss_end[];
+
+/* Interrupt set-enable, clear-enable and clear-pending registers, offsets from 0xE000E000. */
+#define NVIC_ISER 0x100U
+#define NVIC_ICER 0x180U
+#define NVIC_ICPR 0x280U
 
 typedef void (*handler_t)(void);
 
@@ -131,6 +136,28 @@ __attribute__((used, noreturn)) void fault_report(const uint32_t *frame, uint32_
     transport_fail();
     for (;;) {
     }
+}
+
+static volatile uint32_t *nvic(uint32_t registers, uint32_t interrupt) {
+    return (volatile uint32_t *)(0xE000E000UL + registers + 4U * (interrupt / 32U));
+}
+
+void interrupt_clear(uint32_t interrupt) {
+    *nvic(NVIC_ICPR, interrupt) = 1UL << (interrupt % 32U);
+}
+
+/* PRIMASK keeps the handler from running, of which there is none, but not the interrupt from waking the core (DDI 0403,
+ * B1.5 "Wait For Interrupt"). What came before stays pending and ends the sleep at once. */
+void interrupt_wait(uint32_t interrupt) {
+    const uint32_t bit = 1UL << (interrupt % 32U);
+    __asm__ volatile("cpsid i" ::: "memory");
+    *nvic(NVIC_ISER, interrupt) = bit;
+    __asm__ volatile("dsb" ::: "memory");
+    __asm__ volatile("wfi" ::: "memory");
+    *nvic(NVIC_ICER, interrupt) = bit;
+    __asm__ volatile("dsb" ::: "memory");
+    __asm__ volatile("isb" ::: "memory");
+    __asm__ volatile("cpsie i" ::: "memory");
 }
 
 /* In assembly because both have to know that they put nothing of their own below the caller's stack pointer; a compiler

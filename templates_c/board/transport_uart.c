@@ -7,13 +7,15 @@ void transport_open(void) {
 
 size_t transport_read(uint8_t *bytes, size_t room) {
     size_t count = 0;
-    while (count == 0U) {
-        int32_t byte = uart_get();
-        while (byte >= 0 && count < room) {
-            bytes[count] = (uint8_t)byte;
-            count++;
-            byte = (count < room) ? uart_get() : -1;
-        }
+    int32_t byte = uart_get();
+    while (byte < 0) {
+        uart_wait();
+        byte = uart_get();
+    }
+    while (byte >= 0) {
+        bytes[count] = (uint8_t)byte;
+        count++;
+        byte = (count < room) ? uart_get() : -1;
     }
     return count;
 }

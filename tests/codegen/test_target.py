@@ -72,6 +72,11 @@ def test_a_file_of_the_user(tmp_path: Path) -> None:
             "uart.driver = '8250'",
         ),
         (changed("baud", "boud"), "uart.baud is missing"),
+        (changed("115_200", "115_200, interrupt = 480"), "uart.interrupt = 480: must be a whole number from 0 to 479"),
+        (
+            changed('"cmsdk", base = 0x4000_4000', '"pl011", interrupt = 5, base = 0x4000_4000'),
+            "uart.interrupt = 5: is of no use to driver 'pl011', which asks for bytes again and again: leave it out",
+        ),
         (changed("bits = 32", "bits = 32, width = 3"), "timer.width = 3: is an unknown key; known: driver, base, bits"),
         (changed("bytes = 8192", "bytes = 1024"), "stack_bytes = 1024: is a multiple of 8 and smaller than .*'ram'"),
         (changed('"ram"', '"sram"'), "memory = .*names 'flash' and 'ram', each once"),

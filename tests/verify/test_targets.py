@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import os
+import time
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from bench.every_target import emulated, numbers_of
 from codegen.emit import emit
+from codegen.firmware import firmware
 from codegen.target import Target
 from quantize.lower import lower
 from tests.laws import FULL, pid
+from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT
+from verify.build import build_image
+from verify.cost import instructions
+from verify.links.pty import open_qemu_pty
+from verify.links.qemu import QemuProcess
+from verify.links.uart import open_qemu_uart
 from verify.run import verify
 from verify.verdict import Verdict
 
 pytestmark = pytest.mark.qemu
 
 TARGETS = {target.name: target for target in emulated()}
+FALLING_ASLEEP = 20.0  # s at most, on a busy machine
 CASES = [(name, number) for name, target in TARGETS.items() for number in numbers_of(target)]
 
 
@@ -55,6 +68,43 @@ def test_formats_that_a_core_is_special_for(name: str, number: str) -> None:
 def test_the_uart_of_each_family_carries_it(name: str, link: str) -> None:
     verdict = verdict_of(TARGETS[name], "fixed32", 100, link)
     assert verdict.agrees and verdict.link == link
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_an_image_sleeps_until_its_uart_has_a_byte_and_counts_the_same(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every step in a frame of its own, so that the image falls asleep and is woken between any two."""
+    target = TARGETS[name]
+    started: list[int] = []
+    start = QemuProcess.__init__
+
+    def remember(self: QemuProcess, *arguments: object) -> None:
+        start(self, *arguments)  # type: ignore[arg-type]
+        started.append(self.number)
+
+    monkeypatch.setattr(QemuProcess, "__init__", remember)
+    image = build_image(firmware(PROGRAM, BUNDLE, target, "uart"), target, tmp_path)
+    free, runs = os.sched_getaffinity(0), []
+    for opened in (open_qemu_uart, open_qemu_pty):
+        with opened(target, image.elf, PROGRAM.id) as link:
+            rows = [link.step(ONE_STEP(0.3 * k, 1.7 - k), 1) for k in range(20)]
+            ticks = np.frombuffer(b"".join(rows), RESULT)["ticks"]
+            runs.append(instructions(ticks, link.hello().overhead_ticks, target))
+            assert falls_asleep(started[-1])
+        assert os.sched_getaffinity(0) == free
+    np.testing.assert_array_equal(runs[0], runs[1])
+
+
+def falls_asleep(process: int) -> bool:
+    """Say whether all its threads sleep at ten looks in succession; one that asks runs, or waits for its turn."""
+    asleep, deadline = 0, time.monotonic() + FALLING_ASLEEP
+    while asleep < 10 and time.monotonic() < deadline:
+        # Field 3 of proc(5) stat, the first behind the parenthesis that ends the name, is the state.
+        stats = [path.read_text() for path in Path(f"/proc/{process}/task").glob("*/stat")]
+        asleep = asleep + 1 if all(stat.rpartition(")")[2].split()[0] == "S" for stat in stats) else 0
+        time.sleep(0.005)
+    return asleep == 10
 
 
 def test_two_timers_count_the_same_instructions() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from tests.verify.boards import PROGRAM, RESULT, TARGET, build_qemu_image, expected, packed
 from verify.cost import instructions
 from verify.links.semihosting import open_semihosting
-from verify.links.turns import Processors, Turns
+from verify.links.turns import Processors, Turns, share_processor
 
 WAITING = 15e-6  # s of one exchange
 Cost = Callable[[float], float]  # s of one exchange by asking, at a time in s
@@ -92,6 +93,27 @@ def test_processors_go_back_to_what_they_were() -> None:
     processors.together()
     assert os.sched_getaffinity(0) == shared
     processors.undo()
+    assert os.sched_getaffinity(0) == before
+
+
+def test_a_processor_is_shared_only_with_an_image_that_sleeps() -> None:
+    before = os.sched_getaffinity(0)
+    assert TARGET.uart is not None
+    undo = share_processor(TARGET)
+    assert len(os.sched_getaffinity(0)) == 1
+    undo()
+    assert os.sched_getaffinity(0) == before
+    share_processor(replace(TARGET, uart=replace(TARGET.uart, interrupt=None)))
+    assert os.sched_getaffinity(0) == before
+
+
+def test_where_nobody_may_choose_a_processor_nothing_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(thread: int, processors: set[int]) -> None:
+        raise PermissionError
+
+    before = os.sched_getaffinity(0)
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    share_processor(TARGET)()
     assert os.sched_getaffinity(0) == before
 
 

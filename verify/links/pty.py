@@ -15,6 +15,7 @@ from verify.links.framed import FramedLink
 from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import open_serial
+from verify.links.turns import share_processor
 from verify.links.uart import DEFAULT_BAUD, QEMU_ATTEMPTS, QEMU_TIMEOUT
 
 OPENING = 60.0  # s until QEMU must have said which terminal it took; it takes some 0.1 s
@@ -30,15 +31,21 @@ def open_qemu_pty(target: Target, elf: Path, program_id: str) -> FramedLink:
     ToolError
         when QEMU is not installed.
     """
-    process, path = start_on_terminal(target, elf)
-    where = f"pseudo-terminal {path} of QEMU {process.machine}"
-
-    def fate() -> str:
-        return f"{where}: {process.fate()}"
-
     with ExitStack() as undo:
+        leave_processor = share_processor(target)
+        undo.callback(leave_processor)
+        process, path = start_on_terminal(target, elf)
         undo.callback(process.stop)
-        stream = open_serial(path, DEFAULT_BAUD, QEMU_TIMEOUT, fate, process.stop)
+        where = f"pseudo-terminal {path} of QEMU {process.machine}"
+
+        def fate() -> str:
+            return f"{where}: {process.fate()}"
+
+        def close() -> None:
+            leave_processor()
+            process.stop()
+
+        stream = open_serial(path, DEFAULT_BAUD, QEMU_TIMEOUT, fate, close)
         undo.pop_all()
     return FramedLink(stream, where, program_id, QEMU_TIMEOUT, QEMU_ATTEMPTS)
 

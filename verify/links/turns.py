@@ -1,4 +1,4 @@
-"""Two ways in which host and emulator take turns over a pipe: wait for each other, or ask again and again.
+"""Two ways in which host and emulator take turns: wait for each other, or, over a pipe, ask again and again.
 
 Waiting, they share one processor: they never run at the same time, and the kernel hands over in a few microseconds,
 where to wake one that sleeps on another processor takes up to 100 us on a virtual machine. Asking, each has a processor
@@ -11,9 +11,12 @@ import ctypes
 import math
 import os
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
+
+from codegen.target import Target
 
 _PIDFD_GETFD = 438  # the number of this system call of Linux, on every processor that Python runs on
 _FIRST, _TRY, _LONG = 2048, 256, 65536  # exchanges: before the first try, of a try, between two; the last some 0.7 s
@@ -59,6 +62,16 @@ class Processors:
         except OSError:  # a container may forbid it; or the thread that opened the link has ended
             return False
         return True
+
+
+def share_processor(target: Target) -> Callable[[], None]:
+    """Keep this thread, and what it starts from now on, on one processor; return what undoes that.
+
+    It is done only if an image on `target` sleeps until its UART has a byte: one that asks leaves no time to others.
+    """
+    if target.uart is None or target.uart.interrupt is None:
+        return lambda: None
+    return Processors().undo
 
 
 class PipeTurns:

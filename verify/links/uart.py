@@ -13,6 +13,7 @@ from verify.links.framed import FramedLink
 from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
 from verify.links.stream import Stream, open_serial
+from verify.links.turns import share_processor
 
 QEMU_TIMEOUT = 30.0  # s for the reply to one attempt, on a busy machine; a dead QEMU is noticed at once
 QEMU_ATTEMPTS = 2
@@ -37,6 +38,8 @@ def open_qemu_uart(target: Target, elf: Path, program_id: str) -> FramedLink:
     with ExitStack() as undo:
         folder = Path(tempfile.mkdtemp(prefix="firmloop."))
         undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        leave_processor = share_processor(target)
+        undo.callback(leave_processor)
         with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
             url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
             line = f"socket,id=line,fd={listener.fileno()},server=on,wait=off,nodelay=on"
@@ -49,7 +52,11 @@ def open_qemu_uart(target: Target, elf: Path, program_id: str) -> FramedLink:
         def fate() -> str:
             return f"{where}: {process.fate()}"
 
-        stream = open_serial(url, DEFAULT_BAUD, QEMU_TIMEOUT, fate, process.stop)
+        def close() -> None:
+            leave_processor()
+            process.stop()
+
+        stream = open_serial(url, DEFAULT_BAUD, QEMU_TIMEOUT, fate, close)
         undo.pop_all()
     return FramedLink(stream, where, program_id, QEMU_TIMEOUT, QEMU_ATTEMPTS)
 
