@@ -81,7 +81,9 @@ def search(scene: Scene, progress: Progress) -> Search:
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
         table = screened(scene, best)
         first = first or table
-        worth = max(_WORTH, 0.5 * MINOR * sum(gains))
+        # Where noise alone is left, no cause gains more than it promises; where not, a soaked one hides another.
+        whole = all(len(noise.coefficients) == 0 for noise in best.noises)
+        worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
         rivals = _round(scene, best, table, _from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
             break

@@ -23,6 +23,7 @@ _CALM = 0.2  # of the range: a reading that usually moves more from row to row c
 _UNLIKE = 0.05  # of the range, by which wraps differ
 _FEWEST = 2  # jumps in all recordings
 _REFINED = 3  # times a range is refined
+_SURE = 3.0  # deviations of what the jumps say, further from which no fit is believed
 _RARE = 0.003  # share of readings that must be off by a range
 _MOST_TURNS = 3  # that a reading may be off
 _TELLING = 0.35  # of the residual without wraps
@@ -51,6 +52,8 @@ def unwrapped(
             for before, after in zip((*train, *test), moved, strict=True)
         ]
         reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
+        if abs(reach - wrap[0]) > _SURE * wrap[2]:
+            reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit
         low = wrap[1]
         whole = [
             _with_column(each, signal.name, each.columns[signal.name] + (reach - wrap[0]) * turn)
@@ -64,8 +67,8 @@ def unwrapped(
     return tuple(train), tuple(test), tuple(found)
 
 
-def _wrap(columns: Sequence[Array]) -> tuple[float, float] | None:
-    """Return the range and the lowest reading; None where nothing wraps."""
+def _wrap(columns: Sequence[Array]) -> tuple[float, float, float] | None:
+    """Return the range, the lowest reading, and the deviation of the first; None where nothing wraps."""
     low, high = min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
     reach = high - low
     sizes = []
@@ -84,10 +87,10 @@ def _wrap(columns: Sequence[Array]) -> tuple[float, float] | None:
     usual = np.array(sizes)
     if len(usual) < _FEWEST or float(np.std(usual)) > _UNLIKE * reach:
         return None
-    return float(np.median(usual)), low
+    return float(np.median(usual)), low, float(np.std(usual)) / np.sqrt(len(usual))
 
 
-def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float, float] | None:
+def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float, float, float] | None:
     """Return the same for a reading too quick to follow, from what the plant as given would show.
 
     A reading that wraps uses its whole range, so that the range is what is seen of it; whole multiples of it bring the
@@ -110,7 +113,7 @@ def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float,
             return None
         reach = float(-answer[0])
         wanted = wanted * answer[1] + answer[2]
-    return reach, low
+    return reach, low, np.inf
 
 
 def _refined(
