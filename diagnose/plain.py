@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
-_LEAP = 0.6  # ratio of residual rms, on train and test, that an effect has to bring to be added to the other search's
+_LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.3  # such a ratio with which it is enough that the evidence does not contradict
@@ -50,16 +50,12 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     if not scene.test or not strays(found):
         return found
     plain, evidence = plain_search(found, slow if not found.best.fitted.causes else (), progress)
-    if evidence > max(_EVIDENCE, _SHARE * (found.nominal.score - found.best.score)):
-        if _predicts(scene, plain.best.fitted, found.best.fitted):
+    explained = found.nominal.score - found.best.score
+    if evidence > max(_EVIDENCE, _SHARE * explained):
+        train, test = _ratios(scene, plain.best.fitted, found.best.fitted)
+        if train < 1.0 and test < (_CLEAR if evidence > explained else _LEAP):
             return _refined(plain)
     return _simulated(found) if found.best.fitted.causes else found
-
-
-def _predicts(scene: Scene, one: Fitted, other: Fitted) -> bool:
-    """Tell whether an explanation leaves less than another, and clearly less on unseen recordings."""
-    train, test = _ratios(scene, one, other)
-    return train < 1.0 and test < _CLEAR
 
 
 def _simulated(found: Search) -> Search:
@@ -67,7 +63,8 @@ def _simulated(found: Search) -> Search:
     scene, best = found.scene, found.best
     sizes = _sizes(_independent(best.fitted.residuals))
     fitted = fit(scene, scene.train, best.fitted.causes, best.fitted.point, sizes, _LONG)
-    if not _predicts(scene, fitted, best.fitted):
+    train, test = _ratios(scene, fitted, best.fitted)
+    if train >= 1.0 or test >= _CLEAR:
         return found
     counted = fit(scene, scene.train, fitted.causes, fitted.point, _independent(fitted.residuals), 1)
     return replace(found, best=Rival(counted, noises_of(scene, counted.residuals), best.score))
