@@ -114,11 +114,11 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
     scene, best = found.scene, found.best
     one = rivals[0].fitted
     ratio = max(_ratios(scene, one, best.fitted))
-    if ratio > _LEAP:
+    if not ratio <= _LEAP:  # nor where one of them has diverged
         return None
     again = rated(scene, fit(scene, scene.train, one.causes, one.point, noises_of(scene, one.residuals), _LONG))
     gain = best.score - again.score
-    if gain < (THRESHOLD if ratio > _SURE else 0.0):
+    if not gain >= (THRESHOLD if ratio > _SURE else 0.0):
         return None
     nominal = found.nominal if found.gains else best
     return replace(found, nominal=nominal, best=again, rounds=(*found.rounds, (again,)), gains=(*found.gains, gain))

@@ -257,8 +257,12 @@ def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, nois
 
 
 def evidence(fitted: Fitted, noises: Sequence[Noise]) -> float:
-    """Return -2 log likelihood + BIC penalty; innovations have the variance that each output's noise model says."""
+    """Return -2 log likelihood + BIC penalty; innovations have the variance that each output's noise model says.
+
+    Infinite for a simulation that has diverged.
+    """
     rows = sum(len(part) for part in fitted.residuals)
     own = sum(2.0 * rows * np.log(noise.scale) for noise in noises)
     unknowns = len(fitted.coordinates)
-    return float(own + unknowns * np.log(rows * len(noises)))
+    total = float(own + unknowns * np.log(rows * len(noises)))
+    return total if np.isfinite(total) else np.inf

@@ -81,6 +81,9 @@ class Scales:
     output: float  # of the output a sensor effect acts on
     output_low: float
     output_high: float
+    plateau: (
+        float  # magnitude near the largest one at which that output's readings gather; the largest where they do not
+    )
     current: float  # A
     effort: float  # N m or N: what the drive gives
     speed: float

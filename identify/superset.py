@@ -23,6 +23,8 @@ from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
+_NEAR, _HELD, _GATHERED = 0.05, 0.02, 3.0  # of the largest reading; share of rows; times as many as in the next band
+
 
 @dataclass(slots=True)
 class Superset:
@@ -177,6 +179,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         output=max(abs(low), abs(high)) or 1.0,
         output_low=low,
         output_high=high,
+        plateau=plateau([recording.columns[plant.outputs[output].name] for recording in recordings]),
         current=sizes.get("current", 1.0),
         effort=sizes.get("effort", 1.0),
         speed=sizes.get("speed", 1.0),
@@ -190,6 +193,17 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         slew=sizes.get("slew", 1.0),
         level=sizes.get("level", 1.0),
     )
+
+
+def plateau(columns: Sequence[Array]) -> float:
+    """Return the magnitude near the largest one at which readings (n,) gather as at a limit; the largest otherwise."""
+    sizes = np.sort(np.abs(np.concatenate(columns)))
+    top = sizes[-1]
+    held = sizes[sizes > (1.0 - _NEAR) * top]
+    below = np.count_nonzero((sizes > (1.0 - 2.0 * _NEAR) * top) & (sizes <= (1.0 - _NEAR) * top))
+    if len(held) < _HELD * len(sizes) or len(held) < _GATHERED * below:
+        return float(top) or 1.0
+    return float(np.median(held))
 
 
 def efforts(

@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((1.0 * scales.output,), (0.8 * scales.output,))
+    return ((scales.plateau,), (0.8 * scales.output,))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
