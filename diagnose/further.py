@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 from diagnose.plain import believed, leap, slow_rivals
 from diagnose.rank import MOST_EFFECTS, Progress, Search, further, settled
+from diagnose.refit import ended, noises_of, with_doubt
 from diagnose.shape import Shape, best_shape, weighed
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
+_FINE = 0.3  # as longest change: that of every other simulation
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
 
@@ -38,4 +41,17 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
-    return found, shape
+    return _confirmed(found), shape
+
+
+def _confirmed(found: Search) -> Search:
+    """Fit the best once more by finer steps and with the noise it leaves, so that its intervals are its own.
+
+    The score stays that of the search, by which rivals were compared.
+    """
+    scene, best = found.scene, found.best
+    if not best.fitted.causes:
+        return found
+    scene.engine.hasten(_FINE)
+    finer = with_doubt(scene, ended(scene, best.fitted, best.noises), best.noises)
+    return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,12 @@ from numpy.typing import NDArray
 from diagnose.direct import DIRECT, Direct
 from diagnose.wrap import unwrapped
 from identify.attach import all_uses, label_of, parameters_of, site_of
-from identify.effect import Effect, EffectParameter
+from identify.effect import Effect, EffectParameter, Scales
 from identify.effects import find_effect
 from identify.plant import Plant
 from identify.recording import Recording
 from identify.simulate import measured, rest_start
-from identify.superset import Superset, inertia_parameter, starts_of, superset
+from identify.superset import Superset, inertia_parameter, scales_of, superset
 
 Array = NDArray[np.float64]
 
@@ -41,9 +42,14 @@ class Cause:
         return self.effect.name if self.output is None else f"{self.effect.name} of {self.output}"
 
 
-def _starts(plant: Plant, train: Sequence[Recording], cause: Cause) -> tuple[Mapping[str, float], ...]:
-    """Return the effect's own grid; a clock may be off by more than its grid says."""
-    starts = starts_of(plant, train, cause.effect.name, cause.output)
+def _starts(plant: Plant, cause: Cause, scales: Callable[[int, int], Scales]) -> tuple[Mapping[str, float], ...]:
+    """Return the effect's own grid; a clock may be off by more than its grid says.
+
+    `scales` are the typical sizes by output and balance.
+    """
+    site = site_of(plant, cause.effect, cause.output)
+    grid = cause.effect.starts(site, scales(site.output, site.balance))
+    starts = tuple(dict(zip(cause.keys, values, strict=True)) for values in grid)
     if cause.effect.equation != "timing":
         return starts
     return tuple(
@@ -121,7 +127,8 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
         held = None if load is None else inertia_parameter(plant, site.balance)
         taken = None if load is None or held is None else (load, held)
         causes.append(Cause(effect, use.output, parameters, keys, taken))
-    starts = {cause.label: _starts(plant, train, cause) for cause in causes}
+    sizes = cache(partial(scales_of, plant, train))
+    starts = {cause.label: _starts(plant, cause, sizes) for cause in causes}
     return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {}, direct)
 
 

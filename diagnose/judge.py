@@ -21,6 +21,7 @@ from diagnose.rival import CONTAINS, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
 from identify.attach import label_of, parameters_of, values_of, with_effects
+from identify.effect import EffectParameter
 from identify.effects import find_effect
 from identify.plant import EffectUse, Parameter, Plant
 
@@ -31,6 +32,8 @@ SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a 
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 _LAGS = 20
+_FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
+_FIRM = 0.1  # of a parameter, as one deviation: it is well determined
 COORDINATES: Mapping[str, str] = {
     "coulomb_friction": "sign of speed",
     "stribeck_friction": "speed near rest",
@@ -93,7 +96,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
         noise=dict(zip(outputs, noise, strict=True)),
         shifts=shifts,
         untestable={**checks.untestable, **_unseen_here(search, shown)},
-        notes=checks.notes,
+        notes=(*checks.notes, *_far_from_given(shifts, deviations(shown.fitted), verdict)),
         says=(),
     )
     return replace(finding, says=paragraph(finding, search, shape))
@@ -222,7 +225,8 @@ def deviations(fitted: Fitted) -> Mapping[str, float]:
     found = {}
     for index, each in enumerate(fitted.coordinates):
         inner = each.gradient(fitted.point.values.get(each.name, 0.0))
-        found[each.name] = float(spread[index] * abs(inner)) if sizes[index] > 1e-140 else math.inf
+        wider = 1.0 if fitted.wider is None else float(fitted.wider[index])
+        found[each.name] = float(spread[index] * abs(inner)) * wider if sizes[index] > 1e-140 else math.inf
     return found
 
 
@@ -231,8 +235,7 @@ def _one(scene: Scene, rival: Rival, cause: Cause, probability: float) -> Named:
     estimates = {}
     for key, each in zip(cause.keys, cause.parameters, strict=True):
         value = rival.fitted.point.values.get(key, each.neutral)
-        reach = NORMAL_95 * spread.get(key, math.inf)
-        interval = (max(value - reach, each.low), min(value + reach, each.high)) if math.isfinite(reach) else None
+        interval = _interval(each, value, NORMAL_95 * spread.get(key, math.inf))
         estimates[each.name] = Estimate(value, interval, each.unit)
     says = f"{cause.effect.says.rstrip('.')}" + (f" ({cause.output})" if cause.output else "")
     figures = ", ".join(f"{name} {_with_interval(each)}" for name, each in estimates.items())
@@ -244,6 +247,17 @@ def _one(scene: Scene, rival: Rival, cause: Cause, probability: float) -> Named:
         estimates,
         f"{says}: {figures}." if figures else f"{says}.",
     )
+
+
+def _interval(known: EffectParameter, value: float, reach: float) -> tuple[float, float] | None:
+    """Return value ± reach, as a factor where the parameter was fitted as its logarithm; None where it is unknown."""
+    if not math.isfinite(reach):
+        return None
+    low, high = value - reach, value + reach
+    if known.logarithmic and value > 0.0:
+        factor = math.exp(min(reach / value, 50.0))
+        low, high = value / factor, value * factor
+    return max(low, known.low), min(high, known.high)
 
 
 def _equation(scene: Scene, cause: Cause) -> str:
@@ -294,6 +308,21 @@ def _shifts(search: Search, shown: Rival) -> tuple[Shift, ...]:
         for p in search.scene.plant.parameters
         if p.free
     )
+
+
+def _far_from_given(shifts: Sequence[Shift], spread: Mapping[str, float], verdict: Verdict) -> list[str]:
+    """Say which nominal parameters the recordings determine well, and far from where the project has them."""
+    if verdict == "unknown_physics":
+        return []  # they may have moved to imitate what has no name
+    return [
+        f"the recordings are met with {each.name} = {each.after:.3g} {each.unit}, {each.after / each.given:.2g} times "
+        "what the project gives; check its value and unit"
+        for each in shifts
+        if each.given > 0.0
+        and each.after > 0.0
+        and abs(math.log(each.after / each.given)) > math.log(_FAR)
+        and spread.get(each.name, math.inf) < _FIRM * each.after
+    ]
 
 
 def _unseen_here(search: Search, shown: Rival) -> dict[str, str]:

@@ -26,8 +26,11 @@ class Noise:
 
     def whiten(self, values: Array) -> Array:
         """Return values (q, ...) along the first axis in units of the innovation; the first rows start from rest."""
+        if len(self.coefficients) == 0:
+            return np.asarray(values / self.scale)
         kernel = np.concatenate([[1.0], self.coefficients]) / self.scale
-        return np.asarray(lfilter(kernel, [1.0], values, axis=0))
+        # A denominator of two makes SciPy filter all columns at once; with one it convolves them one by one.
+        return np.asarray(lfilter(kernel, [1.0, 0.0], values, axis=0))
 
 
 def white(scale: float) -> Noise:
@@ -50,9 +53,8 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     used = 0
     for part in residuals:
         if len(part) > 2 * most:
-            lagged = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(part, most + 1)[:, ::-1])
-            moments += lagged.T @ lagged
-            used += len(lagged)
+            moments += lagged_products(part, most)
+            used += len(part) - most
     if used == 0 or not moments[0, 0] > 0.0:
         return white(rms)
     best, best_score = white(rms), np.inf
@@ -71,6 +73,18 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
         if score < best_score - 1e-9:
             best, best_score = Noise(taps, max(float(np.sqrt(power)), floor), rms), score
     return replace(best, rms=max(best.rms, abs(mean)))
+
+
+def lagged_products(values: Array, most: int) -> Array:
+    """Return sum over k >= most of v[k-i] v[k-j], (most + 1, most + 1): one row of sums, the others follow from it."""
+    count = len(values)
+    found = np.zeros((most + 1, most + 1))
+    found[0] = [float(values[most:] @ values[most - lag : count - lag]) for lag in range(most + 1)]
+    first, last = values[:most][::-1], values[count - most :][::-1]
+    for i in range(most):
+        found[i + 1, i + 1 :] = found[i, i:-1] + first[i] * first[i:] - last[i] * last[i:]
+    upper = np.triu(found)
+    return np.asarray(upper + np.triu(upper, 1).T)
 
 
 def whiteness(innovations: Sequence[Array], lags: int) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from diagnose.hypothesis import Scene
 from diagnose.refit import Fitted, whitened
 from diagnose.response import effort_of, response
-from diagnose.screen import Ground, orthogonal, outside
+from diagnose.screen import Ground, outside
 from identify.linear import linearize
 from identify.superset import travelled
 
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 _HIGHEST = 48
 _KEPT = 2
 _MOMENTS = 60
+_AT_ONCE = 8  # choices that are pushed through the plant together
 
 
 def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[float, ...]]:
@@ -74,6 +75,14 @@ def _wave(angle: Array) -> Array:
     return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float64)
 
 
+def _explained(pure: Array, left: Array) -> float:
+    """Return how much of the power of `left` (rows,) a combination of the columns (rows, b) has."""
+    sizes = np.linalg.norm(pure, axis=0)
+    shares = pure.T @ left / sizes
+    answer = np.linalg.lstsq(pure.T @ pure / np.outer(sizes, sizes), shares, rcond=1e-13)[0]
+    return float(shares @ answer)
+
+
 def _best(
     scene: Scene,
     base: Fitted,
@@ -84,15 +93,20 @@ def _best(
     """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
     gains = np.zeros((len(grounds), len(choices)))
     plants = [response(scene.plant, base.point.values, recording) for recording in scene.train]
-    for place, choice in enumerate(choices):
+    for first in range(0, len(choices), _AT_ONCE):
+        some = choices[first : first + _AT_ONCE]
         moved = [
-            plant.to(np.asarray(torque(k, float(choice)), dtype=np.float64), len(recording.time))
+            plant.to(np.concatenate([torque(k, float(choice)) for choice in some], axis=1), len(recording.time))
             for k, (plant, recording) in enumerate(zip(plants, scene.train, strict=True))
         ]
         for index, under in enumerate(grounds):
             tall = np.concatenate([whitened(each, under.noises) for each in moved])
             pure = outside(under.basis, tall)
-            if np.all(np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)):
-                gains[index, place] = float(np.sum((orthogonal(pure).T @ under.left) ** 2))
+            live = np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)
+            width = tall.shape[1] // len(some)
+            for place in range(len(some)):
+                own = slice(place * width, (place + 1) * width)
+                if np.all(live[own]):
+                    gains[index, first + place] = _explained(pure[:, own], under.left)
     best = [float(choices[np.argsort(-row)[rank]]) for rank in range(_KEPT) for row in gains]
     return tuple(dict.fromkeys(best))

@@ -29,6 +29,10 @@ _TRIAL_ROWS = 2000
 _FAR = 3.0  # factor on a parameter that is far off
 _FAR_BETTER = 0.5  # of the power that the fit from where it is given leaves
 _SOAK = ("b_", "L_", "delay_")  # parameters that move far to imitate an effect
+_TORQUE, _VOLTAGE = "kt_N_m_A", "ke_V_s_rad"
+_SAME_CONSTANT = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
+_PINNED = 30.0  # weight of their ratio beside the parameters' own shifts
+_CLOSE = 0.01  # of the outputs' power: where a fit leaves less, no other start is tried
 _MET = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
 _GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clock
 _CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
@@ -120,7 +124,8 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
     short = shortened(plant, train, _TRIAL_ROWS)
     try:
-        begun, best = _trials(plant, short)
+        begun = _trial(plant, short)
+        best = begun if begun.power < _CLOSE * len(begun.slopes) else _best_trial(plant, short, begun)
     except IdentifyError:
         return  # preflight will say it better
     found = best if best.power < _FAR_BETTER * begun.power else begun
@@ -159,7 +164,7 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
     if any(np.any(np.std(each, axis=0) == 0.0) for each in columns):
         return
     try:
-        alone = [_trials(plant, [each])[1] for each in short]
+        alone = [_best_trial(plant, [each], _trial(plant, [each])) for each in short]
         together = _trial(plant, short)
     except IdentifyError:
         return
@@ -203,9 +208,9 @@ class _Trial:
     names: tuple[str, ...]
 
 
-def _trials(plant: Plant, train: Sequence[Recording]) -> tuple[_Trial, _Trial]:
-    """Fit from where the plant is given, and the best from there and a tenth and ten times each free parameter."""
-    begun = best = _trial(plant, train)
+def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Trial:
+    """Return the best of the fit from where the plant is given and those from a tenth and ten times each parameter."""
+    best = begun
     since = time.process_time()
     for index, parameter in enumerate(plant.parameters):
         for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
@@ -214,7 +219,7 @@ def _trials(plant: Plant, train: Sequence[Recording]) -> tuple[_Trial, _Trial]:
                 moved = list(plant.parameters)
                 moved[index] = replace(parameter, value=value)
                 best = min(best, _trial(replace(plant, parameters=tuple(moved)), train), key=lambda each: each.power)
-    return begun, best
+    return best
 
 
 def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
@@ -229,7 +234,11 @@ def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
 
 
 def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
-    """Return the logarithms by which the judged parameters moved, the least ones that do the same to the outputs."""
+    """Return the logarithms by which the judged parameters moved, the least ones that do the same to the outputs.
+
+    In SI units a motor's torque constant is its voltage constant: where they were given so, they move together, and
+    where they were given far apart, one of them is wrong.
+    """
     names = [name for name in found.names if given.get(name, 0.0) > 0.0 and found.values[name] > 0.0]
     shift = np.array([np.log(found.values[name] / given[name]) for name in names])
     slopes = found.slopes[:, [found.names.index(name) for name in names]]
@@ -240,8 +249,15 @@ def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
     unseen = basis[size < _UNSEEN * size[0]].T
     judged = np.array([not name.startswith(_SOAK) for name in names])
     if unseen.size:
-        weight = np.where(judged, 1.0, 1e-3)[:, None]
-        move, *_ = np.linalg.lstsq(weight * unseen, -weight[:, 0] * shift, rcond=None)
+        weight, aim = np.diag(np.where(judged, 1.0, 1e-3)), np.zeros(len(names))
+        if {_TORQUE, _VOLTAGE} <= set(names):
+            apart = float(np.log(given[_TORQUE] / given[_VOLTAGE]))
+            if abs(apart) < _SAME_CONSTANT or abs(apart) > np.log(_FAR):
+                ratio = np.zeros((1, len(names)))
+                ratio[0, [names.index(_TORQUE), names.index(_VOLTAGE)]] = _PINNED, -_PINNED
+                weight = np.concatenate([weight, ratio])
+                aim = np.append(aim, 0.0 if abs(apart) < _SAME_CONSTANT else -_PINNED * apart)
+        move, *_ = np.linalg.lstsq(weight @ unseen, aim - weight @ shift, rcond=None)
         shift = shift + unseen @ move
     return {name: float(each) for name, each, yes in zip(names, shift, judged, strict=True) if yes}
 

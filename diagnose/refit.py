@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start, outputs_of
 from diagnose.noise import Noise, fit_noise
-from identify.least_squares import triangle
 from identify.recording import Recording
 
 Array = NDArray[np.float64]
@@ -23,6 +22,8 @@ _GIVEN = (
     0.3  # standard deviation of a given nominal parameter, as a logarithm: it only counts where the data are silent
 )
 _PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
+_TELLING = 0.01  # of a variance: test recordings that would take away less of it say nothing
+_LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
 _STEP = 1e-5  # of a coordinate, for difference quotients
 _SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
 _NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
@@ -32,7 +33,8 @@ _NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the
 class Fitted:
     """A hypothesis at its best point; residuals are measured - simulated (n, r) per recording, in the outputs' units.
 
-    `normal` is J'J of the whitened slopes for (coordinates, initial states of each recording in turn).
+    `normal` is J'J of the whitened slopes for (coordinates, initial states of each recording in turn). `wider` (k,) are
+    the factors by which deviations are larger than it says; None for 1.
     """
 
     causes: tuple[Cause, ...]
@@ -41,6 +43,7 @@ class Fitted:
     residuals: tuple[Array, ...]
     cost: float  # sum of squares of the whitened residuals
     normal: Array
+    wider: Array | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -149,6 +152,88 @@ def fit(
     return Fitted(tuple(causes), unknowns, point, residuals, cost, normal)
 
 
+def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Take a fit to its minimum by undamped steps, however little each is worth, and put `normal` there.
+
+    A search ends where a step gains less than the noise, which for parameters that trade with each other may be a
+    deviation away. Where contacts and kinks make slopes jump, one place may promise far more than others near it:
+    deviations are the largest that any of them tells.
+    """
+    unknowns, causes = fitted.coordinates, fitted.causes
+    count, states = len(unknowns), len(scene.engine.states)
+    tether = tethers(scene, unknowns)
+    point, cost, residuals = _judged(scene, scene.train, fitted.point, noises)
+    normal = fitted.normal
+    told = [_variances(normal, count)]
+    for _ in range(_LAST_STEPS):
+        packed = _packed(scene, scene.train, unknowns, point, residuals, noises)
+        normal = packed[:-1, :-1]
+        pulled = -packed[:-1, -1].copy()
+        normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
+        pulled[:count] -= tether[:, :-1].T @ (tether[:, :-1] @ _inner(scene, unknowns, point) - tether[:, -1])
+        told.append(_variances(normal, count))
+        step = _solve(normal, pulled, 0.0)
+        step[:count] = np.clip(step[:count], -1.0, 1.0)
+        here = cost + _pull(scene, unknowns, point, tether)
+        for share in (1.0, 0.3, 0.1):
+            trial = _moved(scene, unknowns, point, share * step, states)
+            _, next_cost, next_residuals = _judged(scene, scene.train, trial, noises)
+            gain = here - next_cost - _pull(scene, unknowns, trial, tether)
+            if gain > 0.0:
+                point, cost, residuals = trial, next_cost, next_residuals
+                break
+        if gain < _LAST_GAIN:
+            break
+    seen = told[-1] > 0.0
+    wider = np.sqrt(np.where(seen, np.max(told, axis=0), 1.0) / np.where(seen, told[-1], 1.0))
+    return Fitted(causes, unknowns, point, tuple(residuals), cost, normal, wider)
+
+
+def _variances(normal: Array, count: int) -> Array:
+    """Return the variances (k,) of the coordinates."""
+    return np.asarray(np.diag(_inverse(normal))[:count])
+
+
+def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Widen the deviations of what the test recordings would have elsewhere, as two averages that disagree.
+
+    With the test recordings x would move by (A + B)^-1 b, whose covariance is A^-1 - (A + B)^-1 if both sets are alike:
+    A and B are the information of train and test on the coordinates, b is the score of test. A move of d deviations
+    widens by d / sqrt(2), as the scale factor of the Particle Data Group does for the mean of two.
+    """
+    count = len(fitted.coordinates)
+    if not scene.test or not count:
+        return fitted
+    starts = tuple(full_start(scene, recording) for recording in scene.test)
+    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
+    _, _, residuals = _judged(scene, scene.test, point, noises)
+    packed = _packed(scene, scene.test, fitted.coordinates, point, residuals, noises)
+    own_places = range(count)
+    first, second = _reduced(fitted.normal, own_places), _reduced(packed[:-1, :-1], own_places)
+    across, pulled = packed[:count, count:-1], packed[:-1, -1]
+    score = across @ _inverse(packed[count:-1, count:-1]) @ pulled[count:] - pulled[:count]
+    own, joint = _inverse(first), _inverse(first + second)
+    moved = joint @ score
+    allowed = np.diag(own) - np.diag(joint)
+    telling = allowed > _TELLING * np.diag(own)
+    apart = np.where(telling, np.abs(moved) / np.sqrt(np.where(telling, allowed, 1.0)), 0.0)
+    known = np.ones(count) if fitted.wider is None else fitted.wider
+    return replace(fitted, wider=known * np.maximum(apart / np.sqrt(2.0), 1.0))
+
+
+def _reduced(normal: Array, kept: Sequence[int]) -> Array:
+    """Return the information on the coordinates `kept` once all others have been fitted."""
+    rest = [k for k in range(len(normal)) if k not in kept]
+    across = normal[np.ix_(kept, rest)]
+    return np.asarray(normal[np.ix_(kept, kept)] - across @ _inverse(normal[np.ix_(rest, rest)]) @ across.T)
+
+
+def _inverse(normal: Array) -> Array:
+    """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates."""
+    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=1e-12) / np.outer(sizes, sizes))
+
+
 def tethers(scene: Scene, unknowns: Sequence[Coordinate]) -> Array:
     """Return rows [weights over the coordinates, aim] of what is known beforehand, in standard deviations."""
     given = {p.name: p.value for p in scene.plant.parameters}
@@ -205,9 +290,9 @@ def _packed(
             continue
         slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k])
         tall = np.concatenate([slopes, -residuals[k][..., None]], axis=2)
-        small = triangle(whitened(tall, noises))
+        flat = whitened(tall, noises)
         places = np.concatenate([np.arange(count), count + states * k + np.arange(states), [count + states * lot]])
-        total[np.ix_(places, places)] += small.T @ small
+        total[np.ix_(places, places)] += flat.T @ flat
     return total
 
 

@@ -13,7 +13,7 @@ from identify.assembly import OUTPUT, Assembly
 from identify.attach import inside_of, placed
 from identify.course import Course
 from identify.effect import Effect, Site
-from identify.forms import FormWriter, form_writer
+from identify.forms import Forms, FormWriter, form_writer
 from identify.marshal import Equations, Job, equations_of, job, library, run_job
 from identify.plant import Plant
 from identify.segments import Segments, segments, slew_function
@@ -37,9 +37,12 @@ class EffectSimulator:
     equations: Equations | None  # of a plant that is not linear
     inner: Equations | None
     effects: tuple[tuple[Effect, Site, tuple[int, ...]], ...]
-    neutral: tuple[tuple[tuple[int, float], ...], ...]  # for each effect: which of its parameters, at which values
+    watched: NDArray[np.intp]  # constants of which one that is not neutral makes an effect present
+    still: Array  # their neutral values
+    owner: NDArray[np.intp]  # the number of the effect of each
     sizes: Array  # (k,) typical size of each constant, where its value is 0
     jobs: dict[bytes, Job] = field(default_factory=dict)
+    written: dict[bytes, Forms] = field(default_factory=dict)  # by the nominal constants
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
 
     @property
@@ -118,7 +121,7 @@ class EffectSimulator:
 
     def assemble(self, constants: Array) -> Assembly:
         """Put the linear part and every effect that is not neutral together."""
-        forms = self.writer.forms(constants[: self.plant.rate.numel_in(2)])
+        forms = self._forms(constants)
         if self.equations_at(constants) is self.inner is not None:
             # What is changed inside is linear no longer, and read as the equations say.
             forms = replace(
@@ -137,11 +140,18 @@ class EffectSimulator:
         return self.inner if changed else self.equations
 
     def _present(self, constants: Array) -> list[tuple[Effect, Site, tuple[int, ...]]]:
-        return [
-            placed_effect
-            for placed_effect, neutral in zip(self.effects, self.neutral, strict=True)
-            if not all(constants[placed_effect[2][k]] == value for k, value in neutral)
-        ]
+        moved = np.asarray(constants)[self.watched] != self.still
+        return [self.effects[k] for k in np.unique(self.owner[moved])]
+
+    def _forms(self, constants: Array) -> Forms:
+        nominal = np.asarray(constants[: self.plant.rate.numel_in(2)], dtype=np.float64)
+        key = nominal.tobytes()
+        found = self.written.get(key)
+        if found is None:
+            while len(self.written) >= _KEPT:
+                self.written.pop(next(iter(self.written)))
+            found = self.written[key] = self.writer.forms(nominal)
+        return found
 
     def _job(self, constants: Array) -> Job:
         key = np.asarray(constants, dtype=np.float64).tobytes()
@@ -191,8 +201,14 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         if any(inside_of(plant, site) for _, site, _ in effects):
             inner = equations_of(_opened(plant, effects), replace(writer, linear_reading=False, linear_effort=False))
         sizes = np.ones(len(plant.parameters))
-        neutral = tuple(effect.neutral(site) for effect, site, _ in effects)
-        found = EffectSimulator(plant, writer, equations, inner, effects, neutral, sizes)
+        neutral = [
+            (own[k], value, number)
+            for number, (effect, site, own) in enumerate(effects)
+            for k, value in effect.neutral(site)
+        ]
+        watched, owner = (np.array([each[k] for each in neutral], dtype=np.intp) for k in (0, 2))
+        still = np.array([value for _, value, _ in neutral], dtype=np.float64)
+        found = EffectSimulator(plant, writer, equations, inner, effects, watched, still, owner, sizes)
         while len(_SIMULATORS) >= _KEPT:
             _SIMULATORS.pop(next(iter(_SIMULATORS)))
         _SIMULATORS[key] = found

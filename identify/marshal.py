@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -24,6 +23,8 @@ Array = NDArray[np.float64]
 
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
 _DRIVER = ("problem.h", "stick.c", "propagate.c", "segments.c")
+_LOOKS = {1: "i", 2: "effort", 4: "turn"}  # as in driver/problem.h
+_USUAL_STATES = 6
 _MEMORY = "presliding_force"  # the one function that remembers where the motion last turned round
 
 
@@ -58,6 +59,7 @@ class _Problem(ctypes.Structure):
                 "position",
                 "lags",
                 "settling",
+                "asked",
             )
         ),
         *((name, ctypes.c_void_p) for name in ("a", "b", "c", "read_x", "read_u", "current", "effort", "term", "q")),
@@ -111,8 +113,23 @@ def _pushed() -> frozenset[str]:
 
 
 @cache
-def library() -> ctypes.CDLL:
-    """Build the simulator with the functions of all effects; once per version of their text."""
+def _asked(code: str) -> int:
+    """Return what a function of the library looks at, as bits: current, effort, the angle of waves."""
+    body = next(body for effect in effects().values() for name, body in effect.codes if name == code)
+    return sum(bit for bit, word in _LOOKS.items() if f"v->{word}" in body)
+
+
+def library(states: int = 0, inputs: int = 0) -> ctypes.CDLL:
+    """Build the simulator with the functions of all effects; once per version of their text.
+
+    Plants of a usual size have a build of their own, in which the compiler knows how long loops are.
+    """
+    usual = 0 < states <= _USUAL_STATES and inputs == 1
+    return _library(states, inputs) if usual else _library(0, 0)
+
+
+@cache
+def _library(states: int, inputs: int) -> ctypes.CDLL:
     lines = [
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
@@ -138,7 +155,8 @@ def library() -> ctypes.CDLL:
     folder = files("identify").joinpath("driver")
     driver = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _DRIVER}
     texts = {"terms.c": "\n".join(["#include <math.h>", *lines]), **driver}
-    loaded = ctypes.CDLL(str(shared_library(texts, ["segments.c"], _FLAGS)))
+    sizes = (f"-DSTATES={states}", f"-DINPUTS={inputs}") if states else ()
+    loaded = ctypes.CDLL(str(shared_library(texts, ["segments.c"], (*_FLAGS, *sizes))))
     loaded.at_point.restype = None
     loaded.at_point.argtypes = [ctypes.c_void_p] * 5
     loaded.run_segments.restype = ctypes.c_int
@@ -217,10 +235,13 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     }  # fmt: skip
     fixed = {name: np.ascontiguousarray(value, dtype=np.float64) for name, value in arrays.items()}
     lag = np.array([*((o, row) for o, row, _ in nonlinear_lags), (0, 0)], dtype=np.int32)
+    asked = 0
+    for term in made.terms:
+        asked |= _asked(term.code)
     problem = _Problem(
         n=n, m=m, r=r, terms=len(made.terms), coordinates=len(made.coordinates), simple=int(simple),
         speed=made.speed, position=made.position, lags=len(nonlinear_lags),
-        settling=int(any(t.rate[5] for t in made.terms)),
+        settling=int(any(t.rate[5] for t in made.terms)), asked=asked,
         term=ctypes.addressof(terms), coordinate=ctypes.addressof(coordinates), lag=lag.ctypes.data,
     )  # fmt: skip
     for name, value in fixed.items():
@@ -244,12 +265,12 @@ def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
         problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data
     outputs = np.full((course.end - course.first, problem.r), np.nan)
     begin = np.ascontiguousarray(made.assembly.start(start))
-    done = library().run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)
+    done = library(problem.n, problem.m).run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)
     if done < 0:
         raise MemoryError("the simulator ran out of memory")
-    finite: Sequence[bool] = np.all(np.isfinite(outputs), axis=1)
-    if not all(finite):
-        outputs[int(np.argmin(finite)) :] = np.nan
+    finite = np.isfinite(outputs)
+    if not finite.all():
+        outputs[int(np.argmin(finite.all(axis=1))) :] = np.nan
     return outputs
 
 

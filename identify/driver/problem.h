@@ -7,11 +7,26 @@
 
 #define MOST 24        /* states */
 #define MOST_STUCK 6   /* coordinates that may stick */
+#define MOST_TERMS 64
 #define LEVELS 44
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
+#define BRIEF 0.03      /* norm(A) h up to which the classical formula is right to 1e-9 */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
 
+/* Built for plants of one size, loops have a known length. */
+#ifdef STATES
+#define SIZE(k) STATES
+#else
+#define SIZE(k) ((k)->n)
+#endif
+#ifdef INPUTS
+#define DRIVES(k) INPUTS
+#else
+#define DRIVES(k) ((k)->m)
+#endif
+
 enum { ADD, LEVEL, FACTOR, OUTPUT };
+enum { CURRENT = 1, EFFORT = 2, TURN = 4 };
 enum { FRICTION, LIMIT };
 
 typedef void (*nominal_t)(const double *x, const double *u, const double *p, double *dx);
@@ -31,6 +46,7 @@ typedef struct {
 /** Everything that does not change during a run; filled from Python. */
 typedef struct {
     int n, m, r, terms, coordinates, segments, simple, speed, position, lags, settling;
+    int asked;                           /* what the terms look at: CURRENT, EFFORT, TURN */
     const double *a, *b, *c;             /* n x n, n x m, n; row by row */
     const double *read_x, *read_u;       /* r x n, r x m */
     const double *current, *effort;      /* n + m each */
@@ -60,7 +76,12 @@ typedef struct {
     double x[MOST], m[2];
     double t, begin, since; /* s: now, start of the segment */
     const double *input, *ramp;
-    double smallest;
+    double smallest, brief; /* s: the shortest tabulated length; what is left over and no longer is one step */
+    double lengths[LEVELS]; /* s, of every level */
+    double held[MOST];      /* c + B u, where the input is held */
+    double first[MOST];     /* N where the run is now */
+    int holds, known;       /* whether the input is held; whether `first` is that of now */
+    int moving;             /* whether how fast N changes depends on where the plant is */
 } run_t;
 
 #endif

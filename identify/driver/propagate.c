@@ -30,7 +30,7 @@ static void multiply(int n, const double *a, const double *b, double *out) {
 #define F(level) (&table[(size_t)(level) * 6 * nn])
 static double *tabulate(const run_t *run, int mask) {
     const problem_t *k = run->k;
-    const int n = k->n, nn = n * n;
+    const int n = SIZE(k), nn = n * n;
     double *table = malloc((size_t)(run->levels * 6 * nn) * sizeof(double));
     double phi[4][MOST * MOST], z[MOST * MOST], w[MOST * MOST], v[MOST * MOST];
     double h = run->smallest;
@@ -94,7 +94,7 @@ static double *tabulate(const run_t *run, int mask) {
     return table;
 }
 
-static void add(int n, const double *matrix, const double *x, double *out) {
+static inline void add(int n, const double *matrix, const double *x, double *out) {
     for (int i = 0; i < n; ++i) {
         double sum = out[i];
         for (int j = 0; j < n; ++j) {
@@ -105,16 +105,16 @@ static void add(int n, const double *matrix, const double *x, double *out) {
 }
 
 static void step_table(const run_t *run, const double *table, int level, double h, double *out) {
-    const int n = run->k->n, nn = n * n;
+    const int n = SIZE(run->k), nn = n * n;
     const size_t bytes = (size_t)n * sizeof(double);
     const double *whole = F(level), *half = F(level + 1);
-    double n0[MOST], na[MOST], nb[MOST], nc[MOST], a[MOST], b[MOST], c[MOST];
-    drive(run, run->x, run->t, -1, n0);
+    const double *n0 = run->first;
+    double na[MOST], nb[MOST], nc[MOST], a[MOST], b[MOST], c[MOST];
     memcpy(out, run->x, bytes);
     add(n, whole, run->x, out);
     if (run->k->simple) {
         add(n, &whole[nn], n0, out);
-        for (int j = 0; j < run->k->m; ++j) {
+        for (int j = 0; j < DRIVES(run->k); ++j) {
             if (run->ramp[j] != 0.0) {
                 drive(run, run->x, run->t + h, -1, na);
                 for (int i = 0; i < n; ++i) {
@@ -148,23 +148,30 @@ static void step_table(const run_t *run, const double *table, int level, double 
     add(n, &whole[5 * nn], nc, out);
 }
 
-static void full_rate(const run_t *run, const double *x, double t, double *out) {
+/* Add what is linear to N. */
+static void whole_rate(const run_t *run, const double *x, double *out) {
     const problem_t *k = run->k;
-    drive(run, x, t, -1, out);
-    for (int i = 0; i < k->n; ++i) {
+    const int n = SIZE(k);
+    for (int i = 0; i < n; ++i) {
         int held = 0;
         for (int c = 0; c < k->coordinates; ++c) {
             held |= run->s[c] == 0 && k->coordinate[c].row == i;
         }
-        out[i] += held || run->flat ? 0.0 : dot(k->n, &k->a[i * k->n], x);
+        out[i] += held || run->flat ? 0.0 : dot(n, &k->a[i * n], x);
     }
+}
+
+static void full_rate(const run_t *run, const double *x, double t, double *out) {
+    drive(run, x, t, -1, out);
+    whole_rate(run, x, out);
 }
 
 /* Classical Runge-Kutta, for lengths below the shortest tabulated one, and where nothing is linear. */
 static void step_short(const run_t *run, double h, double *out) {
-    const int n = run->k->n;
+    const int n = SIZE(run->k);
     double k1[MOST], k2[MOST], k3[MOST], k4[MOST], y[MOST];
-    full_rate(run, run->x, run->t, k1);
+    memcpy(k1, run->first, (size_t)n * sizeof(double));
+    whole_rate(run, run->x, k1);
     for (int i = 0; i < n; ++i) {
         y[i] = run->x[i] + 0.5 * h * k1[i];
     }

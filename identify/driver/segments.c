@@ -40,10 +40,25 @@ static double fastest(int n, double *m) {
     return scale;
 }
 
+/* N where the run is; computed once per place. */
+static void look_round(run_t *run) {
+    if (!run->known) {
+        drive(run, run->x, run->t, -1, run->first);
+        run->known = 1;
+    }
+}
+
+/* How far a force that remembers where the motion turned round still is from what it will be: 1 there, 0 far away. */
+static double unsettled(const run_t *run, const term_t *f) {
+    const double *q = &run->k->q[f->constants];
+    return is_memory(f->code) && q[1] > 0.0 ? exp(-0.5 * q[0] * fabs(run->x[run->k->position] - run->m[1]) / q[1]) : 1.0;
+}
+
 /* The coarsest level whose step resolves how fast N changes. */
-static int coarsest(const run_t *run, double length) {
+static int coarsest(run_t *run, double length) {
     const problem_t *k = run->k;
-    double rate = 0.0, u[MOST], now[MOST];
+    const int n = SIZE(k), m = DRIVES(k);
+    double rate = 0.0, u[MOST], now[MOST], own[MOST_TERMS];
     int level = 0;
     if (k->simple) {
         return 0;
@@ -52,33 +67,48 @@ static int coarsest(const run_t *run, double length) {
     if (k->slope != NULL) {
         double by_x[MOST * MOST];
         k->slope(run->x, u, k->p, now, by_x);
-        for (int j = 0; j < k->n * k->n; ++j) {
+        for (int j = 0; j < n * n; ++j) {
             by_x[j] = isfinite(by_x[j]) ? by_x[j] : 0.0;
         }
-        rate = 4.0 * fastest(k->n, by_x); /* nothing of it is in A */
+        rate = 4.0 * fastest(n, by_x); /* nothing of it is in A */
     }
-    full_rate(run, run->x, run->t, now);
+    look_round(run);
+    memcpy(now, run->first, (size_t)n * sizeof(double));
+    whole_rate(run, run->x, now);
+    const double w = k->speed >= 0 ? fabs(run->x[k->speed]) : 0.0, dw = k->speed >= 0 ? fabs(now[k->speed]) : 0.0;
+    const int leaves = k->speed >= 0 && run->x[k->speed] * now[k->speed] > 0.0;
     for (int j = 0; j < k->terms; ++j) {
         const double *r = k->term[j].rate;
-        const double w = k->speed >= 0 ? fabs(run->x[k->speed]) : 0.0, dw = k->speed >= 0 ? fabs(now[k->speed]) : 0.0;
-        const double near = fmax(w - dw * length, 0.0) * r[2]; /* far from rest nothing changes with dw */
-        double own = r[0] + r[1] * (w + 0.5 * dw * length) + r[2] * dw / (1.0 + near * near);
+        own[j] = r[0] * unsettled(run, &k->term[j]) + r[1] * (w + 0.5 * dw * length);
         if (r[3] != 0.0) {
-            const double i = form(k->current, k->n, run->x, k->m, u);
-            own += r[3] * i * i;
+            const double i = form(k->current, n, run->x, m, u);
+            own[j] += r[3] * i * i;
         }
-        own += r[4] * (k->position >= 0 ? fabs(run->x[k->position]) : 0.0);
+        own[j] += r[4] * (k->position >= 0 ? fabs(run->x[k->position]) : 0.0);
         if (r[5] > 0.0) {
             /* A current that settles does so at this rate; what is left of it decides how much that matters. */
-            const double i = fabs(form(k->current, k->n, run->x, k->m, u));
+            const double i = fabs(form(k->current, n, run->x, m, u));
             const double still[MOST] = {0.0};
-            const double left = fabs(form(k->current, k->n, now, k->m, still)) / r[5];
-            own += left > 0.0 ? r[5] * cbrt(left / (left + i)) : 0.0;
+            const double left = fabs(form(k->current, n, now, m, still)) / r[5];
+            own[j] += left > 0.0 ? r[5] * cbrt(left / (left + i)) : 0.0;
         }
-        rate = fmax(rate, own);
+        if (r[2] == 0.0) {
+            rate = fmax(rate, own[j]);
+        }
     }
-    while (level < run->levels - 2 && ldexp(k->step, -level) * rate > k->longest) {
-        ++level;
+    for (; level < run->levels - 2; ++level) {
+        double most = rate;
+        for (int j = 0; j < k->terms; ++j) {
+            const double steep = k->term[j].rate[2];
+            if (steep != 0.0) { /* far from rest nothing of it changes */
+                const double h = fmin(run->lengths[level], length), near = leaves ? w : fmax(w - dw * h, 0.0);
+                const double away = 1.0 + near * steep * near * steep;
+                most = fmax(most, own[j] / (away * away) + steep * dw / away);
+            }
+        }
+        if (!(run->lengths[level] * most > k->longest)) {
+            break;
+        }
     }
     return level;
 }
@@ -94,16 +124,18 @@ static int first_overdue(const run_t *run, const double *x, double t) {
 
 static int advance(run_t *run, double length) {
     const problem_t *k = run->k;
-    const int n = k->n, finest = run->levels - 2, start = coarsest(run, length);
+    const int n = SIZE(k), finest = run->levels - 2;
     const size_t bytes = (size_t)n * sizeof(double);
     double rest = length, trial[MOST];
-    int level = start, events = 0;
+    int level = coarsest(run, length), start = level, events = 0;
+    int bound = 0; /* the level that the search for an event has come to */
     while (rest > 0.0) {
-        double h = ldexp(k->step, -level);
+        double h = run->lengths[level];
         int c;
-        while (level < finest && h > rest + 1e-7 * run->smallest) {
-            h = ldexp(k->step, -++level);
+        while (level < finest && h > rest + 1e-7 * run->smallest && rest > run->brief) {
+            h = run->lengths[++level];
         }
+        look_round(run);
         if (h > rest + 1e-7 * run->smallest) {
             h = rest;
             step_short(run, h, trial);
@@ -118,7 +150,7 @@ static int advance(run_t *run, double length) {
         }
         c = events < MOST_EVENTS ? first_overdue(run, trial, run->t + h) : -1;
         if (c >= 0 && level < finest) {
-            ++level; /* halve until the moment is known to the shortest length */
+            bound = ++level; /* halve until the moment is known to the shortest length */
             continue;
         }
         if (c >= 0) {
@@ -133,17 +165,21 @@ static int advance(run_t *run, double length) {
             }
             decide(run, c);
             ++events;
-            level = start;
+            run->known = 0;
+            bound = 0;
+            level = run->moving ? coarsest(run, rest) : start;
             continue;
         }
         memcpy(run->x, trial, bytes);
         run->t += h;
         rest -= h;
-        if (k->settling) {
-            level = coarsest(run, length);
-        }
+        run->known = 0;
         if (fabs(rest) < 1e-7 * run->smallest) {
             break;
+        }
+        if (run->moving && rest > 0.0) {
+            const int wanted = coarsest(run, rest);
+            level = wanted > bound ? wanted : bound;
         }
     }
     return 0;
@@ -153,13 +189,17 @@ static void read_outputs(const run_t *run, const double *u, int segment, double 
     const problem_t *k = run->k;
     for (int j = k->reads[segment]; j < k->reads[segment + 1]; ++j) {
         double whole[MOST];
-        view_t v = look(run, run->x, u, run->t);
+        view_t v = {0};
+        if (k->terms > 0) {
+            v = look(run, run->x, u, run->t);
+        }
         if (k->reading != NULL) {
             k->reading(run->x, u, k->p, whole);
         }
         for (int o = 0; o < k->r; ++o) {
             if (k->read_output[j] < 0 || k->read_output[j] == o) {
-                double value = dot(k->n, &k->read_x[o * k->n], run->x) + dot(k->m, &k->read_u[o * k->m], u);
+                double value =
+                    dot(SIZE(k), &k->read_x[o * SIZE(k)], run->x) + dot(DRIVES(k), &k->read_u[o * DRIVES(k)], u);
                 int lagged = 0;
                 for (int l = 0; l < k->lags; ++l) {
                     lagged |= k->lag[2 * l] == o;
@@ -183,16 +223,16 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
     double reach = 0.0;
     memset(run, 0, sizeof *run);
     run->k = k;
-    for (int i = 0; i < k->n; ++i) {
+    for (int i = 0; i < SIZE(k); ++i) {
         double sum = 0.0;
-        for (int j = 0; j < k->n; ++j) {
-            sum += fabs(k->a[i * k->n + j]);
+        for (int j = 0; j < SIZE(k); ++j) {
+            sum += fabs(k->a[i * SIZE(k) + j]);
         }
         reach = fmax(reach, sum);
         run->x[i] = x0[i];
     }
     run->flat = 1;
-    for (int i = 0; i < k->n * k->n; ++i) {
+    for (int i = 0; i < SIZE(k) * SIZE(k); ++i) {
         run->flat &= k->a[i] == 0.0;
     }
     run->levels = 11;
@@ -200,6 +240,14 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
         ++run->levels;
     }
     run->smallest = ldexp(k->step, 1 - run->levels);
+    for (int level = 0; level < run->levels; ++level) {
+        run->lengths[level] = ldexp(k->step, -level);
+    }
+    run->brief = reach > 0.0 ? BRIEF / reach : 0.0;
+    run->moving = k->settling;
+    for (int j = 0; j < k->terms; ++j) {
+        run->moving |= k->term[j].rate[2] != 0.0 || (is_memory(k->term[j].code) && k->position >= 0);
+    }
     for (int c = 0; c < k->coordinates; ++c) {
         const coordinate_t *held = &k->coordinate[c];
         const double value = run->x[held->row];
@@ -215,6 +263,22 @@ static void tidy_up(run_t *run) {
     }
 }
 
+/* Sum up what the input alone drives, where it is held. */
+static void set_drive(run_t *run) {
+    const problem_t *k = run->k;
+    run->holds = 1;
+    for (int j = 0; j < DRIVES(k); ++j) {
+        run->holds &= run->ramp[j] == 0.0;
+    }
+    for (int i = 0; run->holds && i < SIZE(k); ++i) {
+        double sum = k->c[i];
+        for (int j = 0; j < DRIVES(k); ++j) {
+            sum += k->b[i * DRIVES(k) + j] * run->input[j];
+        }
+        run->held[i] = sum;
+    }
+}
+
 /** Go on through the segments that the problem holds now; y (rows x r) is filled by the reads. Returns segments done, -1
  * without memory. */
 int go_on(run_t *run, double *y) {
@@ -222,22 +286,25 @@ int go_on(run_t *run, double *y) {
     double u[MOST];
     run->input = k->before;
     run->ramp = STILL;
-    memcpy(u, k->before, (size_t)k->m * sizeof(double));
+    memcpy(u, k->before, (size_t)DRIVES(k) * sizeof(double));
     run->t = run->begin = run->since = k->segments > 0 ? k->begin[0] : 0.0;
     read_outputs(run, u, 0, y);
     for (int done = 0; done < k->segments; ++done) {
-        run->input = &k->input[done * k->m];
-        run->ramp = &k->ramp[done * k->m];
+        run->input = &k->input[done * DRIVES(k)];
+        run->ramp = &k->ramp[done * DRIVES(k)];
         run->t = run->begin = run->since = k->begin[done];
+        run->known = 0;
+        set_drive(run);
         for (int c = 0; c < k->coordinates; ++c) {
             if (run->s[c] == 0 && overdue(run, run->x, run->t, c) > 0.0) {
                 decide(run, c);
+                run->known = 0;
             }
         }
         if (advance(run, k->length[done]) != 0) {
             return -1;
         }
-        for (int i = 0; i < k->n; ++i) {
+        for (int i = 0; i < SIZE(k); ++i) {
             if (!(fabs(run->x[i]) < 1e15)) {
                 return done;
             }
@@ -277,7 +344,7 @@ void end_run(run_t *run) {
 void at_point(const problem_t *k, const double *x, const double *u, double *rate, double *y) {
     const double still[MOST] = {0.0};
     run_t run = {.k = k, .m = {0.0, 0.0}, .input = u, .ramp = still};
-    memcpy(run.x, x, (size_t)k->n * sizeof(double));
+    memcpy(run.x, x, (size_t)SIZE(k) * sizeof(double));
     full_rate(&run, x, 0.0, rate);
     read_outputs(&run, u, 0, y);
 }

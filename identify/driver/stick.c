@@ -6,12 +6,12 @@
 #include "problem.h"
 
 static void input_at(const run_t *run, double t, double *u) {
-    for (int j = 0; j < run->k->m; ++j) {
+    for (int j = 0; j < DRIVES(run->k); ++j) {
         u[j] = run->input[j] + run->ramp[j] * (t - run->since);
     }
 }
 
-static double form(const double *row, int n, const double *x, int m, const double *u) {
+static inline double form(const double *row, int n, const double *x, int m, const double *u) {
     double sum = 0.0;
     for (int j = 0; j < n; ++j) {
         sum += row[j] * x[j];
@@ -22,7 +22,7 @@ static double form(const double *row, int n, const double *x, int m, const doubl
     return sum;
 }
 
-static double dot(int n, const double *a, const double *x) {
+static inline double dot(int n, const double *a, const double *x) {
     double sum = 0.0;
     for (int j = 0; j < n; ++j) {
         sum += a[j] * x[j];
@@ -50,12 +50,14 @@ static view_t look(const run_t *run, const double *x, const double *u, double t)
     view_t v = {.x = x, .u = u[0], .t = t, .begin = run->begin, .m = run->m};
     v.w = k->speed >= 0 ? x[k->speed] : 0.0;
     v.th = k->position >= 0 ? x[k->position] : 0.0;
-    v.turn = k->turns > 1 ? turned(k, t) : v.th;
-    v.i = form(k->current, k->n, x, k->m, u);
+    v.turn = k->turns > 1 && k->asked & TURN ? turned(k, t) : v.th;
+    if (k->asked & CURRENT) {
+        v.i = form(k->current, SIZE(k), x, DRIVES(k), u);
+    }
     if (k->bent != NULL) {
         k->bent(x, u, k->p, &v.effort);
-    } else {
-        v.effort = form(k->effort, k->n, x, k->m, u);
+    } else if (k->asked & EFFORT) {
+        v.effort = form(k->effort, SIZE(k), x, DRIVES(k), u);
     }
     for (int c = 0; c < k->coordinates; ++c) {
         if (k->coordinate[c].what == FRICTION && k->coordinate[c].row == k->speed) {
@@ -81,7 +83,7 @@ static double level_of(const run_t *run, view_t v, int c, int s) {
 /* N without the friction of the coordinate `but`, and without zeroing rows where `but` is given. */
 static void drive(const run_t *run, const double *x, double t, int but, double *n_out) {
     const problem_t *k = run->k;
-    const int n = k->n;
+    const int n = SIZE(k), m = DRIVES(k);
     double u[MOST];
     view_t v;
     input_at(run, t, u);
@@ -89,12 +91,16 @@ static void drive(const run_t *run, const double *x, double t, int but, double *
         memset(n_out, 0, (size_t)n * sizeof(double));
         k->rate(x, u, k->p, n_out);
     }
-    for (int i = 0; i < n; ++i) {
-        double sum = (k->rate != NULL ? n_out[i] : 0.0) + k->c[i];
-        for (int j = 0; j < k->m; ++j) {
-            sum += k->b[i * k->m + j] * u[j];
+    if (run->holds && k->rate == NULL) {
+        memcpy(n_out, run->held, (size_t)n * sizeof(double));
+    } else {
+        for (int i = 0; i < n; ++i) {
+            double sum = (k->rate != NULL ? n_out[i] : 0.0) + k->c[i];
+            for (int j = 0; j < m; ++j) {
+                sum += k->b[i * m + j] * u[j];
+            }
+            n_out[i] = sum;
         }
-        n_out[i] = sum;
     }
     if (k->terms == 0 && k->coordinates == 0) {
         return;
@@ -145,7 +151,7 @@ static double pull(const run_t *run, const double *x, double t, int c) {
     const int row = run->k->coordinate[c].row;
     double rate[MOST];
     drive(run, x, t, c, rate);
-    return (rate[row] + dot(run->k->n, &run->k->a[row * run->k->n], x)) / run->k->coordinate[c].per;
+    return (rate[row] + dot(SIZE(run->k), &run->k->a[row * SIZE(run->k)], x)) / run->k->coordinate[c].per;
 }
 
 static double level_at(const run_t *run, const double *x, double t, int c, int s) {

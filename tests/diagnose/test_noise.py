@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from diagnose.noise import fit_noise, whiteness
+from diagnose.noise import fit_noise, lagged_products, whiteness
 
 
 def test_white_noise_has_no_memory() -> None:
@@ -27,3 +27,10 @@ def test_colored_noise_is_whitened() -> None:
 
 def test_resolution_is_the_least_noise() -> None:
     assert fit_noise([np.zeros(500)], 0.01).scale == 0.01
+
+
+def test_sums_of_products_are_those_of_the_lagged_columns() -> None:
+    walk = np.cumsum(np.random.default_rng(3).normal(size=300))
+    most = 24
+    lagged = np.lib.stride_tricks.sliding_window_view(walk, most + 1)[:, ::-1]
+    assert np.allclose(lagged_products(walk, most), lagged.T @ lagged, rtol=1e-12)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from diagnose.preflight import preflight
+from diagnose.prepare import check_nominal
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
 from identify.plant import IdentifyError, Plant
@@ -66,3 +68,16 @@ def test_the_same_file_twice_is_told(bench: tuple[Plant, Recording, Recording]) 
     plant, train, _ = bench
     with pytest.raises(IdentifyError, match="same bytes"):
         preflight(plant, [train], [make_recording(train.time, train.columns, "copy.csv", train.sha256)])
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("J_kg_m2", 10.0), ("J_kg_m2", 0.1), ("kt_N_m_A", 10.0), ("ke_V_s_rad", 0.1), ("R_ohm", 10.0)]
+)
+def test_a_parameter_ten_times_off_is_told(bench: tuple[Plant, Recording, Recording], name: str, factor: float) -> None:
+    plant, train, _ = bench
+    moved = tuple(
+        replace(each, value=each.value * (factor if each.name == name else 1.0), free=True) for each in plant.parameters
+    )
+    check_nominal(plant, [train])
+    with pytest.raises(IdentifyError, match=f"{name} = .* instead of"):
+        check_nominal(replace(plant, parameters=moved), [train])

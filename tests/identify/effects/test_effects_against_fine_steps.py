@@ -268,3 +268,22 @@ def test_torque_and_back_emf_agree_at_speed(motor: Superset, recording: Recordin
     """A check of the case itself: at constant voltage the fine motor runs up to u / ke less the loss."""
     states = Motor().run(np.array([0.0, 1.5]), lambda t: 6.0, np.array([1.5]))
     assert states[0, 1] == pytest.approx(6.0 / (KE + R * 1e-5 / KT), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("stribeck_friction", {"coulomb_N_m": 0.005, "static_N_m": 0.00501, "stribeck_rad_s": 1e-5}),
+        ("presliding_friction", {"coulomb_N_m": 0.005, "stiffness_N_m_rad": 2e3}),
+    ],
+)
+def test_a_friction_as_steep_as_coulombs_is_coulombs(
+    name: str, parameters: dict[str, float], motor: Superset, recording: Recording
+) -> None:
+    """Steps are fine only where such a friction changes: taken so fine throughout, they would never end."""
+    coulomb = {"coulomb_friction.torque_N_m": 0.005}
+    found, limit, without = (
+        motor.simulate(recording, each, None) for each in (named(motor, name, parameters), coulomb, {})
+    )
+    apart, size = (np.sqrt(np.mean((shown - limit) ** 2, axis=0)) for shown in (found, without))
+    assert np.all(apart <= 5e-3 * size), f"{apart / size} of what the friction changes"
