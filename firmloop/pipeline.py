@@ -19,7 +19,7 @@ from design.roles import reference_and_measurement
 from firmloop.making import Generated, command_of, design, formats_of, generate, located, plant_of
 from firmloop.project import Campaign, Project
 from firmloop.project_text import settled
-from firmloop.saturation import saturated
+from firmloop.saturation import cut_input, cut_output, saturated
 from identify.compiler import ToolError
 from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
@@ -86,8 +86,8 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     assert project.recordings is not None, "require() has seen to it"
     with located(project):
         fitted = fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
-    beyond = saturated(project, data.train)
-    return replace(fitted, warnings=(*fitted.warnings, beyond)) if beyond else fitted
+    seen = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
+    return replace(fitted, warnings=(*fitted.warnings, *filter(None, seen)))
 
 
 def conditioning_of(project: Project) -> Conditioning:
