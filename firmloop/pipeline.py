@@ -16,6 +16,7 @@ from design.kinds import design as design_law
 from design.law import DesignError, Horizon, Law, Scalar
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
 from design.roles import reference_and_measurement
+from design.unsure import figures_of, half_widths
 from firmloop.making import Generated, command_of, design, formats_of, generate, located, plant_of
 from firmloop.project import Campaign, Project
 from firmloop.project_text import settled
@@ -23,7 +24,7 @@ from firmloop.saturation import cut_input, cut_output, saturated
 from identify.compiler import ToolError
 from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
-from identify.linear import linearize
+from identify.linear import Linear, linearize
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
@@ -60,6 +61,7 @@ class Loop:
     margins: Margins
     step: Trajectory
     metrics: StepMetrics
+    halves: Mapping[str, float]  # of 95 % intervals of both, by field, from those of the plant's parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +133,14 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         return None
     with located(project):
         linear = linearize(plant)
-        step = closed_loop(designed.law, linear, step_profile(designed.law, linear))
-        return Loop(margins(designed.law, linear), step, step_metrics(step))
+        law, profile = designed.law, step_profile(designed.law, linear)
+        step = closed_loop(law, linear, profile)
+
+        def figures(moved: Linear) -> Mapping[str, float]:
+            measured = () if law.solve else (step_metrics(closed_loop(law, moved, profile)),)  # seconds for a search
+            return figures_of(margins(law, moved), *measured)
+
+        return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures))
 
 
 def verify_target(
