@@ -71,9 +71,10 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     DesignError
         when the table or a rule's keys are wrong, or there is no plant.
     """
-    if request.plant is None:
+    plant = request.plant
+    if plant is None:
         raise DesignError("a comparison of tuning rules needs a plant; add [plant]")
-    linear = linearize(request.plant)
+    linear = linearize(plant)
     check_signals(request)
     request = _about_its_middle(request)
     wires = find_wires(request)
@@ -96,7 +97,6 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     samples = max((len(step_profile(e.design.law, linear)) for e in found if _stable(e) and e.design), default=0)
     limits = room(wires)
     load = (limits["u_max"] - limits["u_min"]) / 8
-    plant = request.plant
     return tuple(_measured(entry, plant, linear, samples, load) if _stable(entry) else entry for entry in found)
 
 

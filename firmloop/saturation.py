@@ -57,8 +57,9 @@ def saturated(project: Project, recordings: Sequence[Recording], name: str = "")
 def cut_output(project: Project, recordings: Sequence[Recording]) -> str:
     """Return a sentence about the first output that is cut off though no effect of the plant does that."""
     part = project.plant
-    effects = part.table.values.get("effects", []) if part else []
-    if part is None or any(isinstance(each, dict) and each.get("name") in LIMITING for each in effects):
+    effects = part.table.values.get("effects") if part else None
+    listed = effects if isinstance(effects, list) else []
+    if part is None or any(isinstance(each, dict) and each.get("name") in LIMITING for each in listed):
         return ""
     for recording in recordings:
         for name in part.outputs:

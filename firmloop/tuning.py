@@ -51,6 +51,8 @@ def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry
     """Tune the project's loop by every rule that `[tuning]` names, those of `usual` where it names none."""
     part, asked = project.controller, project.document.table("tuning")
     assert part is not None, "require() has seen to it"
+    if part.kind != "pid":
+        raise part.table.wrong("kind", f'is {part.kind!r}, and tuning rules give the gains of a pid; take kind = "pid"')
     asked.only(("rules", *rules()))
     names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(usual)
     for name in names:
