@@ -52,7 +52,7 @@ def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry
     part, asked = project.controller, project.document.table("tuning")
     assert part is not None, "require() has seen to it"
     if part.kind != "pid":
-        raise part.table.wrong("kind", f'is {part.kind!r}, and tuning rules give the gains of a pid; take kind = "pid"')
+        raise part.table.wrong("kind", 'is no pid, and tuning rules give the gains of one; take kind = "pid"')
     asked.only(("rules", *rules()))
     names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(usual)
     for name in names:
