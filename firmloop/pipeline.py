@@ -62,6 +62,7 @@ class Loop:
     step: Trajectory
     metrics: StepMetrics
     halves: Mapping[str, float]  # of 95 % intervals of both, by field, from those of the plant's parameters
+    points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +141,8 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
             measured = () if law.solve else (step_metrics(closed_loop(law, moved, profile)),)  # seconds for a search
             return figures_of(margins(law, moved), *measured)
 
-        return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures))
+        points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
+        return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures), points)
 
 
 def verify_target(

@@ -84,7 +84,22 @@ def about_tracking(found: Tracking) -> list[str]:
 def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
-    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]) + note
+    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]) + note + _about_points(loop)
+
+
+def _about_points(loop: Loop) -> list[str]:
+    """Margins at every operating point, where there are several."""
+    rows = [
+        (
+            says,
+            "stable" if found.stable else "UNSTABLE",
+            f"gain margin {quantity(found.gain_margin_db, 'dB')}",
+            f"phase margin {quantity(found.phase_margin_deg, 'deg')}",
+            f"Ms {quantity(found.sensitivity_peak, '')}",
+        )
+        for says, found in loop.points
+    ]
+    return ["  at each operating point, with the plant as it is there", *table(rows)] if rows else []
 
 
 def margin_rows(loop: Loop) -> list[tuple[str, str]]:
