@@ -111,7 +111,7 @@ def start_slopes(scene: Scene, recording: Recording, point: Point, index: int) -
     key = (id(recording), tuple(sorted(values.items())), start.tobytes())
     found = scene.memory.get(key)
     if found is None:
-        while len(scene.memory) >= max(_KEPT, len(scene.train)):
+        while len(scene.memory) >= max(_KEPT, len(scene.train) + len(scene.test)):
             scene.memory.pop(next(iter(scene.memory)))
         names = [f"start.{state}" for state in scene.engine.states]
         found = scene.memory[key] = scene.engine.slopes(recording, values, names, start)
