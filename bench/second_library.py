@@ -1,4 +1,4 @@
-"""Hold estimates and margins against other libraries on the same data.
+"""Hold estimates against other libraries on the same data.
 
     python -m bench.second_library
 
@@ -6,31 +6,24 @@
   scipy.signal's own simulation. They agree where the second estimate lies inside our 95 % interval.
 - The same second-order data by output error and by a subspace method (nfoursid): gain at rest and pole. They agree
   where they differ by no more than the 95 % interval of the difference, both drawn anew from their residuals.
-- The loop of every tuning rule: Ms and phase margin beside those of python-control, within 1 %.
 
-Exit status 1 where a figure is outside.
+Loops are compared in `bench/tuning.py`. Exit status 1 where a figure is outside.
 """
 
 from __future__ import annotations
 
-import math
 import sys
 
-import control
 import numpy as np
 import scipy.optimize
 import scipy.signal
 from numpy.typing import NDArray
 
-from design.contest import contest
-from design.kinds import Request
-from design.tuning import rules
 from identify.blackbox import STRUCTURES, Record, continuous, redrawn
 from identify.condition import NONE
 from identify.fit import fit, interval95
 from identify.kinds import make_plant
 from identify.recording import make_recording
-from identify.signal import Signal
 
 Array = NDArray[np.float64]
 
@@ -109,38 +102,9 @@ def figures(model: object) -> Array:
     return np.array([-c @ np.linalg.solve(a, b), pole.real, pole.imag])
 
 
-def margins() -> int:
-    """Print the furthest margin of every rule from python-control's; return how many are beyond 1 %."""
-    plant = make_plant("first_order", "u", ["y"], {"gain": 2.0, "time_constant_s": 3.0, "delay_s": 0.0})
-    wires = (Signal("reference", "", -1.0, 1.0), Signal("measurement", "", -1.0, 1.0))
-    output = (Signal("output", "", -10.0, 10.0),)
-    beyond = 0
-    names = tuple(name for name in rules() if name not in ("iae", "itae"))  # ise stands for them, they take longer
-    for entry in contest(Request("x", {}, 0.1, wires, output, plant), names, {}):
-        if entry.design is None or entry.margins is None or not entry.margins.stable:
-            print(f"margins       {entry.rule:24} {entry.refused or 'unstable'}")
-            continue
-        kp, ki, kd = (entry.design.gains[name] for name in ("kp", "ki", "kd"))
-        tf = abs(kd / kp) / 10 if kp else 0.0
-        z = control.tf([1, 0], [1], 0.1)
-        pid = kp + ki * 0.1 / (z - 1) + kd * (z - 1) / ((tf + 0.1) * z - tf)
-        loop = pid * control.sample_system(control.tf([2.0], [3.0, 1.0]), 0.1)
-        grid = np.geomspace(1e-2, math.pi / 0.1, 2_000)
-        answer = loop(np.exp(1j * grid * 0.1))
-        _, phase, *_ = control.stability_margins(control.frd(answer, grid, smooth=True))
-        pairs = [
-            (entry.margins.sensitivity_peak, float(np.max(np.abs(1 / (1 + answer))))),
-            (entry.margins.phase_margin_deg, float(phase)),
-        ]
-        worst = 100 * max(abs(one / other - 1) for one, other in pairs)
-        print(f"margins       {entry.rule:24} Ms and phase margin within {worst:.2g} %")
-        beyond += worst > 1.0
-    return beyond
-
-
 def main() -> int:
-    """Print all three comparisons."""
-    beyond = sum(least_squares(kind) for kind in TRUTH) + subspace() + margins()
+    """Print both comparisons."""
+    beyond = sum(least_squares(kind) for kind in TRUTH) + subspace()
     print("all agree" if not beyond else f"{beyond} figures do not agree")
     return int(beyond > 0)
 

@@ -25,9 +25,10 @@ from design.kinds import Request, kinds
 from firmloop.cli import main as firmloop
 from verify.checker import check_proof
 
-KINDS = ("fuzzy_pid", "sliding_mode", "self_tuning", "sensorless_speed", "start_monitor")
+KINDS = ("fuzzy_pid", "sliding_mode", "self_tuning", "sensorless_speed", "gain_schedule", "start_monitor")
 FORMATS = {
     "float32": 'number = "float32"',
+    "float64": 'number = "float64"',
     "fixed32": 'number = "fixed"\nbits = 32',
     "fixed16": 'number = "fixed"\nbits = 16',
 }
@@ -38,13 +39,22 @@ def project(kind: str, request: Request, arithmetic: str) -> str:
     """Return the project file of a kind's example."""
     lines = ["schema = 1", f'name = "{request.name}"', "[controller]", f'kind = "{kind}"']
     lines += [f"period_s = {request.period}", f"outputs = {json.dumps([wire.name for wire in request.outputs])}"]
-    lines += [f"{key} = {json.dumps(value)}" for key, value in request.table.items()]
+    lines += [f"{key} = {toml(value)}" for key, value in request.table.items()]
     lines.append("[signals]")
     for wire in (*request.inputs, *request.outputs):
         lines.append(f'{wire.name} = {{ unit = "{wire.unit}", low = {wire.low}, high = {wire.high} }}')
     return "\n".join(
         [*lines, "[arithmetic]", FORMATS[arithmetic], "[target]", f"names = {json.dumps(list(STEPS))}", ""]
     )
+
+
+def toml(value: object) -> str:
+    """Write a value as TOML, tables within their line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml, value))}]"
+    return json.dumps(value)
 
 
 def walk(kind: str, arithmetic: str, target: str, steps: int, folder: Path) -> tuple[Mapping[str, Any], str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,9 @@ from design.loop import (
 )
 from design.table import real
 from design.tuning import rules
+from design.unsure import figures_of, half_widths
 from identify.linear import Linear, linearize
+from identify.plant import Plant
 
 Array = npt.NDArray[np.float64]
 
@@ -54,6 +56,7 @@ class Entry:
     step: StepMetrics | None = None
     load: LoadMetrics | None = None
     noise_gain: float = math.nan  # rms of the output over rms of white noise on the measurement
+    halves: Mapping[str, float] = field(default_factory=dict)  # of 95 % intervals by figure, from the plant's
 
 
 def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[str, object]]) -> tuple[Entry, ...]:
@@ -68,9 +71,10 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     DesignError
         when the table or a rule's keys are wrong, or there is no plant.
     """
-    if request.plant is None:
+    plant = request.plant
+    if plant is None:
         raise DesignError("a comparison of tuning rules needs a plant; add [plant]")
-    linear = linearize(request.plant)
+    linear = linearize(plant)
     check_signals(request)
     request = _about_its_middle(request)
     wires = find_wires(request)
@@ -93,7 +97,7 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     samples = max((len(step_profile(e.design.law, linear)) for e in found if _stable(e) and e.design), default=0)
     limits = room(wires)
     load = (limits["u_max"] - limits["u_min"]) / 8
-    return tuple(_measured(entry, linear, samples, load) if _stable(entry) else entry for entry in found)
+    return tuple(_measured(entry, plant, linear, samples, load) if _stable(entry) else entry for entry in found)
 
 
 def _about_its_middle(request: Request) -> Request:
@@ -119,13 +123,23 @@ def _margins(entry: Entry, linear: Linear) -> Entry:
     return replace(entry, margins=margins(entry.design.law, linear))
 
 
-def _measured(entry: Entry, linear: Linear, samples: int, load: float) -> Entry:
+def _measured(entry: Entry, plant: Plant, linear: Linear, samples: int, load: float) -> Entry:
     assert entry.design is not None
     law = entry.design.law
-    profile = step_profile(law, linear)
-    stepped = closed_loop(law, linear, np.full(samples, profile[0]))
-    pushed = disturbed_loop(law, linear, np.zeros(samples), np.full(samples, load))
-    return replace(entry, step=step_metrics(stepped), load=load_metrics(pushed), noise_gain=noise_gain(law, linear))
+    reference = np.full(samples, step_profile(law, linear)[0])
+    pushes = np.zeros(samples), np.full(samples, load)
+
+    def measured(moved: Linear) -> tuple[StepMetrics, LoadMetrics, float]:
+        stepped, pushed = closed_loop(law, moved, reference), disturbed_loop(law, moved, *pushes)
+        return step_metrics(stepped), load_metrics(pushed), noise_gain(law, moved)
+
+    def figures(moved: Linear) -> Mapping[str, float]:
+        step, pushed, noise = measured(moved)
+        answer = {f"load_{name}": value for name, value in figures_of(pushed).items()}
+        return {**figures_of(margins(law, moved), step), **answer, "noise_gain": noise}
+
+    step, pushed, noise = measured(linear)
+    return replace(entry, step=step, load=pushed, noise_gain=noise, halves=half_widths(plant, figures))
 
 
 def load_metrics(trajectory: Trajectory) -> LoadMetrics:

@@ -68,7 +68,7 @@ class Scene:
     causes: tuple[Cause, ...]
     starts: Mapping[str, tuple[Mapping[str, float], ...]]  # by Cause.label: points a fit begins from
     floors: Array  # (r,) smallest noise rms the resolution of each output allows
-    memory: dict[int, Array]  # by id of a recording: what its initial state does to the outputs
+    memory: dict[tuple[object, ...], Array]  # what an initial state does to the outputs, see refit.start_slopes
     direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
 
     def cause(self, name: str) -> Cause | None:

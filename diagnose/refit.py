@@ -26,6 +26,7 @@ _TELLING = 0.01  # of a variance: test recordings that would take away less of i
 _LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
 _STEP = 1e-5  # of a coordinate, for difference quotients
 _SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
+_KEPT = 16  # slopes for initial states
 _NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
 
 
@@ -73,14 +74,19 @@ def noises_of(scene: Scene, residuals: Sequence[Array]) -> tuple[Noise, ...]:
 
 
 def slopes_of(
-    scene: Scene, recording: Recording, unknowns: Sequence[Coordinate], point: Point, index: int, residual: Array
+    scene: Scene,
+    recording: Recording,
+    unknowns: Sequence[Coordinate],
+    point: Point,
+    index: int,
+    residual: Array,
+    own: Array | None = None,
 ) -> Array:
     """Return d output / d (coordinates, initial state) (n, r, k + s) at a point that leaves `residual` (n, r).
 
-    What an initial state does is taken from the plant without effects, once: it dies out soon, and a search that
-    accepts only what lowers the cost can do with that.
+    `own` are those for the initial state, where they are known (see start_slopes).
     """
-    own = start_slopes(scene, recording)
+    own = start_slopes(scene, recording, point, index) if own is None else own
     slopes = np.zeros((*residual.shape, len(unknowns)))
     for place, each in enumerate(unknowns):
         value = point.values.get(each.name, scene.engine.neutral[each.name])
@@ -96,12 +102,22 @@ def slopes_of(
     return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
 
 
-def start_slopes(scene: Scene, recording: Recording) -> Array:
-    """Return d output / d initial state (n, r, s) of the nominal plant."""
-    found = scene.memory.get(id(recording))
+def start_slopes(scene: Scene, recording: Recording, point: Point, index: int) -> Array:
+    """Return d output / d initial state (n, r, s).
+
+    Those of a linear plant are taken without effects, once: what an initial state does dies out soon, and a search that
+    accepts only what lowers the cost can do with that. In any other plant they depend on where it goes, and a phase of
+    the mains never dies out.
+    """
+    linear = scene.engine.engine.equations is None
+    values, start = ({}, full_start(scene, recording)) if linear else (point.values, point.starts[index])
+    key = (id(recording), tuple(sorted(values.items())), start.tobytes())
+    found = scene.memory.get(key)
     if found is None:
+        while len(scene.memory) >= max(_KEPT, len(scene.train) + len(scene.test)):
+            scene.memory.pop(next(iter(scene.memory)))
         names = [f"start.{state}" for state in scene.engine.states]
-        found = scene.memory[id(recording)] = scene.engine.slopes(recording, {}, names, full_start(scene, recording))
+        found = scene.memory[key] = scene.engine.slopes(recording, values, names, start)
     return found
 
 
@@ -120,10 +136,11 @@ def fit(
     point, cost, residuals = _judged(scene, recordings, begin, noises)
     damping, normal = 1e-3, np.zeros((0, 0))
     begun = time.process_time()
+    own = [start_slopes(scene, recording, point, k) for k, recording in enumerate(recordings)]  # good for a few steps
     for _ in range(steps):
         if time.process_time() - begun > _PATIENCE:
             break
-        packed = _packed(scene, recordings, unknowns, point, residuals, noises)
+        packed = _packed(scene, recordings, unknowns, point, residuals, noises, own)
         normal = packed[:-1, :-1]
         at = _inner(scene, unknowns, point)
         pulled = -packed[:-1, -1].copy()
@@ -147,7 +164,7 @@ def fit(
         if gain < max(_WORTH, _ENOUGH * cost):
             break
     if normal.size == 0:
-        normal = _packed(scene, recordings, unknowns, point, residuals, noises)[:-1, :-1]
+        normal = _packed(scene, recordings, unknowns, point, residuals, noises, own)[:-1, :-1]
         normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
     return Fitted(tuple(causes), unknowns, point, residuals, cost, normal)
 
@@ -281,6 +298,7 @@ def _packed(
     point: Point,
     residuals: Sequence[Array],
     noises: Sequence[Noise],
+    own: Sequence[Array],
 ) -> Array:
     """Return [J r]'[J r] of the whitened problem, shape (k + s w + 1, same); r is simulated - measured."""
     count, states, lot = len(unknowns), len(scene.engine.states), len(recordings)
@@ -288,7 +306,7 @@ def _packed(
     for k, recording in enumerate(recordings):
         if np.any(np.isnan(residuals[k])):
             continue
-        slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k])
+        slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k], own[k])
         tall = np.concatenate([slopes, -residuals[k][..., None]], axis=2)
         flat = whitened(tall, noises)
         places = np.concatenate([np.arange(count), count + states * k + np.arange(states), [count + states * lot]])
@@ -331,7 +349,8 @@ def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, nois
         best = here.starts[0]
         for _ in range(2):
             single = Point(point.values, (best,))
-            packed = _packed(scene, [recording], (), single, residuals, noises)
+            own = [start_slopes(scene, recording, single, 0)]
+            packed = _packed(scene, [recording], (), single, residuals, noises, own)
             step = _solve(packed[:-1, :-1], -packed[:-1, -1], 1e-9)
             _, next_cost, next_residuals = _judged(scene, [recording], Point(point.values, (best + step,)), noises)
             if not next_cost < cost:

@@ -98,6 +98,8 @@ def design_document(design: Design, loop: Loop | None) -> Mapping[str, object]:
         "not_met_by_feedforward": dict(design.not_met),
         "margins": None if loop is None else fields_document(loop.margins),
         "step": None if loop is None else fields_document(loop.metrics),
+        "operating_points": [] if loop is None else [{"at": at, **fields_document(one)} for at, one in loop.points],
+        "ci95_half": None if loop is None else {name: finite(half) for name, half in loop.halves.items()},
     }
 
 

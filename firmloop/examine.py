@@ -110,7 +110,11 @@ def about_examination(found: Examination) -> list[str]:
     for parameter in free:
         ends = (interval95(parameter), drawn.interval95(parameter.name), again.interval95(parameter.name))
         rows.append((parameter.name, *(_interval(end, parameter.unit) for end in ends)))
-    lines = ["95 % intervals", *table(rows), "residuals (chance that it is so where the model is right)"]
+    given = ["no parameter is free: nothing to draw intervals of"]
+    lines = [
+        *(["95 % intervals", *table(rows)] if free else given),
+        "residuals (chance that it is so where the model is right)",
+    ]
     tests = [
         (
             source,

@@ -197,7 +197,12 @@ def _lines(
     lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
     if spread is None:
         lines.append(f"  gain at rest {_gain(made):.3g}, poles {', '.join(words)} rad/s")
-        lines.append("  note: no intervals; they need structure = 'arx' or 'oe', and residuals that are white")
+        why = "they need structure = 'arx' or 'oe'"
+        if structure != "n4sid":
+            why = "the residuals are not white, so that drawing them anew repeats nothing; raise order"
+        if structure == "arx":
+            why += ", or take structure = 'oe' where the noise is the sensor's"
+        lines.append(f"  note: no intervals; {why}")
     else:
         lines.append(f"  gain at rest  {_with(_gain(made), spread['gain'])}")
         for pole, (real, imaginary) in zip(poles, halves, strict=True):

@@ -16,14 +16,15 @@ from design.kinds import design as design_law
 from design.law import DesignError, Horizon, Law, Scalar
 from design.loop import Margins, StepMetrics, Trajectory, closed_loop, margins, step_metrics, step_profile
 from design.roles import reference_and_measurement
+from design.unsure import figures_of, half_widths
 from firmloop.making import Generated, command_of, design, formats_of, generate, located, plant_of
 from firmloop.project import Campaign, Project
 from firmloop.project_text import settled
-from firmloop.saturation import saturated
+from firmloop.saturation import cut_input, cut_output, saturated
 from identify.compiler import ToolError
 from identify.condition import NONE, Conditioning, conditioning_from_table
 from identify.fit import Fit, fit, fit_start
-from identify.linear import linearize
+from identify.linear import Linear, linearize
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
@@ -60,6 +61,8 @@ class Loop:
     margins: Margins
     step: Trajectory
     metrics: StepMetrics
+    halves: Mapping[str, float]  # of 95 % intervals of both, by field, from those of the plant's parameters
+    points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +89,8 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     assert project.recordings is not None, "require() has seen to it"
     with located(project):
         fitted = fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
-    beyond = saturated(project, data.train)
-    return replace(fitted, warnings=(*fitted.warnings, beyond)) if beyond else fitted
+    seen = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
+    return replace(fitted, warnings=(*fitted.warnings, *filter(None, seen)))
 
 
 def conditioning_of(project: Project) -> Conditioning:
@@ -131,8 +134,15 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         return None
     with located(project):
         linear = linearize(plant)
-        step = closed_loop(designed.law, linear, step_profile(designed.law, linear))
-        return Loop(margins(designed.law, linear), step, step_metrics(step))
+        law, profile = designed.law, step_profile(designed.law, linear)
+        step = closed_loop(law, linear, profile)
+
+        def figures(moved: Linear) -> Mapping[str, float]:
+            measured = () if law.solve else (step_metrics(closed_loop(law, moved, profile)),)  # seconds for a search
+            return figures_of(margins(law, moved), *measured)
+
+        points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
+        return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures), points)
 
 
 def verify_target(

@@ -1,4 +1,4 @@
-"""Refuse an input that goes beyond what the project's actuator can give: there it is not what the plant has seen."""
+"""Refuse what is cut off: an input beyond what the actuator can give, an output that rests at the end of its range."""
 
 from __future__ import annotations
 
@@ -6,21 +6,23 @@ from collections.abc import Sequence
 
 from firmloop.project import Project, same_unit
 from firmloop.table import ProjectError
+from identify.clipped import cut_off
 from identify.recording import Recording
 from identify.units import unit_of
 
+LIMITING = ("end_stop", "input_saturation", "overflow", "sensor_saturation")  # effects that cut an output off
 ROUNDING = 1e-3  # share of the range that a recording may stand beyond its end
 
 
 def refuse_saturated(project: Project, recordings: Sequence[Recording], name: str = "") -> None:
-    """Refuse what `saturated` finds.
+    """Refuse what `saturated` or `cut_output` finds.
 
     Raises
     ------
     ProjectError
-        naming the recording, how far it goes and how far the actuator goes.
+        naming the recording, the signal, and where it ends.
     """
-    found = saturated(project, recordings, name)
+    found = saturated(project, recordings, name) or cut_output(project, recordings)
     if found:
         raise ProjectError(f"{project.path}: {found}")
 
@@ -48,5 +50,37 @@ def saturated(project: Project, recordings: Sequence[Recording], name: str = "")
                 f"{drive} of {recording.source} goes to {worst:g} {wire.unit}, but signals.{wire.name} "
                 f"ends at {wire.low:g} and {wire.high:g}: the actuator saturates in {beyond.mean():.0%} of the rows; "
                 "make the signal smaller, or correct the range"
+            )
+    return ""
+
+
+def cut_output(project: Project, recordings: Sequence[Recording]) -> str:
+    """Return a sentence about the first output that is cut off though no effect of the plant does that."""
+    part = project.plant
+    effects = part.table.values.get("effects") if part else None
+    listed = effects if isinstance(effects, list) else []
+    if part is None or any(isinstance(each, dict) and each.get("name") in LIMITING for each in listed):
+        return ""
+    for recording in recordings:
+        for name in part.outputs:
+            found = cut_off(recording.columns[name]) if name in recording.columns else None
+            if found:
+                return (
+                    f"{name} of {recording.source} is cut off at {found.value:g} {unit_of(name)} in {found.share:.0%} "
+                    f"of the rows, as by a sensor or actuator at its limit or by an end stop, and {part.kind} has "
+                    "none; record a smaller motion, or let diagnose find out what it is"
+                )
+    return ""
+
+
+def cut_input(project: Project, recordings: Sequence[Recording]) -> str:
+    """Return a sentence about the first recording whose input runs into a limit."""
+    drive = project.plant.input if project.plant else ""
+    for recording in recordings:
+        found = cut_off(recording.columns[drive]) if drive in recording.columns else None
+        if found:
+            return (
+                f"{drive} of {recording.source} runs into {found.value:g} {unit_of(drive)} and rests there in "
+                f"{found.share:.0%} of the rows: it must be what the actuator gave, not what it was asked for"
             )
     return ""

@@ -17,7 +17,7 @@ from firmloop.documents import fields_document, finite
 from firmloop.output import results_folder
 from firmloop.pipeline import located, plant_of
 from firmloop.project import Project, require
-from firmloop.words import quantity
+from firmloop.words import no_finer
 from identify.plant import Plant
 
 HEAD = (
@@ -51,6 +51,8 @@ def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry
     """Tune the project's loop by every rule that `[tuning]` names, those of `usual` where it names none."""
     part, asked = project.controller, project.document.table("tuning")
     assert part is not None, "require() has seen to it"
+    if part.kind != "pid":
+        raise part.table.wrong("kind", 'is no pid, and tuning rules give the gains of one; take kind = "pid"')
     asked.only(("rules", *rules()))
     names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(usual)
     for name in names:
@@ -83,7 +85,9 @@ def about_contest(entries: Sequence[Entry]) -> list[str]:
     """One line a rule; below, what the rules that do not fit say."""
     refused = [f"  {entry.rule}: {entry.refused}" for entry in entries if entry.refused]
     rows = [HEAD, *contest_rows(entries)]
-    return ["tuning rules on one plant", *table(rows), *(["not for this plant:", *refused] if refused else [])]
+    note = ["  note: no more digits than the plant's 95 % intervals leave; tuning.json says what they are worth"]
+    lines = ["tuning rules on one plant", *table(rows), *(note if any(entry.halves for entry in entries) else [])]
+    return lines + (["not for this plant:", *refused] if refused else [])
 
 
 def contest_rows(entries: Sequence[Entry]) -> list[tuple[str, ...]]:
@@ -96,21 +100,20 @@ def _row(entry: Entry) -> tuple[str, ...]:
     gains = tuple(f"{entry.design.gains[name]:.4g}" for name in ("kp", "ki", "kd"))
     if entry.step is None or entry.load is None:
         return (entry.rule, *gains, "UNSTABLE", *[""] * (len(HEAD) - 5))
-    found = entry.margins
-    return (
-        entry.rule,
-        *gains,
-        quantity(found.sensitivity_peak, ""),
-        quantity(found.gain_margin_db, "dB"),
-        quantity(found.phase_margin_deg, "deg"),
-        quantity(entry.step.rise_s, "s"),
-        quantity(entry.step.settling_2_s, "s"),
-        quantity(entry.step.overshoot_percent, "%"),
-        quantity(entry.step.iae, ""),
-        quantity(entry.load.peak, ""),
-        quantity(entry.load.iae, ""),
-        quantity(entry.noise_gain, ""),
+    found, halves = entry.margins, entry.halves
+    figures = (
+        ("sensitivity_peak", found.sensitivity_peak, ""),
+        ("gain_margin_db", found.gain_margin_db, "dB"),
+        ("phase_margin_deg", found.phase_margin_deg, "deg"),
+        ("rise_s", entry.step.rise_s, "s"),
+        ("settling_2_s", entry.step.settling_2_s, "s"),
+        ("overshoot_percent", entry.step.overshoot_percent, "%"),
+        ("iae", entry.step.iae, ""),
+        ("load_peak", entry.load.peak, ""),
+        ("load_iae", entry.load.iae, ""),
+        ("noise_gain", entry.noise_gain, ""),
     )
+    return (entry.rule, *gains, *(no_finer(value, halves.get(name, 0.0), unit) for name, value, unit in figures))
 
 
 def contest_document(entries: Sequence[Entry]) -> list[Mapping[str, object]]:
@@ -128,6 +131,7 @@ def _document(entry: Entry) -> dict[str, object]:
         "step": None if entry.step is None else fields_document(entry.step),
         "load": None if entry.load is None else fields_document(entry.load),
         "noise_gain": finite(entry.noise_gain),
+        "ci95_half": {name: finite(half) for name, half in entry.halves.items()},
     }
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from design.kinds import Design
+from design.loop import Margins, StepMetrics
 from firmloop.code_words import in_unit, quantity
 from firmloop.console import table
 from firmloop.pipeline import Loop, Outcome
@@ -15,6 +17,18 @@ from identify.plant import Parameter
 from verify.verdict import Verdict
 
 NORMAL_95 = 1.96  # half width of a 95 % interval in standard deviations
+MARGINS = (
+    ("gain margin", "gain_margin_db", "dB"),
+    ("phase margin", "phase_margin_deg", "deg"),
+    ("delay margin", "delay_margin_s", "s"),
+    ("sensitivity peak", "sensitivity_peak", ""),
+    ("crossover", "crossover_rad_s", "rad/s"),
+)
+METRICS = (
+    ("rise time 10-90 %", "rise_s", "s"),
+    ("settling time 2 %", "settling_2_s", "s"),
+    ("overshoot", "overshoot_percent", "%"),
+)
 
 __all__ = ["in_unit", "quantity"]  # besides what is defined here
 
@@ -68,31 +82,59 @@ def about_tracking(found: Tracking) -> list[str]:
 
 
 def about_loop(loop: Loop) -> list[str]:
-    """Margins and step metrics."""
-    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))])
+    """Margins and step metrics, no digits that the plant's intervals do not hold."""
+    note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
+    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]) + note + _about_points(loop)
+
+
+def _about_points(loop: Loop) -> list[str]:
+    """Margins at every operating point, where there are several."""
+    rows = [
+        (
+            says,
+            "stable" if found.stable else "UNSTABLE",
+            f"gain margin {quantity(found.gain_margin_db, 'dB')}",
+            f"phase margin {quantity(found.phase_margin_deg, 'deg')}",
+            f"Ms {quantity(found.sensitivity_peak, '')}",
+        )
+        for says, found in loop.points
+    ]
+    return ["  at each operating point, with the plant as it is there", *table(rows)] if rows else []
 
 
 def margin_rows(loop: Loop) -> list[tuple[str, str]]:
-    """Margins, each with its unit."""
-    found = loop.margins
+    """Margins, each with its unit and, where the plant has intervals, with its own."""
     return [
-        ("closed loop", "stable" if found.stable else "UNSTABLE"),
-        ("gain margin", quantity(found.gain_margin_db, "dB")),
-        ("phase margin", quantity(found.phase_margin_deg, "deg")),
-        ("delay margin", quantity(found.delay_margin_s, "s")),
-        ("sensitivity peak", quantity(found.sensitivity_peak, "")),
-        ("crossover", quantity(found.crossover_rad_s, "rad/s")),
+        ("closed loop", "stable" if loop.margins.stable else "UNSTABLE"),
+        *_figure_rows(loop, loop.margins, MARGINS),
     ]
 
 
 def step_rows(loop: Loop) -> list[tuple[str, str]]:
-    """Step metrics, each with its unit."""
-    found = loop.metrics
-    return [
-        ("rise time 10-90 %", quantity(found.rise_s, "s")),
-        ("settling time 2 %", quantity(found.settling_2_s, "s")),
-        ("overshoot", quantity(found.overshoot_percent, "%")),
-    ]
+    """Step metrics, likewise."""
+    return _figure_rows(loop, loop.metrics, METRICS)
+
+
+def _figure_rows(
+    loop: Loop, noun: Margins | StepMetrics, rows: Sequence[tuple[str, str, str]]
+) -> list[tuple[str, str]]:
+    return [(says, _unsure(getattr(noun, name), loop.halves.get(name, 0.0), unit)) for says, name, unit in rows]
+
+
+def no_finer(value: float, half: float, unit: str) -> str:
+    """Write a figure to three digits, or to fewer where the half width of its interval ends before."""
+    if not 0.0 < half < math.inf or not math.isfinite(value) or value == 0.0:
+        return quantity(value, unit)
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
+    return in_unit(f"{value:.{min(max(digits, 1), 3)}g}", unit)
+
+
+def _unsure(value: float, half: float, unit: str) -> str:
+    if not half > 0.0 or not math.isfinite(value):
+        return quantity(value, unit)
+    if math.isinf(half):
+        return f"{quantity(value, unit)}, not bounded within the plant's intervals"
+    return in_unit(f"{rounded_to(value, half)} ± {half:.2g}", unit)
 
 
 def about_outcome(outcome: Outcome) -> list[str]:

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _START_STEPS = 20  # of a search for an initial state
 _START_DAMPING = (0.0, 1e-3, 1e-1, 1e1)
+_FORGOTTEN = 1e-12  # of an output's spread per unit of an initial state
 _HELD = 1e-4  # of all slopes: a direction of the initial state that leaves next to no trace
 _START_ENOUGH = 1e-9  # relative decrease of the cost that is no longer worth a step
 
@@ -108,10 +109,17 @@ def aligned(parts: Sequence[Experiment], runs: Sequence[Array]) -> tuple[Experim
 def misfit(
     made: Experiment, simulator: Engine, constants: Array, start: Array, which: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Residual measured - simulated (q, r) and its slopes (q, r, d) for constants[which] and the initial state."""
+    """Residual measured - simulated (q, r) and its slopes (q, r, d) for constants[which] and the initial state.
+
+    What has died out before it shows has none: a search would send it to where it shows, were it 1e80 away.
+    """
     outputs, slopes = simulator.run_with_slopes(made.course, constants, start, which)
     residual = made.target - conditioned(made, delayed(made, outputs))
-    return residual, -conditioned(made, delayed(made, slopes))
+    slopes = -conditioned(made, delayed(made, slopes))
+    spread = np.std(made.target, axis=0)
+    traces = np.abs(slopes[..., len(which) :]).max(axis=0) / np.where(spread > 0.0, spread, 1.0)[:, None]
+    slopes[..., len(which) :][..., traces.max(axis=0) < _FORGOTTEN] = 0.0
+    return residual, slopes
 
 
 def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:

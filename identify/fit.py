@@ -275,10 +275,10 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
         )
     for index in free:
         parameter = plant.parameters[index]
-        interval = interval95(parameter)
+        interval, unit = interval95(parameter), f" {parameter.unit}" if parameter.unit else ""
         if interval is not None and parameter.low == 0.0 == interval[0]:
             said.append(
-                f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g} {parameter.unit}); "
+                f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); "
                 f"excite the plant more, or fix it with free = false"
             )
         elif interval is not None and parameter.low < 0.0 and interval[0] <= 0.0 <= interval[1]:

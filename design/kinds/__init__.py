@@ -31,6 +31,15 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
+class Operating:
+    """One operating point of a controller that has several: the law resting there, and the plant as it is there."""
+
+    says: str
+    law: Law
+    plant: Plant
+
+
+@dataclass(frozen=True, slots=True)
 class Design:
     """A law and the figures it was made from; `tuned_by` names the tuning rule, None where the gains were given.
 
@@ -42,6 +51,7 @@ class Design:
     tuned_by: str | None
     settings: Mapping[str, object] | None = None
     not_met: Mapping[str, str] = field(default_factory=dict)  # effects that its feedforward leaves alone, and why
+    operating: tuple[Operating, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,9 +33,9 @@ from dataclasses import replace
 from design.blend import Schedule, blended
 from design.draft import Draft
 from design.feedforward import position_of
-from design.kinds import Design, Kind, Request, kind_of, kinds
+from design.kinds import Design, Kind, Operating, Request, kind_of, kinds
 from design.kinds.pid_schedule import scheduled_pid
-from design.law import DesignError
+from design.law import DesignError, Law
 from design.table import check_keys, choice, limits, numbers, real
 from identify.plant import Plant
 from identify.signal import Signal
@@ -65,7 +65,8 @@ def design(request: Request) -> Design:
     apart = signal.name not in ("reference", "measurement")
     if all(name == PID for name in names):
         schedule = Schedule(signal, at, others if apart and len(others) > 1 else wires)
-        return scheduled_pid(request, schedule, [replace(point, inputs=schedule.loop) for point in points])
+        made = scheduled_pid(request, schedule, [replace(point, inputs=schedule.loop) for point in points])
+        return replace(made, operating=_operating(made.law, schedule, points))
     _check_kinds(names)
     if "feedforward" in request.table:
         raise DesignError("controller.feedforward of a gain_schedule is for points that are pids; remove it")
@@ -84,7 +85,23 @@ def design(request: Request) -> Design:
     rows = "; ".join(f"{value:.6g}: {draft.says}" for value, draft in zip(at, drafts, strict=True))
     says = f"scheduled on {signal.name} ({signal.unit}), {rows}"
     figures = {f"{key}_{k}": value for k, draft in enumerate(drafts, 1) for key, value in draft.figures.items()}
-    return Design(blended(request, schedule, drafts, says, low, high), figures, None, {})
+    law = blended(request, schedule, drafts, says, low, high)
+    return Design(law, figures, None, {}, operating=_operating(law, schedule, points))
+
+
+def _operating(law: Law, schedule: Schedule, points: Sequence[Request]) -> tuple[Operating, ...]:
+    """Return the law resting at each point, beside the plant there; none where the signal is the measurement."""
+    signal = schedule.signal
+    if signal.name in ("reference", "measurement"):
+        return ()
+    rest = law.rest or tuple(min(max(0.0, wire.low), wire.high) for wire in law.inputs)
+    found = []
+    for value, point in zip(schedule.at, points, strict=True):
+        there = tuple(value if wire.name == signal.name else at for wire, at in zip(law.inputs, rest, strict=True))
+        if point.plant is not None:
+            says = f"{signal.name} {value:g} {signal.unit}".rstrip()
+            found.append(Operating(says, replace(law, rest=there), point.plant))
+    return tuple(found)
 
 
 def _check_kinds(names: Sequence[str]) -> None:

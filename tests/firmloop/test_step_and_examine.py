@@ -129,3 +129,19 @@ def test_a_negative_gain_is_a_gain(trials: Path, tmp_path: Path, capsys: pytest.
     assert document["trials"][0]["figures"]["gain"] == pytest.approx(-1.5, rel=0.01)
     assert document["trials"][0]["models"]["63 %"]["time_constant_s"] == pytest.approx(0.2, rel=0.05)
     capsys.readouterr()
+
+
+@pytest.mark.parametrize("verb", ["step", "examine", "model"])
+def test_an_output_that_is_cut_off_is_said(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    first = trials.parent / "trial1.csv"
+    rows = [line.split(",") for line in first.read_text().splitlines()]
+    cut = [",".join([time, volts, f"{min(float(speed), 15.0):.5f}"]) for time, volts, speed in rows[1:]]
+    first.write_text("\n".join([",".join(rows[0]), *cut]) + "\n")
+    assert main([verb, str(trials), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "speed_rad_s of trial1.csv is cut off at 15 rad/s in 7" in said and "record a smaller motion" in said
+    assert len(said.splitlines()) == 1 and not (tmp_path / "out").exists()
+    assert main(["identify", str(trials), "--out", str(tmp_path / "out")]) == 0
+    assert "note: speed_rad_s of trial1.csv is cut off at 15 rad/s" in capsys.readouterr().out

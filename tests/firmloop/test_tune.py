@@ -52,3 +52,20 @@ def test_design_takes_every_rule_by_its_name(project: Path, tmp_path: Path) -> N
     project.write_text(text)
     assert main(["design", str(project), "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "design.json").read_text())["tuned_by"] == "amigo"
+
+
+def test_a_schedule_tells_its_margins_at_each_point(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """SIMC answers a plant of twice the gain by half the gain: the same margins, which no other pairing has."""
+    points = 'points = [{ at = 0, tune = "simc" }, { at = 9, tune = "simc", plant = { gain = 2.0 } }]'
+    text = project.read_text().replace('kind = "pid"', 'kind = "gain_schedule"\nschedule_on = "level"')
+    text = text.replace("kp = 0.8\nki = 0.5\n", points + "\n")
+    project.write_text(text.replace("output = {", 'level = { unit = "m", low = 0, high = 9 }\noutput = {'))
+    assert main(["design", str(project), "--out", str(tmp_path / "out")]) == 0
+    assert "at each operating point" in capsys.readouterr().out
+    first, second = json.loads((tmp_path / "out" / "design.json").read_text())["operating_points"]
+    assert (first["at"], second["at"]) == ("level 0 m", "level 9 m")
+    assert first["phase_margin_deg"] == pytest.approx(second["phase_margin_deg"])
+    assert main(["tune", str(project), "--out", str(tmp_path / "tuned")]) == 2
+    assert "take kind = " in capsys.readouterr().err

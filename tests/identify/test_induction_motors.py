@@ -9,7 +9,9 @@ import pytest
 
 from bench.induction_faults import CASES, diagnosed
 from bench.induction_truth import Motor
+from identify.condition import NONE
 from identify.effects import candidates
+from identify.fit import fit
 from identify.induction_tests import (
     AcTest,
     at_temperature,
@@ -238,6 +240,23 @@ def test_the_switch_can_be_identified() -> None:
         quotient = (ends[0] - ends[1]) / (2.0 * step)
         assert rms(quotient[:, 2]) > 0.0
         assert rms(slopes[:, 2, 0] - quotient[:, 2]) < 1e-3 * rms(quotient[:, 2])
+
+
+def test_rotor_and_inertia_are_identified_from_a_start_far_away() -> None:
+    """The switch begins closed whatever the search tries: where it began has died out before it opens."""
+    recording, wires = mains(0.4), OUTPUTS[:3]
+    truth = simulate(motor(), recording, None)[:, :3]
+    noisy = truth + np.random.default_rng(4).normal(size=truth.shape) * (0.5, 0.3, 0.3)
+    columns = {**recording.columns, **dict(zip(wires, noisy.T, strict=True))}
+    free = {"rotor_R_ohm": 1.8, "J_kg_m2": 0.015}
+    asked = {key: {"value": free.get(key, value), "free": key in free} for key, value in MOTOR.items()}
+    plant = make_plant("single_phase_induction_motor", "voltage_rms_V", wires, asked)
+    found = fit(plant, [make_recording(recording.time, columns, "", "")], [], NONE)
+    assert found.noise["main_current_A"] == pytest.approx(0.3, rel=0.15)
+    for parameter in found.plant.parameters:
+        if parameter.free:
+            assert parameter.deviation is not None
+            assert abs(parameter.value - MOTOR[parameter.name]) < 3.0 * parameter.deviation < 0.01 * parameter.value
 
 
 def test_the_simulator_agrees_with_one_written_apart() -> None:

@@ -1,0 +1,64 @@
+"""Find where a recorded signal is cut off: it rests at its largest or smallest value while it should go on moving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_RUN = 5  # rows at exactly one value: fewer may be chance
+_STEEP = 4.0  # resolutions a row, and of noise: slower, and it may just have settled
+_ALTERNATE = -1 / 3  # correlation of neighboring second differences: -2/3 in white noise
+_STEADY = 0.5  # ratio of the last two steps before it rests: what settles slows down first
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """A signal that is cut off at `value` (its unit) in `share` of the rows."""
+
+    value: float
+    share: float
+
+
+def cut_off(values: Array) -> Cut | None:
+    """Return where a signal (n,) is cut off, None where it is not.
+
+    It has to come to its extreme value at full speed and stay there to the last digit, or to stay there to the last
+    digit where its noise is far above the resolution. Zero and where it began may be rest.
+    """
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0.0]
+    if not len(moving):
+        return None
+    resolution = float(moving.min())
+    for extreme in (float(values.max()), float(values.min())):
+        if extreme in (0.0, float(values[0])):
+            continue
+        resting = values == extreme
+        noisy = _noise(values, resting) > _STEEP * resolution
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], resting, [False]])))
+        runs = [(first, last) for first, last in edges.reshape(-1, 2).tolist() if last - first >= _RUN]
+        cut = [last - first for first, last in runs if noisy or _arrives(values, first, resolution)]
+        if cut:
+            return Cut(extreme, sum(cut) / len(values))
+    return None
+
+
+def _noise(values: Array, resting: NDArray[np.bool_]) -> float:
+    """Return a typical second difference where a signal does not rest, 0 where those keep their sign: no noise does."""
+    bends = np.diff(values, 2)
+    free = ~(resting[2:] | resting[1:-1] | resting[:-2])
+    bends[~free] = 0.0
+    alternate = float(bends[1:] @ bends[:-1]) < _ALTERNATE * float(bends @ bends)
+    return float(np.median(np.abs(bends[free]))) if alternate and np.sum(free) > _RUN else 0.0
+
+
+def _arrives(values: Array, first: int, resolution: float) -> bool:
+    """Tell whether a signal came to row `first` without slowing down."""
+    if first < 4:
+        return False
+    before, last, into = np.diff(values[first - 3 : first + 1]) * np.sign(values[first] - values[first - 1])
+    return bool(into > 0.0 and last > _STEEP * resolution and last > _STEADY * before > 0.0)

@@ -1,0 +1,44 @@
+"""What is cut off, and what only rests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identify.clipped import cut_off
+
+TIME = np.arange(400) * 5e-3
+NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))
+WAVE = 10.0 * np.sin(2 * np.pi * TIME)
+
+
+def lag(constant: float) -> np.ndarray:
+    return np.asarray(8.0 * (1.0 - np.exp(-np.clip(TIME - 0.1, 0.0, None) / constant)))
+
+
+@pytest.mark.parametrize("resolution", [0.0, 1e-4, 0.02, 0.05])
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_wave_that_is_cut_off(resolution: float, noise: float) -> None:
+    whole = WAVE + noise * NOISE
+    cut = np.minimum(whole, 7.0)
+    read = np.round(cut / resolution) * resolution if resolution else cut
+    found = cut_off(read)
+    assert found is not None and found.value == pytest.approx(7.0)
+    assert found.share == pytest.approx(np.mean(read == read.max()), abs=0.02)
+    assert cut_off(-read) is not None
+    assert cut_off(np.round(whole / resolution) * resolution if resolution else whole) is None
+
+
+@pytest.mark.parametrize("resolution", [0.0, 1e-4, 0.05, 0.5])
+@pytest.mark.parametrize("constant", [1e-4, 2e-3, 5e-3, 0.02, 0.1, 1.0])
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_response_that_settles_is_not(resolution: float, constant: float, noise: float) -> None:
+    whole = lag(constant) + noise * NOISE
+    read = np.round(whole / resolution) * resolution if resolution else whole
+    assert cut_off(read) is None and cut_off(-read) is None
+
+
+def test_steps_and_rest_are_not() -> None:
+    assert cut_off(np.where(TIME > 0.5, 12.0, 0.0)) is None
+    assert cut_off(np.zeros(100)) is None
+    assert cut_off(np.maximum(WAVE, 0.0)) is None, "zero may be rest"
