@@ -74,6 +74,13 @@ class Rows:
     onward: Raw
     softness: Raw
 
+    @property
+    def longest(self) -> int:
+        """The work of a search that its budget ends, at most: a row that leaves, or a column and refinements, late."""
+        if not self.moves:
+            return self.budget + COLUMN + 2 * self.room
+        return self.budget + 3 * COLUMN + 5 * self.room + 2 * self.moves
+
 
 @dataclass(frozen=True, slots=True)
 class Solution:

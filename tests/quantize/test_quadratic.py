@@ -86,6 +86,7 @@ def test_without_an_answer_the_moves_are_those_without_limits() -> None:
     found = solve(exact(problem), states)
     cut = solve(replace(exact(problem), budget=15), states)
     assert np.count_nonzero(cut.status == CAPPED) > 30 and np.max(cut.work) < 15 + 6 + problem.freedom
+    assert np.max(cut.work) <= replace(exact(problem), budget=15).longest
     for solution in (found, cut):
         np.testing.assert_allclose(solution.moves[solution.status != SOLVED, 0], free[solution.status != SOLVED])
 
@@ -180,4 +181,7 @@ def test_where_multipliers_get_large_answers_are_refined(case: str) -> None:
     )
     away = [np.abs(np.clip(found.moves[:, 0], -6, 6) - np.clip(best.moves[:, 0], -6, 6)) for found in (plain, checked)]
     assert set(best.status) == set(checked.status) == {SOLVED} and away[1].max() < 2e-3
+    rows = rows_of(table_of(problem, "float32", "plan", 400, True), np.dtype("f4"))
+    short = solve(rows, parameters)
+    assert np.any(short.status == CAPPED) and np.max(short.work) <= rows.longest
     assert np.count_nonzero(plain.status != SOLVED) >= 5 and np.any(plain.status == INFEASIBLE)
