@@ -21,7 +21,7 @@ NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
 LEAST = 100  # work, for a problem that hardly ever meets a limit
 LONGEST = 15_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
-CHECKS = 2  # times that, where answers are checked
+CHECKS = 6  # times that, where answers are checked
 NUMBERS = 2**22  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 

@@ -17,6 +17,7 @@ NOISE = {"float32": 2.0**-17, "float64": 2.0**-44}  # of a multiplier: what its 
 SOFT = 2.0**-20  # of a row, at least, that is its softness; less is rounding
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 STIFF = 0.25  # of that, where limits are soft: their pivots are small, but never 0
+FINE = 0.0625  # of that, where answers are checked: rows that depend on each other are told by their number too
 
 
 def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checked: bool) -> Table:
@@ -51,13 +52,20 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checke
         "share": float(kind(SHARE[arithmetic])),
         "trusted": float(kind(TRUSTED * tolerance_of(problem))),
         "noise": float(kind(NOISE[arithmetic])),
-        "least": float(kind(LEAST[arithmetic] * (STIFF if problem.freedom > problem.moves > 0 else 1.0))),
+        "least": float(kind(_least(problem, arithmetic, checked))),
         "far": float(kind(FAR)),
         "beyond": rounded(beyond),
         "softness": rounded(softness),
     }
     says = f"a quadratic program in {count} rows, {problem.freedom} unknowns and {parameters} parameters"
     return Table(name, says, "fl_qp_t", "fl_qp.h", tuple(sizes.items()), tuple(numbers.items()))
+
+
+def _least(problem: Quadratic, arithmetic: str, checked: bool) -> float:
+    """Return the smallest pivot of a row that does not depend on the active ones."""
+    if checked:
+        return LEAST[arithmetic] * FINE
+    return LEAST[arithmetic] * (STIFF if problem.freedom > problem.moves > 0 else 1.0)
 
 
 def _beyond(problem: Quadratic) -> tuple[Raw, Raw]:

@@ -7,11 +7,10 @@
  * product form (Dantzig and Orchard-Hays, 1954). No product is added before it is rounded.
  *
  * The file that includes this one gives its sizes, FL_QP_ROWS, FL_QP_WIDTH (the rows filled up to a multiple of 4),
- * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most),
- * FL_QP_BUDGET (work of one search at most, where a column taken costs FL_QP_COLUMN and 1 for each active row,
- * and a row that leaves FL_QP_COLUMN and 2 for each that came after it), FL_QP_CHECKED (0: answers are taken as they
- * are; else the rows of all moves, which come first: answers are refined), FL_QP_BEYOND and
- * FL_QP_ONWARD (the other rows and the moves where answers are refined, else 1), and the type fl_real.
+ * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most), FL_QP_BUDGET (work of one search at most,
+ * where a column taken costs FL_QP_COLUMN and 1 for each active row, and a row that leaves FL_QP_COLUMN and 2 for each
+ * that came after it), FL_QP_CHECKED (0: answers are taken as they are; else the rows of all moves, which come first),
+ * FL_QP_BEYOND and FL_QP_ONWARD (the other rows and those where answers are refined, else 1), and the type fl_real.
  */
 #ifndef FL_QP_H
 #define FL_QP_H
@@ -58,8 +57,7 @@ typedef struct {
 
 /* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
  * takes from this column in its pivot row is what it holds in this row. */
-static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
-{
+static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row) {
     const fl_real *gram = &q->gram[row * FL_QP_WIDTH];
     s->work += s->length + FL_QP_COLUMN;
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
@@ -84,14 +82,12 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
 }
 
 /* Whether `row` is not soft; of those no more are independent than there are moves. */
-static inline int32_t fl_qp_hard(const fl_qp_t *q, int32_t row)
-{
+static inline int32_t fl_qp_hard(const fl_qp_t *q, int32_t row) {
     return row < FL_QP_CHECKED || !(q->softness[row - FL_QP_CHECKED] > 0);
 }
 
 /* Put `row` into the active set by its column. */
-static void fl_qp_store(fl_search_t *s, int32_t row)
-{
+static void fl_qp_store(fl_search_t *s, int32_t row) {
     const fl_real pivot = s->column[row];
     const fl_real inverse = (fl_real)1 / pivot;
     fl_real *eta = s->eta[s->length];
@@ -110,8 +106,7 @@ static void fl_qp_store(fl_search_t *s, int32_t row)
 /* Take the row at `place` out of the active set: out of every eta after its own, and out of the column.
  *
  * `out`, the tableau's column of that row without it, moves through the places; the eta it meets is put before it. */
-static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
-{
+static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
     const int32_t row = s->active[place];
     const int32_t last = s->length - 1;
     s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
@@ -156,16 +151,14 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
     s->column[row] = factor * out[row];
 }
 
-static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value)
-{
+static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value) {
     const fl_real over = value - q->high[row];
     const fl_real under = q->low[row] - value;
     return (over > under) ? over : under;
 }
 
 /* Go `moved` along the column; return the most violated row outside the active set, -1 where none is. */
-static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved)
-{
+static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
     int32_t row = -1;
     fl_real most = s->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
@@ -183,15 +176,13 @@ static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved)
 }
 
 /* Whether the row of this column does not depend on the active ones. */
-static inline int32_t fl_qp_free(const fl_qp_t *q, const fl_search_t *s, int32_t row)
-{
+static inline int32_t fl_qp_free(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
     const int32_t filled = FL_QP_CHECKED && s->hard == FL_QP_CHECKED && fl_qp_hard(q, row);
     return s->column[row] > q->least && s->length < FL_QP_ROOM && !filled;
 }
 
 /* A row behind those of the moves, from the moves. */
-static fl_real fl_qp_beyond(const fl_qp_t *q, int32_t row, const fl_real *parameters, const fl_real *moves)
-{
+static fl_real fl_qp_beyond(const fl_qp_t *q, int32_t row, const fl_real *parameters, const fl_real *moves) {
     const fl_real *own = &q->beyond[row * (FL_QP_PARAMETERS + FL_QP_ONWARD)];
     fl_real value = own[0] * parameters[0];
     for (int32_t j = 1; j < FL_QP_PARAMETERS; j++) {
@@ -204,15 +195,13 @@ static fl_real fl_qp_beyond(const fl_qp_t *q, int32_t row, const fl_real *parame
 }
 
 /* Where `row` is taken to be: an active one at its limit. */
-static inline fl_real fl_qp_held(const fl_qp_t *q, const fl_search_t *s, int32_t row)
-{
+static inline fl_real fl_qp_held(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
     const fl_real limit = (s->side[row] > 0) ? q->high[row] : q->low[row];
     return (s->side[row] != 0) ? limit : s->value[row];
 }
 
 /* By how much each row is beyond where it is taken to be: the moves that the multipliers ask for, and what follows. */
-static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters)
-{
+static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters) {
     for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
         fl_real value = q->slope[i] * parameters[0];
         for (int32_t j = 1; j < FL_QP_PARAMETERS; j++) {
@@ -239,8 +228,7 @@ static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *para
 /* Correct moves and multipliers by what the problem's own numbers say of them, and select `*row` again; false where a
  * move was corrected by much. The residual goes through the etas as a column does: what becomes of it in an active row
  * is what its multiplier lacks, in any other what its value lacks. */
-static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row)
-{
+static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
     s->work += 2 * s->length + FL_QP_CHECKED + FL_QP_COLUMN;
     fl_qp_residual(q, s, parameters);
     for (int32_t k = 0; k < s->length; k++) {
@@ -280,8 +268,7 @@ static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *par
 
 /* Where a step along the column of `row` ends: at its limit (place -1), or at a multiplier that reaches zero. */
 static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, int32_t row, fl_real sign,
-                          int32_t *place)
-{
+                          int32_t *place) {
     fl_real step = fl_qp_free(q, s, row) ? gap * sign / s->column[row] : q->far;
     *place = -1;
     for (int32_t k = 0; k < s->length; k++) {
@@ -299,12 +286,9 @@ static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, i
     return step;
 }
 
-/* Drive the violated `*row` to its limit; let every row leave whose multiplier reaches zero on the way.
- *
- * Where answers are checked, a row that depends on the active ones is believed after a refinement alone, and rows count
- * as violated beyond what the largest multiplier may round away. */
-static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row)
-{
+/* Drive the violated `*row` to its limit; let every row leave whose multiplier reaches zero on the way. Where
+ * answers are checked, a row that depends on the active ones is believed only after a refinement. */
+static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
     const int32_t entering = *row;
     const int32_t side = (s->value[entering] > q->high[entering]) ? 1 : -1;
     const fl_real sign = (fl_real)side;
@@ -343,8 +327,7 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
 }
 
 /* `value` holds the unconstrained optimum, which violates `row`; `plan` keeps its moves where there is no better. */
-static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *parameters, fl_plan_t *plan)
-{
+static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *parameters, fl_plan_t *plan) {
     s->length = 0;
     s->work = 0;
     s->fresh = 0;
@@ -369,8 +352,7 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const
     return status;
 }
 
-static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters)
-{
+static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters) {
     fl_search_t s;
     fl_plan_t plan;
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
