@@ -19,6 +19,11 @@ which is taken from the gram's column through the pivots so far (product form: D
 
 `fl_qp.h` is the same in C, operation by operation: every product is rounded before it is added. What the two share
 beyond the arithmetic: the first of equal candidates is taken, and a row that is no number is never violated.
+
+Where single precision is near its end (limits of moves and of their changes beside stiff soft ones), multipliers get so
+large that y = slope p - gram m is known to 2^-10 at best. There a search is `checked`: rows count as violated beyond
+what such multipliers round away, and what it ends with, or would call infeasible, is refined from the moves,
+y = shift p + onward v - softness m, where nothing large cancels; the search goes on with what that finds.
 """
 
 from __future__ import annotations
@@ -45,9 +50,11 @@ class Rows:
     """One problem in its number format: `slope` (m, p), `low`, `high` (m,), `gram` (m, m), `scale` (k,).
 
     `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`
-    and, in a search, `share` of what the unconstrained optimum violates most; where answers are `checked`, an active
-    row must end within `trusted` of its limit; one whose pivot is below `least` depends on the active ones; `budget` is
-    the work of one search at most.
+    and, in a search, `share` of what the unconstrained optimum violates most; one whose pivot is below `least` depends
+    on the active ones; `budget` is the work of one search at most. Where `moves` is not 0, answers are checked: rows
+    are violated beyond `noise` of the largest multiplier, and refined until no move is corrected by `trusted`; the rows
+    behind the first `moves`, those of every move, are `shift` (c, p) of the parameters and `onward` (c, moves) of
+    these, less `softness` (c,) of their multipliers.
     """
 
     slope: Raw
@@ -58,10 +65,21 @@ class Rows:
     tolerance: float
     share: float
     trusted: float
+    noise: float
     least: float
     room: int
     budget: int
-    checked: bool
+    moves: int
+    shift: Raw
+    onward: Raw
+    softness: Raw
+
+    @property
+    def longest(self) -> int:
+        """The work of a search that its budget ends, at most: a row that leaves, or a column and refinements, late."""
+        if not self.moves:
+            return self.budget + COLUMN + 2 * self.room
+        return self.budget + 3 * COLUMN + 5 * self.room + 2 * self.moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,21 +96,11 @@ def exact(problem: Quadratic) -> Rows:
     """Make a problem ready for `solve` in float64, its search unlimited."""
     low, high = (np.clip(ends, -FAR, FAR) for ends in (problem.low, problem.high))
     tolerance, share, least = tolerance_of(problem) * 2.0**-40, 2.0**-46, 2.0**-36
-    room = min(problem.freedom, len(low))
+    room, none = min(problem.freedom, len(low)), np.zeros((0, 0))
     return Rows(
-        problem.slope,
-        low,
-        high,
-        problem.gram,
-        problem.scale,
-        tolerance,
-        share,
-        tolerance * 2.0**32,
-        least,
-        room,
-        UNLIMITED,
-        False,
-    )
+        problem.slope, low, high, problem.gram, problem.scale, tolerance, share, 0.0, 0.0, least, room, UNLIMITED,
+        0, none, none, np.zeros(0),
+    )  # fmt: skip
 
 
 def tolerance_of(problem: Quadratic) -> float:
@@ -124,10 +132,8 @@ def _chunk(rows: Rows, parameters: Raw) -> Solution:
     side = np.zeros(value.shape, np.int64)
     moves = value[:, : len(rows.scale)].copy()
     if len(broken):
-        search = _Search(rows, value[broken], excess[broken])
+        search = _Search(rows, parameters[broken], value[broken], excess[broken])
         search.run()
-        if rows.checked:
-            search.check(parameters[broken])
         status[broken], work[broken], side[broken] = search.status, search.work, search.side
         ends = np.where(search.side > 0, rows.high, np.where(search.side < 0, rows.low, search.value))
         found = search.status == SOLVED
@@ -144,10 +150,10 @@ def _excess(rows: Rows, value: Raw) -> Raw:
 class _Search:
     """The lanes whose unconstrained optimum breaks a limit; each round takes one step of every lane not yet done."""
 
-    def __init__(self, rows: Rows, value: Raw, excess: Raw) -> None:
+    def __init__(self, rows: Rows, parameters: Raw, value: Raw, excess: Raw) -> None:
         lanes, width = value.shape
         kind = value.dtype
-        self.rows, self.value, self.kind = rows, value, kind
+        self.rows, self.parameters, self.value, self.kind = rows, parameters, value, kind
         self.eta = np.zeros((rows.room, lanes, width), kind)
         self.pivot = np.zeros((rows.room, lanes), kind)
         self.active = np.zeros((lanes, rows.room), np.int64)
@@ -158,12 +164,16 @@ class _Search:
         self.tolerance = kind.type(rows.tolerance) + excess.max(axis=1) * kind.type(rows.share)
         self.sign, self.limit = np.zeros(lanes, kind), np.zeros(lanes, kind)
         self.multiplier = np.zeros(lanes, kind)
+        self.fresh = np.zeros(lanes, bool)  # refined since the last row that joined
+        self.hard = np.concatenate([np.ones(rows.moves, bool), ~(rows.softness > 0)])  # where answers are checked
+        self.filled = np.zeros(lanes, np.int64)  # active rows that are hard
 
     def run(self) -> None:
         """Search until every lane has a status."""
         lanes = np.arange(len(self.value))
-        self._enter(lanes)
+        self._approach(lanes)
         while len(lanes):
+            lanes = lanes[self.status[lanes] < 0]
             self.status[lanes[self.work[lanes] >= self.rows.budget]] = CAPPED
             lanes = lanes[self.status[lanes] < 0]
             leaving = self._step(lanes)
@@ -172,25 +182,81 @@ class _Search:
             self._leave(lanes[leaving >= 0], leaving[leaving >= 0])
             joining = lanes[leaving < 0]
             self._join(joining)
-            joining = joining[self.status[joining] < 0]
-            self._select(joining)
-            self._enter(joining[self.status[joining] < 0])
+            self._select(joining, self.tolerance[joining])
+            if self.rows.moves:
+                self._settle(joining[self.status[joining] == SOLVED])
+            self._approach(joining[self.status[joining] < 0])
             lanes = lanes[self.status[lanes] < 0]
 
-    def check(self, parameters: Raw) -> None:
-        """Call a lane capped where an active row, from the problem's own numbers, is not at its limit."""
-        for place in range(int(self.length.max(initial=0))):
-            lanes = np.flatnonzero((self.length > place) & (self.status == SOLVED))
-            row = self.active[lanes, place]
-            error = -np.where(self.side[lanes, row] > 0, self.rows.high[row], self.rows.low[row])
-            for j in range(parameters.shape[1]):
-                error = error + self.rows.slope[row, j] * parameters[lanes, j]
-            for k in range(int(self.length[lanes].max(initial=0))):
-                other = self.active[lanes, k]
-                less = error - self.rows.gram[row, other] * self.value[lanes, other]
-                error = np.where(self.length[lanes] > k, less, error)
-            good = (error < self.rows.trusted) & (error > -self.rows.trusted)
-            self.status[lanes[~good]] = CAPPED
+    def _approach(self, lanes: NDArray[np.int64]) -> None:
+        """Enter the rows selected; where answers are checked, refine first before one that depends on the active."""
+        while len(lanes):
+            self._enter(lanes)
+            if not self.rows.moves:
+                return
+            lanes = lanes[~self.fresh[lanes] & ~self._free(lanes)]
+            self.fresh[lanes] = self._refine(lanes)
+            self.status[lanes[self.work[lanes] >= self.rows.budget]] = CAPPED
+            self._settle(lanes[self.status[lanes] == SOLVED])
+            lanes = lanes[self.status[lanes] < 0]
+
+    def _settle(self, lanes: NDArray[np.int64]) -> None:
+        """Refine until no move is corrected any more, or a row is violated after all."""
+        while len(lanes):
+            far = ~self._refine(lanes)
+            self.status[lanes[far & (self.work[lanes] >= self.rows.budget)]] = CAPPED
+            lanes = lanes[far & (self.status[lanes] == SOLVED)]
+
+    def _refine(self, lanes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Correct moves and multipliers by what the problem's own numbers say of them, and select again.
+
+        The residual goes through the etas as a column does: what becomes of it in an active row is what its multiplier
+        lacks, in any other what its value lacks. Returns where no move was corrected by `trusted` or more.
+        """
+        rows, moves = self.rows, self.rows.moves
+        self.status[lanes] = -1
+        self.work[lanes] += 2 * self.length[lanes] + moves + COLUMN
+        held = self._held(lanes)
+        error = self._residual(lanes, held)
+        for k in range(int(self.length[lanes].max(initial=0))):
+            here = np.flatnonzero(self.length[lanes] > k)
+            error[here] = error[here] - self.eta[k, lanes[here]] * error[here, self.active[lanes[here], k]][:, None]
+        self.value[lanes] = self.value[lanes] + error
+        free = self.side[lanes] == 0
+        near = (error[:, :moves] < rows.trusted) & (error[:, :moves] > -rows.trusted)
+        beyond = self._beyond(lanes, np.where(free, self.value[lanes], held)[:, :moves])
+        self.value[lanes, moves:] = np.where(free[:, moves:], beyond, self.value[lanes, moves:])
+        self._select(lanes, np.full(len(lanes), rows.tolerance, self.kind))
+        return np.asarray(np.all(near | ~free[:, :moves], axis=1))
+
+    def _held(self, lanes: NDArray[np.int64]) -> Raw:
+        """Return where each row is taken to be: an active one at its limit."""
+        side = self.side[lanes]
+        return np.where(side > 0, self.rows.high, np.where(side < 0, self.rows.low, self.value[lanes]))
+
+    def _beyond(self, lanes: NDArray[np.int64], moves: Raw) -> Raw:
+        """Return the rows behind those of the moves, from the moves (lanes, moves)."""
+        value = self.rows.shift[:, 0] * self.parameters[lanes, :1]
+        for j in range(1, self.parameters.shape[1]):
+            value = value + self.rows.shift[:, j] * self.parameters[lanes, j : j + 1]
+        for j in range(moves.shape[1]):
+            value = value + self.rows.onward[:, j] * moves[:, j : j + 1]
+        return value
+
+    def _residual(self, lanes: NDArray[np.int64], held: Raw) -> Raw:
+        """Return by how much each row is beyond where it is taken to be: the moves that the multipliers ask for."""
+        moves = self.rows.moves
+        value = self.rows.slope[:moves, 0] * self.parameters[lanes, :1]
+        for j in range(1, self.parameters.shape[1]):
+            value = value + self.rows.slope[:moves, j] * self.parameters[lanes, j : j + 1]
+        for k in range(int(self.length[lanes].max(initial=0))):
+            here = np.flatnonzero(self.length[lanes] > k)
+            row = self.active[lanes[here], k]
+            value[here] = value[here] - self.rows.gram[row, :moves] * self.value[lanes[here], row][:, None]
+        beyond = self._beyond(lanes, value)
+        soft = beyond - self.rows.softness * self.value[lanes, moves:]
+        beyond = np.where(self.side[lanes, moves:] != 0, soft, beyond)
+        return np.concatenate([value, beyond], axis=1) - held
 
     def _enter(self, lanes: NDArray[np.int64]) -> None:
         """Take the side on which the entering row is violated, and the tableau's column of its multiplier."""
@@ -215,13 +281,21 @@ class _Search:
         taken = np.where((places[:, None] < length)[:, :, None], eta * factor[:, :, None], self.kind.type(0))
         self.column[lanes] = np.subtract.reduce(np.concatenate([self.rows.gram[row][None], taken]), axis=0)
 
+    def _free(self, lanes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return where the entering row does not depend on the active ones: no more hard ones than moves are free."""
+        row = self.entering[lanes]
+        free = (self.column[lanes, row] > self.rows.least) & (self.length[lanes] < self.rows.room)
+        if self.rows.moves:
+            free &= ~(self.hard[row] & (self.filled[lanes] == self.rows.moves))
+        return np.asarray(free)
+
     def _step(self, lanes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Go as far as the entering row's limit or the first multiplier at zero; return that place, or -1."""
         column = self.column[lanes]
         row, sign = self.entering[lanes], self.sign[lanes]
         pivot = column[np.arange(len(lanes)), row]
         gap = (self.value[lanes, row] - self.limit[lanes]) * sign
-        step = np.where(pivot > self.rows.least, gap / pivot, self.kind.type(FAR))
+        step = np.where(self._free(lanes), gap / pivot, self.kind.type(FAR))
         length = self.length[lanes][:, None]
         place = np.arange(max(1, int(length.max(initial=0))))
         active, which = self.active[lanes, : len(place)], lanes[:, None]
@@ -254,6 +328,8 @@ class _Search:
         self.value[lanes, row] = np.where(self.side[lanes, row] > 0, self.rows.high[row], self.rows.low[row])
         self.side[lanes, row] = 0
         self.length[lanes] = last
+        if self.rows.moves:
+            self.filled[lanes] -= self.hard[row]
         self.work[lanes] += COLUMN + 2 * (last - place)
         out = self.eta[place, lanes] * self.pivot[place, lanes][:, None]
         out[which, row] = self.pivot[place, lanes]
@@ -280,23 +356,24 @@ class _Search:
         return out
 
     def _join(self, lanes: NDArray[np.int64]) -> None:
-        """Put the entering row into the active set; too small a pivot, or a full set, ends the search."""
+        """Put the entering row, which does not depend on the others, into the active set."""
         row = self.entering[lanes]
         self.side[lanes, row] = self.sign[lanes].astype(np.int64)
         self.value[lanes, row] = self.multiplier[lanes]
-        pivot = self.column[lanes, row]
-        good = (pivot > self.rows.least) & (self.length[lanes] < self.rows.room)
-        self.status[lanes[~good]] = CAPPED
-        lanes, row, pivot = lanes[good], row[good], pivot[good]
-        k = self.length[lanes]
+        pivot, k = self.column[lanes, row], self.length[lanes]
         inverse = self.kind.type(1) / pivot
         eta = self.column[lanes] * inverse[:, None]
         eta[np.arange(len(lanes)), row] = self.kind.type(1) - inverse  # leaves pivot / pivot in that row
         self.eta[k, lanes], self.pivot[k, lanes], self.active[lanes, k] = eta, pivot, row
         self.length[lanes] = k + 1
+        if self.rows.moves:
+            noise = self.multiplier[lanes] * self.sign[lanes] * self.kind.type(self.rows.noise)
+            self.tolerance[lanes] = np.where(noise > self.tolerance[lanes], noise, self.tolerance[lanes])
+            self.fresh[lanes] = False
+            self.filled[lanes] += self.hard[row]
 
-    def _select(self, lanes: NDArray[np.int64]) -> None:
+    def _select(self, lanes: NDArray[np.int64], tolerance: Raw) -> None:
         """Find the most violated row outside the active set; where none is, the lane is solved."""
         excess = np.where(self.side[lanes] == 0, _excess(self.rows, self.value[lanes]), -1)
         self.entering[lanes] = excess.argmax(axis=1)
-        self.status[lanes[~(excess.max(axis=1) > self.tolerance[lanes])]] = SOLVED
+        self.status[lanes[~(excess.max(axis=1) > tolerance)]] = SOLVED

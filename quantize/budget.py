@@ -8,8 +8,9 @@ work of every step is bounded, and the bound is near to what is needed.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from design.active_set import SOLVED, exact, solve
+from design.active_set import SOLVED, Raw, Solution, exact, solve
 from design.law import Law, Quadratic
 from design.region import drawn_parameters
 from quantize.quadratic import rows_of, table_of
@@ -20,23 +21,36 @@ NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
 LEAST = 100  # work, for a problem that hardly ever meets a limit
 LONGEST = 15_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
+CHECKS = 6  # times that, where answers are checked
 NUMBERS = 2**22  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
 def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]:
     """Return the work that one search may take, and whether its answers need a check in this arithmetic.
 
-    They do where one of the drawn searches ends with moves that are not those of float64.
+    They do where one of the drawn searches finds moves where float64 finds none, others, or none where it does; the
+    work of one that is checked is that of the search and of what the checks add.
     """
     drawn = max(LEAST_DRAWN, min(DRAWN, NUMBERS // len(problem.low) ** 2))
     rounded = drawn_parameters(law, drawn, 0).astype(arithmetic)
     best = solve(exact(problem), rounded.astype(np.float64))
-    longest = min(LONGEST, max(LEAST, ENDLESS * int(best.work.max())))
-    table = table_of(problem, arithmetic, "drawn", longest, False)
-    found = solve(rows_of(table, np.dtype(arithmetic)), rounded)
+    found, right = _tried(problem, arithmetic, rounded, best, False)
+    checked = bool(np.any(~right & ((best.status == SOLVED) | (found.status == SOLVED))))
+    if checked:
+        found, right = _tried(problem, arithmetic, rounded, best, True)
+    work = found.work[right].max(initial=0)
+    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work)))), checked
+
+
+def _tried(
+    problem: Quadratic, arithmetic: str, parameters: Raw, best: Solution, checked: bool
+) -> tuple[Solution, NDArray[np.bool_]]:
+    """Search in this arithmetic with work to spare; return which searches end as `best` does."""
+    spare = ENDLESS * (CHECKS if checked else 1)
+    longest = min(LONGEST, max(LEAST, spare * int(best.work.max())))
+    rows = rows_of(table_of(problem, arithmetic, "drawn", longest, checked), np.dtype(arithmetic))
+    found = solve(rows, parameters)
     low, high = (ends[: len(problem.scale)] * problem.scale for ends in (problem.low, problem.high))
     away = np.abs(np.clip(found.moves, low, high) - np.clip(best.moves, low, high)).max(axis=1)
-    same = found.status == best.status
-    wrong = (found.status == SOLVED) & (~same | (away > NEAR * float(np.max(high - low))))
-    work = found.work[same & ~wrong].max(initial=0)
-    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work)))), bool(np.any(wrong))
+    near = (found.status != SOLVED) | (away <= NEAR * float(np.max(high - low)))
+    return found, (found.status == best.status) & near

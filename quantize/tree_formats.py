@@ -50,9 +50,11 @@ def fixed_tree(tree: Tree, problem: Quadratic, parameters: Sequence[Term], q: in
     laws = (tree.laws * 2.0**q * grids).reshape(-1, len(largest))
     shift = _shift(laws, largest)
     if shift < 1:
+        reached = float(np.max(np.abs(laws) @ largest)) * 2.0**-q
         raise QuantizeError(
-            "the laws of the explicit controller are too steep for fixed point; narrow the ranges in [signals], "
-            'rescale them, or use solver = "fixed_iterations"'
+            f"the laws of the explicit controller are too steep for fixed point: the terms of one reach {reached:.4g} "
+            f"over the ranges in [signals], beside a resolution of 2^-{q}; narrow the ranges, rescale them, or use "
+            'solver = "fixed_iterations"'
         )
     first = len(problem.scale)
     least = [math.ceil(x * 2.0**q) for x in problem.low[:first] * problem.scale]

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from design.active_set import COLUMN, solve
+from design.active_set import solve
 from quantize.program import Program
 from quantize.quadratic import rows_of
 from verify.reference import Machine, Raw, Trace, working_type
@@ -52,7 +52,7 @@ def searches(
         instructions=tuple(int(x) for x in took[first]),
         budget=rows.budget,
         work_max=int(solution.work.max(initial=0)),
-        instructions_bound=int(np.ceil(least + unit * (rows.budget + COLUMN + rows.room))),
+        instructions_bound=int(np.ceil(least + unit * rows.longest)),
         capped=int(np.count_nonzero(status >> bits["capped"] & 1)) if "capped" in bits else 0,
         infeasible=int(np.count_nonzero(status >> bits["infeasible"] & 1)) if "infeasible" in bits else 0,
     )

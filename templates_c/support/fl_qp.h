@@ -7,9 +7,10 @@
  * product form (Dantzig and Orchard-Hays, 1954). No product is added before it is rounded.
  *
  * The file that includes this one gives its sizes, FL_QP_ROWS, FL_QP_WIDTH (the rows filled up to a multiple of 4),
- * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most),
- * FL_QP_BUDGET (work of one search at most, where a column taken costs FL_QP_COLUMN and 1 for each active row,
- * and a row that leaves FL_QP_COLUMN and 2 for each that came after it), FL_QP_CHECKED (1: doubt every answer), and the type fl_real.
+ * FL_QP_PARAMETERS, FL_QP_MOVES, FL_QP_ROOM (rows of the active set at most), FL_QP_BUDGET (work of one search at most,
+ * where a column taken costs FL_QP_COLUMN and 1 for each active row, and a row that leaves FL_QP_COLUMN and 2 for each
+ * that came after it), FL_QP_CHECKED (0: answers are taken as they are; else the rows of all moves, which come first),
+ * FL_QP_BEYOND and FL_QP_ONWARD (the other rows and those where answers are refined, else 1), and the type fl_real.
  */
 #ifndef FL_QP_H
 #define FL_QP_H
@@ -24,9 +25,13 @@ typedef struct {
     fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
     fl_real tolerance;          /* a row is violated beyond this, */
     fl_real share;              /* and this share of what the unconstrained optimum violates most */
-    fl_real trusted;            /* an active row farther from its limit than this was not computed well enough */
+    fl_real trusted;            /* a move that is corrected by less is right */
+    fl_real noise;              /* of a multiplier: what its roundings may do to a row */
     fl_real least;              /* smallest pivot */
     fl_real far;                /* a step that nothing stops */
+    /* The rows behind those of the moves, of the parameters and the moves, less this share of their multipliers. */
+    fl_real beyond[FL_QP_BEYOND * (FL_QP_PARAMETERS + FL_QP_ONWARD)];
+    fl_real softness[FL_QP_BEYOND];
 } fl_qp_t;
 
 enum { FL_QP_SOLVED = 0, FL_QP_CAPPED = 1, FL_QP_INFEASIBLE = 2 };
@@ -45,13 +50,14 @@ typedef struct {
     int8_t side[FL_QP_ROWS]; /* 1 at high, -1 at low, else 0 */
     int32_t length;          /* of the active set */
     int32_t work;            /* so far */
+    int32_t fresh;           /* refined since the last row that joined */
+    int32_t hard;            /* active rows that are not soft, where answers are checked */
     fl_real tolerance;
 } fl_search_t;
 
 /* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
  * takes from this column in its pivot row is what it holds in this row. */
-static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
-{
+static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row) {
     const fl_real *gram = &q->gram[row * FL_QP_WIDTH];
     s->work += s->length + FL_QP_COLUMN;
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
@@ -75,13 +81,14 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row)
     }
 }
 
-/* Put `row` into the active set by its column; false when its pivot is too small or the set full. */
-static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row)
-{
+/* Whether `row` is not soft; of those no more are independent than there are moves. */
+static inline int32_t fl_qp_hard(const fl_qp_t *q, int32_t row) {
+    return row < FL_QP_CHECKED || !(q->softness[row - FL_QP_CHECKED] > 0);
+}
+
+/* Put `row` into the active set by its column. */
+static void fl_qp_store(fl_search_t *s, int32_t row) {
     const fl_real pivot = s->column[row];
-    if (!(pivot > q->least) || s->length == FL_QP_ROOM) {
-        return 0;
-    }
     const fl_real inverse = (fl_real)1 / pivot;
     fl_real *eta = s->eta[s->length];
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
@@ -94,19 +101,20 @@ static int32_t fl_qp_store(const fl_qp_t *q, fl_search_t *s, int32_t row)
     s->pivot[s->length] = pivot;
     s->active[s->length] = (uint8_t)row;
     s->length++;
-    return 1;
 }
 
 /* Take the row at `place` out of the active set: out of every eta after its own, and out of the column.
  *
  * `out`, the tableau's column of that row without it, moves through the places; the eta it meets is put before it. */
-static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
-{
+static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
     const int32_t row = s->active[place];
     const int32_t last = s->length - 1;
     s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
     s->side[row] = 0;
     s->length = last;
+    if (FL_QP_CHECKED) {
+        s->hard -= fl_qp_hard(q, row);
+    }
     s->work += FL_QP_COLUMN + 2 * (last - place);
     fl_real *out = s->eta[place];
     for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
@@ -143,16 +151,14 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place)
     s->column[row] = factor * out[row];
 }
 
-static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value)
-{
+static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value) {
     const fl_real over = value - q->high[row];
     const fl_real under = q->low[row] - value;
     return (over > under) ? over : under;
 }
 
 /* Go `moved` along the column; return the most violated row outside the active set, -1 where none is. */
-static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved)
-{
+static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
     int32_t row = -1;
     fl_real most = s->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
@@ -169,11 +175,101 @@ static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved)
     return row;
 }
 
-/* Where a step along the column ends: at the limit of `row` (place -1), or at a multiplier that reaches zero. */
-static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, fl_real pivot, fl_real sign,
-                          int32_t *place)
-{
-    fl_real step = (pivot > q->least) ? gap * sign / pivot : q->far;
+/* Whether the row of this column does not depend on the active ones. */
+static inline int32_t fl_qp_free(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
+    const int32_t filled = FL_QP_CHECKED && s->hard == FL_QP_CHECKED && fl_qp_hard(q, row);
+    return s->column[row] > q->least && s->length < FL_QP_ROOM && !filled;
+}
+
+/* A row behind those of the moves, from the moves. */
+static fl_real fl_qp_beyond(const fl_qp_t *q, int32_t row, const fl_real *parameters, const fl_real *moves) {
+    const fl_real *own = &q->beyond[row * (FL_QP_PARAMETERS + FL_QP_ONWARD)];
+    fl_real value = own[0] * parameters[0];
+    for (int32_t j = 1; j < FL_QP_PARAMETERS; j++) {
+        value += own[j] * parameters[j];
+    }
+    for (int32_t j = 0; j < FL_QP_ONWARD; j++) {
+        value += own[FL_QP_PARAMETERS + j] * moves[j];
+    }
+    return value;
+}
+
+/* Where `row` is taken to be: an active one at its limit. */
+static inline fl_real fl_qp_held(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
+    const fl_real limit = (s->side[row] > 0) ? q->high[row] : q->low[row];
+    return (s->side[row] != 0) ? limit : s->value[row];
+}
+
+/* By how much each row is beyond where it is taken to be: the moves that the multipliers ask for, and what follows. */
+static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters) {
+    for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
+        fl_real value = q->slope[i] * parameters[0];
+        for (int32_t j = 1; j < FL_QP_PARAMETERS; j++) {
+            value += q->slope[j * FL_QP_WIDTH + i] * parameters[j];
+        }
+        for (int32_t k = 0; k < s->length; k++) {
+            const int32_t at = s->active[k];
+            value -= q->gram[at * FL_QP_WIDTH + i] * s->value[at];
+        }
+        s->column[i] = value;
+    }
+    for (int32_t i = FL_QP_CHECKED; i < FL_QP_ROWS; i++) {
+        fl_real value = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, s->column);
+        if (s->side[i] != 0) {
+            value -= q->softness[i - FL_QP_CHECKED] * s->value[i];
+        }
+        s->column[i] = value - fl_qp_held(q, s, i);
+    }
+    for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
+        s->column[i] -= fl_qp_held(q, s, i);
+    }
+}
+
+/* Correct moves and multipliers by what the problem's own numbers say of them, and select `*row` again; false where a
+ * move was corrected by much. The residual goes through the etas as a column does: what becomes of it in an active row
+ * is what its multiplier lacks, in any other what its value lacks. */
+static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
+    s->work += 2 * s->length + FL_QP_CHECKED + FL_QP_COLUMN;
+    fl_qp_residual(q, s, parameters);
+    for (int32_t k = 0; k < s->length; k++) {
+        const fl_real *eta = s->eta[k];
+        const fl_real held = s->column[s->active[k]];
+        for (int32_t i = 0; i < FL_QP_ROWS; i++) {
+            s->column[i] -= eta[i] * held;
+        }
+    }
+    int32_t near = 1;
+    for (int32_t i = 0; i < FL_QP_ROWS; i++) {
+        const fl_real error = s->column[i];
+        s->value[i] += error;
+        if (i < FL_QP_CHECKED && s->side[i] == 0 && !(error < q->trusted && error > -q->trusted)) {
+            near = 0;
+        }
+    }
+    for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
+        s->column[i] = fl_qp_held(q, s, i);
+    }
+    fl_real most = q->tolerance;
+    *row = -1;
+    for (int32_t i = 0; i < FL_QP_ROWS; i++) {
+        if (s->side[i] == 0) {
+            if (i >= FL_QP_CHECKED) {
+                s->value[i] = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, s->column);
+            }
+            const fl_real excess = fl_qp_excess(q, i, s->value[i]);
+            if (excess > most) {
+                most = excess;
+                *row = i;
+            }
+        }
+    }
+    return near;
+}
+
+/* Where a step along the column of `row` ends: at its limit (place -1), or at a multiplier that reaches zero. */
+static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, int32_t row, fl_real sign,
+                          int32_t *place) {
+    fl_real step = fl_qp_free(q, s, row) ? gap * sign / s->column[row] : q->far;
     *place = -1;
     for (int32_t k = 0; k < s->length; k++) {
         const int32_t held = s->active[k];
@@ -190,28 +286,39 @@ static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, f
     return step;
 }
 
-/* Drive the violated `*row` to its limit; let every row leave whose multiplier reaches zero on the way. */
-static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
-{
+/* Drive the violated `*row` to its limit; let every row leave whose multiplier reaches zero on the way. Where
+ * answers are checked, a row that depends on the active ones is believed only after a refinement. */
+static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
     const int32_t entering = *row;
     const int32_t side = (s->value[entering] > q->high[entering]) ? 1 : -1;
     const fl_real sign = (fl_real)side;
     const fl_real limit = (side > 0) ? q->high[entering] : q->low[entering];
     fl_real multiplier = 0;
     fl_qp_column(q, s, entering);
+    if (FL_QP_CHECKED && !s->fresh && !fl_qp_free(q, s, entering)) {
+        s->fresh = fl_qp_refine(q, s, parameters, row);
+        return (s->work < FL_QP_BUDGET) ? FL_QP_SOLVED : FL_QP_CAPPED;
+    }
     while (s->work < FL_QP_BUDGET) {
         int32_t place;
         const fl_real gap = s->value[entering] - limit;
-        const fl_real step = fl_qp_step(q, s, gap, s->column[entering], sign, &place);
+        const fl_real step = fl_qp_step(q, s, gap, entering, sign, &place);
         if (step >= q->far) {
             return FL_QP_INFEASIBLE;
         }
         multiplier += step * sign;
         if (place < 0) {
+            if (FL_QP_CHECKED) {
+                const fl_real noise = multiplier * sign * q->noise;
+                s->tolerance = (noise > s->tolerance) ? noise : s->tolerance;
+                s->fresh = 0;
+                s->hard += fl_qp_hard(q, entering);
+            }
             s->side[entering] = (int8_t)side;
             *row = fl_qp_move(q, s, step * sign);
             s->value[entering] = multiplier;
-            return fl_qp_store(q, s, entering) ? FL_QP_SOLVED : FL_QP_CAPPED;
+            fl_qp_store(s, entering);
+            return FL_QP_SOLVED;
         }
         (void)fl_qp_move(q, s, step * sign);
         fl_qp_leave(q, s, place);
@@ -219,41 +326,22 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, int32_t *row)
     return FL_QP_CAPPED;
 }
 
-/* Whether the active rows, from their multipliers and the problem's own numbers, stand at their limits. */
-static int32_t fl_qp_holds(const fl_qp_t *q, const fl_search_t *s, const fl_real *parameters)
-{
-    for (int32_t k = 0; k < s->length; k++) {
-        const int32_t row = s->active[k];
-        const fl_real limit = (s->side[row] > 0) ? q->high[row] : q->low[row];
-        fl_real error = -limit;
-        for (int32_t j = 0; j < FL_QP_PARAMETERS; j++) {
-            error += q->slope[j * FL_QP_WIDTH + row] * parameters[j];
-        }
-        for (int32_t j = 0; j < s->length; j++) {
-            error -= q->gram[row * FL_QP_WIDTH + s->active[j]] * s->value[s->active[j]];
-        }
-        if (!(error < q->trusted && error > -q->trusted)) {
-            return 0;
-        }
-    }
-    return 1;
-}
-
 /* `value` holds the unconstrained optimum, which violates `row`; `plan` keeps its moves where there is no better. */
-static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *parameters, fl_plan_t *plan)
-{
+static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *parameters, fl_plan_t *plan) {
     s->length = 0;
     s->work = 0;
+    s->fresh = 0;
+    s->hard = 0;
     volatile int8_t *side = s->side; /* volatile: no compiler may ask the C library to clear it */
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         side[i] = 0;
     }
     int32_t status = FL_QP_SOLVED;
     while (row >= 0 && status == FL_QP_SOLVED) {
-        status = fl_qp_enter(q, s, &row);
-    }
-    if (FL_QP_CHECKED && status == FL_QP_SOLVED && !fl_qp_holds(q, s, parameters)) {
-        status = FL_QP_CAPPED;
+        status = fl_qp_enter(q, s, parameters, &row);
+        while (FL_QP_CHECKED && status == FL_QP_SOLVED && row < 0 && !fl_qp_refine(q, s, parameters, &row)) {
+            status = (s->work < FL_QP_BUDGET) ? FL_QP_SOLVED : FL_QP_CAPPED;
+        }
     }
     for (int32_t i = 0; i < FL_QP_MOVES && status == FL_QP_SOLVED; i++) {
         if (s->side[i] != 0) {
@@ -264,8 +352,7 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const
     return status;
 }
 
-static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters)
-{
+static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters) {
     fl_search_t s;
     fl_plan_t plan;
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {

@@ -13,6 +13,7 @@ from codegen.target import load_target
 from design.active_set import CAPPED, INFEASIBLE, SOLVED, exact, solve
 from design.kinds.mpc import design
 from design.law import Law
+from design.region import drawn_parameters
 from identify.signal import Signal
 from quantize.lower import lower
 from quantize.program import Program
@@ -85,6 +86,7 @@ def test_without_an_answer_the_moves_are_those_without_limits() -> None:
     found = solve(exact(problem), states)
     cut = solve(replace(exact(problem), budget=15), states)
     assert np.count_nonzero(cut.status == CAPPED) > 30 and np.max(cut.work) < 15 + 6 + problem.freedom
+    assert np.max(cut.work) <= replace(exact(problem), budget=15).longest
     for solution in (found, cut):
         np.testing.assert_allclose(solution.moves[solution.status != SOLVED, 0], free[solution.status != SOLVED])
 
@@ -131,7 +133,7 @@ def test_what_is_no_number_gives_an_output_within_limits_and_is_forgotten(case: 
     assert np.all(np.isfinite(trace.state[:, 12:]))
     fresh = run(program, lanes[:, 6:])
     asked = (len(worst) - 1) * len(ends)  # a huge number is one: the observer forgets it in its own time
-    cut = np.any(trace.status[:, 6:] & 1, axis=1) | np.any(fresh.status & 1, axis=1)  # what stands in has a history
+    cut = np.any(trace.status & 3, axis=1) | np.any(fresh.status & 3, axis=1)  # what stands in has a history
     same = np.flatnonzero(~cut[:asked])
     assert len(same) >= 2
     np.testing.assert_allclose(trace.outputs[same, -1], fresh.outputs[same, -1], rtol=0, atol=1e-4)
@@ -153,3 +155,33 @@ def test_stiff_soft_limits_beside_limited_changes_are_solved_in_single_precision
     found, best = solve(rows, parameters), solve(exact(law.solve.problem), parameters.astype(np.float64))
     assert set(found.status) == set(best.status) == {SOLVED}
     assert np.max(np.abs(np.clip(found.moves[:, 0], -6, 6) - np.clip(best.moves[:, 0], -6, 6))) < 2e-2
+
+
+LARGE = {
+    "blocks, changes and soft limits": CASES["all of it"],
+    "thirty moves and their changes": (
+        (ANGLE, SPEED),
+        {"horizon": 30, "du_min": -1.0, "du_max": 1.0, "Q": [200.0, 0.0], "R": 1e-2},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LARGE)
+def test_where_multipliers_get_large_answers_are_refined(case: str) -> None:
+    """Taken as they are, some searches end wrong, or say of limits that can be kept that they cannot."""
+    inputs, keys = LARGE[case]
+    law = law_of(inputs, **keys)
+    assert law.solve is not None
+    problem = law.solve.quadratic
+    parameters = drawn_parameters(law, 30, 2)[:60].astype(np.float32)
+    best = solve(exact(problem), parameters.astype(np.float64))
+    plain, checked = (
+        solve(rows_of(table_of(problem, "float32", "plan", 10**4, check), np.dtype("f4")), parameters)
+        for check in (False, True)
+    )
+    away = [np.abs(np.clip(found.moves[:, 0], -6, 6) - np.clip(best.moves[:, 0], -6, 6)) for found in (plain, checked)]
+    assert set(best.status) == set(checked.status) == {SOLVED} and away[1].max() < 2e-3
+    rows = rows_of(table_of(problem, "float32", "plan", 400, True), np.dtype("f4"))
+    short = solve(rows, parameters)
+    assert np.any(short.status == CAPPED) and np.max(short.work) <= rows.longest
+    assert np.count_nonzero(plain.status != SOLVED) >= 5 and np.any(plain.status == INFEASIBLE)
