@@ -7,6 +7,7 @@ its units; so many lanes are tried, each behind another noise, and those kept th
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from verify.reference import Machine, Raw, start_state, working_type
 
 Array = NDArray[np.float64]
 Convert = Callable[[Value, Array], Raw]
+COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
 TRIED = 4  # lanes for each that is kept
 TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
 MOST_TRIED = 2**18  # lanes in all
@@ -25,14 +27,35 @@ HALVINGS = 64  # of the way from one input to the other: to neighbors in any for
 HALVINGS_SHORT = 18  # and in a short one
 
 
-def limits(program: Program) -> list[tuple[str, float]]:
-    """Return each value that an operation limits, with the limit; of a state, what it becomes in this sample."""
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A value changes what an operation does where it passes `limit`: a number, or another value."""
+
+    value: str
+    limit: float | str
+
+    def above(self, machine: Machine, slots: list[Any]) -> Array:
+        """Return how far above its limit the value is, in one step's values by slot."""
+        value, limit = (
+            np.asarray(slots[machine.slots[at]] if isinstance(at, str) else at, dtype=np.float64)
+            for at in (self.value, self.limit)
+        )
+        return value - limit
+
+
+def limits(program: Program) -> list[Edge]:
+    """Return what operations limit or compare, and with what; of a state, what it becomes in this sample."""
     becomes = {f"self.{a.target}": a.source for a in program.next_state}
     found = []
     for op in program.body:
-        value = op.arguments[0]
-        if op.function in (*LIMITS, "min", "max") and isinstance(value, str):
-            found += [(becomes.get(value, value), float(a)) for a in op.arguments[1:] if not isinstance(a, str)]
+        if op.function not in (*LIMITS, *COMPARED):
+            continue
+        value, *others = (becomes.get(a, a) if isinstance(a, str) else float(a) for a in op.arguments)
+        for other in others:
+            if isinstance(value, str):
+                found.append(Edge(value, other))
+            elif isinstance(other, str):
+                found.append(Edge(other, value))
     return list(dict.fromkeys(found))
 
 
@@ -55,10 +78,19 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             state = start_state(program, len(part))
             for k in range(at):
                 state = after(machine, row(program, part[:, k], convert, kind), state)
-            miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
-            kept.append(part[np.argsort(np.abs(miss), kind="stable")[:count]])
+            which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
+            kept.append(part[nearest(which, miss, count)])
         noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+
+
+def nearest(which: NDArray[np.int64], miss: Array, count: int) -> NDArray[np.int64]:
+    """Return `count` lanes, as many on, above and below each edge as there are, the nearest of them first."""
+    group = 3 * which + np.sign(np.nan_to_num(miss)).astype(np.int64)
+    order = np.lexsort((np.abs(miss), group))
+    begins = np.searchsorted(group[order], group[order])
+    rank = np.where(np.isfinite(miss[order]), np.arange(len(order)) - begins, len(order))
+    return order[np.argsort(rank, kind="stable")[:count]]
 
 
 def short(program: Program) -> bool:
@@ -80,17 +112,16 @@ def to_an_edge(
     noise: Array,
     at: int,
     state: list[Raw],
-    wanted: list[tuple[str, float]],
+    wanted: list[Edge],
     convert: Convert,
     wait: int = 0,
-) -> Array:
-    """Put sample `at` of every lane at an edge that it can cross; return how far above its limit its value then is.
+) -> tuple[NDArray[np.int64], Array]:
+    """Put sample `at` of every lane at an edge that it can cross; return which, and how far above it its value is.
 
     `state` is the one before that sample; the value is taken `wait` samples later. `noise` (lanes, length, m) is
     written to; infinite where no way across was found.
     """
     kind, lanes = working_type(program), np.arange(len(noise))
-    limit = np.array([limit for _, limit in wanted])[:, None]
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
     def beyond(inputs: Array) -> tuple[NDArray[np.bool_], Array]:
@@ -99,11 +130,9 @@ def to_an_edge(
         with np.errstate(all="ignore"):
             for later in range(wait):
                 now = after(machine, row(program, noise[:, at + later] if later else inputs, convert, kind), now)
-            named = machine.named(
-                machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
-            )
-            values = np.stack([np.broadcast_to(named[name], len(noise)).astype(np.float64) for name, _ in wanted])
-            return np.where(odd, values > limit, values >= limit), values - limit
+            slots = machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
+            above = np.stack([np.broadcast_to(edge.above(machine, slots), len(noise)) for edge in wanted])
+            return np.where(odd, above > 0, above >= 0), above
 
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
     here, there = noise[:, at], np.stack([random.uniform(*span, size=len(noise)) for span in spans], axis=-1)
@@ -117,7 +146,7 @@ def to_an_edge(
         near, far = np.where(same, middle, near), np.where(same, far, middle)
     noise[:, at] = here + np.where(random.random((len(noise), 1)) < 0.5, near, far) * (there - here)
     missed = beyond(noise[:, at])[1][which, lanes]
-    return np.where(crossed[which, lanes], missed, np.inf)
+    return which, np.where(crossed[which, lanes], missed, np.inf)
 
 
 def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
