@@ -7,7 +7,10 @@ have: those of the proven ranges. These arguments are tried:
 1. the line's value is the same;
 2. it is not, but every line that reads it, and every line of the next step that reads the state it is stored in, is;
 3. nor is every such line, but the outputs, the status and the state that the rest of the step makes of it are;
-4. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
+4. as 1 to 3, with what the operands are made of in this step put in (no product of two values: z3 would not end), and
+   the grid on which each state is kept: a power of two apart from where it starts, shown by induction;
+5. one state has the other sign in the mutant, always, and nothing else shows it;
+6. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
 
 The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
 within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
@@ -18,20 +21,25 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import z3
 
 from codegen.view import statement
-from quantize.ops import EVERY
+from quantize.ops import EVERY, LARGE
 from quantize.program import Op, Program
+from verify.reference import run
+from verify.stimuli import characters
 
 if TYPE_CHECKING:
     from bench.mutants import Mutant
 
 WIDE = 64
 TIMEOUT = 10_000  # ms
+LANES, SAMPLES = 4, 500  # of a run that tells which grids to look for
+PRODUCTS = ("mul", "wide", "mac", "mul_shift", "mul_down")
 ROOM = 0.005  # of a state's range, that it provably keeps from its limits
 FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
 LINE = re.compile(r"\s*const (\w+) (\w+) = (.*);")
@@ -49,27 +57,119 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
     name = before[2]
     if before[1] != after[1]:
         return _fits(program, name, after[1]) if before[3] == after[3] else None
-    try:
-        old, new = meaning.value(before[3], {}), meaning.value(after[3], {})
-        if meaning.same(old, new):
-            return "the same value on the proven range, by z3"
-        stored = [a.target for a in program.next_state if a.source == name]
-        read = [op for op in program.body if any(a in (name, *(f"self.{s}" for s in stored)) for a in op.arguments)]
-        outward = {a.source for a in program.results} | {b.source for b in program.status}
-        if name in outward or (not read and not stored):
-            return None
-        if not stored and _same_step(program, meaning, name, old, new):
-            return "outputs, status and state after the step are the same on the proven ranges, by z3"
-        for op in read:
-            text = statement(op, program).partition(" = ")[2]
-            places = {name: (old, new), **{f"self.{s}": (old, new) for s in stored}}
-            one = meaning.value(text, {place: pair[0] for place, pair in places.items()})
-            other = meaning.value(text, {place: pair[1] for place, pair in places.items()})
-            if not meaning.same(one, other):
-                return None
+    tries: tuple[Callable[[], str | None], ...] = (
+        lambda: _same_line(program, meaning, name, before[3], after[3]),
+        lambda: _same_line(program, _deep(program), name, before[3], after[3]),
+        lambda: _turned(program, meaning, name, after[3]),
+    )
+    for attempt in tries:
+        try:
+            why = attempt()
+        except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
+            return None  # a text that is no expression of ours
+        if why is not None:
+            return why
+    return None
+
+
+def _same_line(program: Program, meaning: _Meaning, name: str, before: str, after: str) -> str | None:
+    """Compare both texts of a line, what reads it, and what the step makes of it."""
+    old, new = meaning.value(before, {}), meaning.value(after, {})
+    if meaning.same(old, new):
+        return "the same value on the proven range, by z3"
+    stored = {f"self.{a.target}" for a in program.next_state if a.source == name}
+    outward = {a.source for a in program.results} | {b.source for b in program.status}
+    here = [op for op in program.body if name in op.arguments]
+    later = [op for op in program.body if stored & set(op.arguments)]
+    if name in outward or not (here or later):
+        return None
+    if all(_same_reader(program, meaning, op, {name}, old, new) for op in here) and all(
+        op not in here and _same_reader(program, meaning, op, stored, old, new) for op in later
+    ):
         return "every line that reads it has the same value on the proven ranges, by z3"
-    except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
-        return None  # a text that is no expression of ours
+    if stored:
+        return None
+    fresh = _Meaning(program, meaning.grids)
+    if _same_step(program, fresh, *_where_apart(meaning, name, old, new)) or _same_step(
+        program, meaning, {name: old}, {name: new}
+    ):
+        return "outputs, status and state after the step are the same on the proven ranges, by z3"
+    return None
+
+
+def _same_reader(program: Program, meaning: _Meaning, op: Op, places: set[str], old: Any, new: Any) -> bool:
+    """Compare what a line makes of both values; read a step later, its other operands are those of another sample."""
+    text = statement(op, program).partition(" = ")[2]
+    others = {a for a in op.arguments if isinstance(a, str)} - places
+    given = {a: meaning.symbol(a, "later ") for a in others} if any(p.startswith("self.") for p in places) else {}
+    one, other = (meaning.value(text, given | dict.fromkeys(places, value)) for value in (old, new))
+    return meaning.same(one, other)
+
+
+def _turned(program: Program, meaning: _Meaning, name: str, after: str) -> str | None:
+    """Look for a state that starts at 0 and whose sign the mutant turns, step for step, which nothing else shows."""
+    for turned, start in zip(program.next_state, program.start, strict=True):
+        if not meaning.fixed or start != 0:
+            continue
+        place = f"self.{turned.target}"
+        one: dict[str, Any] = {place: meaning.symbol(place)}
+        other: dict[str, Any] = {place: -one[place]}
+        for op in program.body:
+            text = statement(op, program).partition(" = ")[2]
+            if _symmetric(program, op, place, meaning):
+                one[op.result.name] = meaning.symbol(op.result.name)
+                other[op.result.name] = -one[op.result.name]
+            elif op.result.name == name or op.function == "neg" or any(a in one for a in op.arguments):
+                one[op.result.name] = meaning.value(text, one)
+                low, high = meaning.ranges[op.result.name]
+                meaning.assumed += [one[op.result.name] >= math.ceil(low), one[op.result.name] <= math.floor(high)]
+                other[op.result.name] = meaning.value(after if op.result.name == name else text, other)
+        if turned.source not in one:
+            continue
+        rest = [a for a in (*program.results, *program.next_state, *program.status) if a is not turned]
+        pairs = [(one[turned.source], -other[turned.source])]
+        pairs += [(one[source], other[source]) for source in sorted({a.source for a in rest if a.source in one})]
+        if all(meaning.same(*pair) for pair in pairs):
+            return f"{turned.target} has the other sign, which nothing shows, by z3"
+    return None
+
+
+def _symmetric(program: Program, op: Op, place: str, meaning: _Meaning) -> bool:
+    """Tell whether an operation rounds a multiple of a state that never is halfway: then its sign may go through.
+
+    z3 does not end on this: x c = 2^(s-1) (mod 2^s) asks for an x that is a multiple of 2^(s-1) over c's power of two.
+    """
+    product = meaning.writers.get(str(op.arguments[0]))
+    if op.function != "high" or product is None or product.function != "wide" or product.arguments[0] != place:
+        return False
+    factor, shift = product.arguments[1], op.arguments[1]
+    if isinstance(factor, str) or isinstance(shift, str) or factor == 0:
+        return False
+    halfway = 2 ** (int(shift) - 1) // (int(factor) & -int(factor))
+    low, high = meaning.ranges[place]
+    return max(-low, high) < halfway
+
+
+def _deep(program: Program) -> _Meaning:
+    """Return the meaning with operands traced to where they come from, and states on their grids."""
+    grids: dict[str, int] = {}
+    if program.arithmetic.startswith("fixed") and not program.tables:
+        noise = next(block for block in characters(program, LANES, SAMPLES, 1) if block.name == "noise")
+        state = run(program, noise.inputs).state.astype(np.int64)
+        for j, (value, start) in enumerate(zip(program.state, program.start, strict=True)):
+            apart = int(np.bitwise_or.reduce(state[..., j].ravel() - int(start)))
+            if value.name not in (program.unset, *program.tunable) and apart:
+                grids[value.name] = apart & -apart  # the lowest bit that ever differs from the start
+    while True:
+        meaning = _Meaning(program, grids)
+        kept = {
+            a.target: grids[a.target]
+            for a in program.next_state
+            if a.target in grids and meaning.holds(meaning.on_grid(meaning.symbol(a.source), a.target))
+        }
+        if kept == grids:
+            return meaning
+        grids = kept
 
 
 def _fits(program: Program, name: str, kind: str) -> str | None:
@@ -82,14 +182,34 @@ def _fits(program: Program, name: str, kind: str) -> str | None:
     return "its proven range fits the other type" if -half <= result.low and result.high < half else None
 
 
-def _same_step(program: Program, meaning: _Meaning, name: str, old: Any, new: Any) -> bool:
-    """Compare what the rest of the step makes of both values of `name`."""
-    pair: list[dict[str, Any]] = [{name: old}, {name: new}]
+def _where_apart(meaning: _Meaning, name: str, old: Any, new: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the value `name` has in both, and with it the operands that have one value wherever both differ.
+
+    Which of these have but one value then is seen, and its number put in its place.
+    """
+    one, other = {name: old}, {name: new}
+    solver = z3.Solver()
+    solver.set("timeout", TIMEOUT)
+    solver.add(*meaning.assumed, old != new)
+    if solver.check() == z3.sat:
+        model = solver.model()
+        places = [(one, name, old), (other, name, new)]
+        places += [(given, *item) for given in (one, other) for item in meaning.symbols.items()]
+        for given, place, term in places:
+            value = model.eval(term, model_completion=True)
+            if solver.check(term != value) == z3.unsat:
+                given[place] = value
+    return one, other
+
+
+def _same_step(program: Program, meaning: _Meaning, one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Compare what the rest of the step makes of the values that are given for both."""
+    pair, known = [dict(one), dict(other)], set(one)
     for op in program.body:
-        if any(argument in pair[0] for argument in op.arguments):
+        if op.result.name not in known and any(argument in pair[0] for argument in op.arguments):
             text = statement(op, program).partition(" = ")[2]
             for given in pair:
-                given[op.result.name] = meaning.value(text, given)
+                given[op.result.name] = z3.simplify(meaning.value(text, given))
     ends = [*program.results, *program.next_state, *program.status]
     reached = {end.source for end in ends if end.source in pair[0]}
     return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))
@@ -122,7 +242,10 @@ def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutan
 class _Meaning:
     """The C expressions of one program as terms of z3."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, grids: dict[str, int] | None = None) -> None:
+        """Take `grids`, the distance apart of what each state holds, to trace values to where they come from."""
+        self.program, self.grids = program, grids
+        self.writers = {op.result.name: op for op in program.body}
         self.fixed = program.arithmetic.startswith("fixed")
         self.sort = FLOATS.get(program.arithmetic)
         self.ranges: dict[str, tuple[float, float]] = {}
@@ -143,9 +266,12 @@ class _Meaning:
         self.symbols: dict[str, Any] = {}
 
     def _narrow_states(self, program: Program) -> None:
-        writers = {op.result.name: op for op in program.body}
         for store, start in zip(program.next_state, program.start, strict=True):
-            op = writers.get(store.source)
+            op = self.writers.get(store.source)
+            if op is not None and store.target != self.program.unset:
+                low, high = self.ranges[f"self.{store.target}"]
+                least, most = min(start, op.result.low), max(start, op.result.high)
+                self.ranges[f"self.{store.target}"] = (max(low, least), min(high, most))
             given = _literals(op) if op is not None else ()
             if given:
                 self.only[f"self.{store.target}"] = (start, *given)
@@ -170,22 +296,51 @@ class _Meaning:
             scope[name] = given[plain] if plain in given else self.symbol(plain)
         return eval(text, {"__builtins__": {}}, scope)
 
-    def symbol(self, name: str) -> Any:
-        """Return the symbol of a value, and assume its range."""
-        if name not in self.symbols:
+    def symbol(self, name: str, sample: str = "") -> Any:
+        """Return the symbol of a value in this sample or another one, and assume its range."""
+        called = sample + name
+        if called not in self.symbols:
             low, high = self.ranges[name]
             if self.fixed or name in self.truths:
-                value = z3.BitVec(name, WIDE)
+                value = z3.BitVec(called, WIDE)
                 self.assumed += [value >= math.ceil(low), value <= math.floor(high)]
-                self.symbols[name] = value
+                self.symbols[called] = value
             else:
-                x = z3.FP(name, self.sort)
+                x = z3.FP(called, self.sort)
                 if math.isfinite(low) and math.isfinite(high):
                     self.assumed += [z3.fpLEQ(self.number(repr(low)), x), z3.fpLEQ(x, self.number(repr(high)))]
-                self.symbols[name] = x
+                self.symbols[called] = x
             if name in self.only:
-                self.assumed.append(z3.Or([self.symbols[name] == self.number(repr(x)) for x in self.only[name]]))
-        return self.symbols[name]
+                self.assumed.append(z3.Or([self.symbols[called] == self.number(repr(x)) for x in self.only[name]]))
+            self._trace(name, sample)
+        return self.symbols[called]
+
+    def _trace(self, name: str, sample: str) -> None:
+        """Assume what a value is made of, or the grid that a state is on."""
+        if self.grids is None or not self.fixed:
+            return
+        called, op = self.symbols[sample + name], self.writers.get(name)
+        state = name.removeprefix("self.")
+        if name != state and state in self.grids:
+            self.assumed.append(self.on_grid(called, state))
+        if op is not None and op.function in EVERY and op.function not in LARGE:
+            named = [a for a in op.arguments if isinstance(a, str)]
+            if op.function not in PRODUCTS or len(named) == (2 if op.function == "mac" else 1):
+                given = {a: self.symbol(a, sample) for a in named}
+                self.assumed.append(called == self.value(statement(op, self.program).partition(" = ")[2], given))
+
+    def on_grid(self, value: Any, state: str) -> Any:
+        """Return the condition that a value is on the grid of a state."""
+        assert self.grids is not None
+        start = dict(zip((v.name for v in self.program.state), self.program.start, strict=True))[state]
+        return (value - int(start)) & (self.grids[state] - 1) == 0
+
+    def holds(self, condition: Any) -> bool:
+        """Whether a condition follows from the assumptions."""
+        solver = z3.Solver()
+        solver.set("timeout", TIMEOUT)
+        solver.add(*self.assumed, z3.Not(condition))
+        return bool(solver.check() == z3.unsat)
 
     def number(self, text: str) -> Any:
         """Return the term of a literal."""
@@ -196,12 +351,7 @@ class _Meaning:
 
     def same(self, one: Any, other: Any) -> bool:
         """Whether two terms are equal, bit for bit, under the assumptions."""
-        solver = z3.Solver()
-        solver.set("timeout", TIMEOUT)
-        if z3.is_bool(one) or z3.is_bool(other):
-            return False
-        solver.add(*self.assumed, one != other)
-        return bool(solver.check() == z3.unsat)
+        return not (z3.is_bool(one) or z3.is_bool(other)) and self.holds(one == other)
 
     def _functions(self) -> dict[str, Any]:
         one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)

@@ -40,7 +40,7 @@ class Edge:
             np.asarray(slots[machine.slots[at]] if isinstance(at, str) else at, dtype=np.float64)
             for at in (self.value, self.limit)
         )
-        return value - limit
+        return np.asarray(value - limit)
 
 
 def limits(program: Program) -> list[Edge]:
@@ -68,7 +68,7 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
     wanted = limits(program)
     many = lanes * _tried(program, lanes) if wanted else lanes
-    noise = np.stack([random.uniform(*span, size=(many, length)) for span in spans], axis=-1)
+    noise = drawn(random, spans, many, length)
     if wanted:
         machine, kind = Machine(program), working_type(program)
         kept = []
@@ -82,6 +82,21 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             kept.append(part[nearest(which, miss, count)])
         noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+
+
+def drawn(random: np.random.Generator, spans: list[tuple[float, float]], lanes: int, length: int) -> Array:
+    """Return noise (lanes, length, m) in the units of the inputs; in every other pair of lanes they move together.
+
+    There each departs from a common place by amounts over four decades: small errors are what a law works on between
+    its limits, and independent inputs have none.
+    """
+    low, high = np.transpose(spans)
+    noise = random.uniform(size=(lanes, length, len(spans)))
+    near = noise[2::4], noise[3::4]
+    for part in near:
+        size = 10.0 ** random.uniform(-4.0, 0.0, size=(len(part), 1, 1))
+        part[...] = np.clip(random.uniform(size=(len(part), length, 1)) + size * (part - 0.5), 0.0, 1.0)
+    return np.asarray(low + (high - low) * noise)
 
 
 def nearest(which: NDArray[np.int64], miss: Array, count: int) -> NDArray[np.int64]:
@@ -135,7 +150,7 @@ def to_an_edge(
             return np.where(odd, above > 0, above >= 0), above
 
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
-    here, there = noise[:, at], np.stack([random.uniform(*span, size=len(noise)) for span in spans], axis=-1)
+    here, there = noise[:, at], drawn(random, spans, len(noise), 1)[:, 0]
     crossed = beyond(here)[0] != beyond(there)[0]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
     side = beyond(here)[0][which, lanes]
