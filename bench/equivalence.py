@@ -112,25 +112,25 @@ def _turned(program: Program, meaning: _Meaning, name: str, after: str) -> str |
         if not meaning.fixed or start != 0:
             continue
         place = f"self.{turned.target}"
-        one: dict[str, Any] = {place: meaning.symbol(place)}
-        other: dict[str, Any] = {place: -one[place]}
+        negated, negations = {place}, {}  # what has the other sign; and what only is the negative of another value
         for op in program.body:
-            text = statement(op, program).partition(" = ")[2]
+            called, text = op.result.name, statement(op, program).partition(" = ")[2]
+            if op.function == "neg" and op.arguments[0] not in negated:
+                negations[called] = meaning.value(text, {})
             if _symmetric(program, op, place, meaning):
-                one[op.result.name] = meaning.symbol(op.result.name)
-                other[op.result.name] = -one[op.result.name]
-            elif op.result.name == name or op.function == "neg" or any(a in one for a in op.arguments):
-                one[op.result.name] = meaning.value(text, one)
-                low, high = meaning.ranges[op.result.name]
-                meaning.assumed += [one[op.result.name] >= math.ceil(low), one[op.result.name] <= math.floor(high)]
-                other[op.result.name] = meaning.value(after if op.result.name == name else text, other)
-        if turned.source not in one:
-            continue
-        rest = [a for a in (*program.results, *program.next_state, *program.status) if a is not turned]
-        pairs = [(one[turned.source], -other[turned.source])]
-        pairs += [(one[source], other[source]) for source in sorted({a.source for a in rest if a.source in one})]
-        if all(meaning.same(*pair) for pair in pairs):
-            return f"{turned.target} has the other sign, which nothing shows, by z3"
+                negated.add(called)
+            elif called == name or negated & set(op.arguments):
+                one = meaning.value(text, negations)
+                mirrored = {a: -meaning.symbol(a) for a in negated}
+                other = meaning.value(after if called == name else text, negations | mirrored)
+                if meaning.same(one + other, meaning.number("0")):
+                    negated.add(called)
+                elif not meaning.same(one, other):
+                    break
+        else:
+            shown = {a.source for a in (*program.results, *program.next_state, *program.status) if a is not turned}
+            if turned.source in negated and not shown & negated:
+                return f"{turned.target} has the other sign, which nothing shows, by z3"
     return None
 
 
@@ -336,11 +336,14 @@ class _Meaning:
         return (value - int(start)) & (self.grids[state] - 1) == 0
 
     def holds(self, condition: Any) -> bool:
-        """Whether a condition follows from the assumptions."""
-        solver = z3.Solver()
-        solver.set("timeout", TIMEOUT)
-        solver.add(*self.assumed, z3.Not(condition))
-        return bool(solver.check() == z3.unsat)
+        """Whether a condition follows from the assumptions, or from fewer of them, which can be easier to see."""
+        for assumed in ((), self.assumed):
+            solver = z3.Solver()
+            solver.set("timeout", TIMEOUT if assumed else TIMEOUT // 5)
+            solver.add(*assumed, z3.Not(condition))
+            if solver.check() == z3.unsat:
+                return True
+        return False
 
     def number(self, text: str) -> Any:
         """Return the term of a literal."""
