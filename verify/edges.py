@@ -23,6 +23,8 @@ COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two value
 TRIED = 4  # lanes for each that is kept
 TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
 MOST_TRIED = 2**18  # lanes in all
+PARENTS, CHILDREN = 4096, 64  # of short inputs the nearest lanes are tried again, so often,
+MOVED = 64  # and each input by so many of its units away: together they come nearer than one alone
 HALVINGS = 64  # of the way from one input to the other: to neighbors in any format,
 HALVINGS_SHORT = 18  # and in a short one
 
@@ -79,9 +81,29 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             for k in range(at):
                 state = after(machine, row(program, part[:, k], convert, kind), state)
             which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
+            if short(program):
+                order = np.repeat(nearest(which, miss, PARENTS), CHILDREN)
+                part, which, state = part[order], which[order], [x[order] for x in state]
+                unit = np.array([2.0**-v.number.fraction for v in program.inputs])
+                moved = part[:, at] + unit * random.integers(-MOVED, MOVED + 1, size=part[:, at].shape)
+                part[:, at] = np.clip(moved, *np.transpose(spans))
+                miss = _missed(machine, row(program, part[:, at], convert, kind), state, wanted, which)
             kept.append(part[nearest(which, miss, count)])
         noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+
+
+def _missed(
+    machine: Machine,
+    inputs: list[Raw],
+    state: list[Raw],
+    wanted: list[Edge],
+    which: NDArray[np.int64],
+) -> Array:
+    """Return how far above its edge `which` each lane's value is after one sample."""
+    slots = machine.step(inputs, state)
+    above = np.stack([np.broadcast_to(edge.above(machine, slots), len(which)) for edge in wanted])
+    return np.asarray(above[which, np.arange(len(which))])
 
 
 def drawn(random: np.random.Generator, spans: list[tuple[float, float]], lanes: int, length: int) -> Array:
