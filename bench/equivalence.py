@@ -19,7 +19,6 @@ here. An answer that z3 does not find in time counts as no.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -27,8 +26,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import z3
 
+from bench.meaning import TIMEOUT, Meaning
 from codegen.view import statement
-from quantize.ops import EVERY, LARGE
 from quantize.program import Op, Program
 from verify.reference import run
 from verify.stimuli import characters
@@ -36,18 +35,13 @@ from verify.stimuli import characters
 if TYPE_CHECKING:
     from bench.mutants import Mutant
 
-WIDE = 64
-TIMEOUT = 10_000  # ms
 LANES, SAMPLES = 4, 500  # of a run that tells which grids to look for
-PRODUCTS = ("mul", "wide", "mac", "mul_shift", "mul_down")
-ROOM = 0.005  # of a state's range, that it provably keeps from its limits
-FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
 LINE = re.compile(r"\s*const (\w+) (\w+) = (.*);")
 
 
 def equivalent(program: Program, mutant: Mutant) -> str | None:
     """Return why the mutant is equivalent; None where that is not shown."""
-    meaning = _Meaning(program)
+    meaning = Meaning(program)
     first = re.match(r"\s*self->(\w+) = (.*);", mutant.before)
     if first is not None and any(v.name == first[1] for v in program.state):
         return _at_the_start(program, meaning, first[1], mutant)
@@ -72,7 +66,7 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
     return None
 
 
-def _same_line(program: Program, meaning: _Meaning, name: str, before: str, after: str) -> str | None:
+def _same_line(program: Program, meaning: Meaning, name: str, before: str, after: str) -> str | None:
     """Compare both texts of a line, what reads it, and what the step makes of it."""
     old, new = meaning.value(before, {}), meaning.value(after, {})
     if meaning.same(old, new):
@@ -89,7 +83,7 @@ def _same_line(program: Program, meaning: _Meaning, name: str, before: str, afte
         return "every line that reads it has the same value on the proven ranges, by z3"
     if stored:
         return None
-    fresh = _Meaning(program, meaning.grids)
+    fresh = Meaning(program, meaning.grids)
     if _same_step(program, fresh, *_where_apart(meaning, name, old, new)) or _same_step(
         program, meaning, {name: old}, {name: new}
     ):
@@ -97,7 +91,7 @@ def _same_line(program: Program, meaning: _Meaning, name: str, before: str, afte
     return None
 
 
-def _same_reader(program: Program, meaning: _Meaning, op: Op, places: set[str], old: Any, new: Any) -> bool:
+def _same_reader(program: Program, meaning: Meaning, op: Op, places: set[str], old: Any, new: Any) -> bool:
     """Compare what a line makes of both values; read a step later, its other operands are those of another sample."""
     text = statement(op, program).partition(" = ")[2]
     others = {a for a in op.arguments if isinstance(a, str)} - places
@@ -106,7 +100,7 @@ def _same_reader(program: Program, meaning: _Meaning, op: Op, places: set[str], 
     return meaning.same(one, other)
 
 
-def _turned(program: Program, meaning: _Meaning, name: str, after: str) -> str | None:
+def _turned(program: Program, meaning: Meaning, name: str, after: str) -> str | None:
     """Look for a state that starts at 0 and whose sign the mutant turns, step for step, which nothing else shows."""
     for turned, start in zip(program.next_state, program.start, strict=True):
         if not meaning.fixed or start != 0:
@@ -134,7 +128,7 @@ def _turned(program: Program, meaning: _Meaning, name: str, after: str) -> str |
     return None
 
 
-def _symmetric(program: Program, op: Op, place: str, meaning: _Meaning) -> bool:
+def _symmetric(program: Program, op: Op, place: str, meaning: Meaning) -> bool:
     """Tell whether an operation rounds a multiple of a state that never is halfway: then its sign may go through.
 
     z3 does not end on this: x c = 2^(s-1) (mod 2^s) asks for an x that is a multiple of 2^(s-1) over c's power of two.
@@ -150,7 +144,7 @@ def _symmetric(program: Program, op: Op, place: str, meaning: _Meaning) -> bool:
     return max(-low, high) < halfway
 
 
-def _deep(program: Program) -> _Meaning:
+def _deep(program: Program) -> Meaning:
     """Return the meaning with operands traced to where they come from, and states on their grids."""
     grids: dict[str, int] = {}
     if program.arithmetic.startswith("fixed") and not program.tables:
@@ -161,7 +155,7 @@ def _deep(program: Program) -> _Meaning:
             if value.name not in (program.unset, *program.tunable) and apart:
                 grids[value.name] = apart & -apart  # the lowest bit that ever differs from the start
     while True:
-        meaning = _Meaning(program, grids)
+        meaning = Meaning(program, grids)
         kept = {
             a.target: grids[a.target]
             for a in program.next_state
@@ -182,7 +176,7 @@ def _fits(program: Program, name: str, kind: str) -> str | None:
     return "its proven range fits the other type" if -half <= result.low and result.high < half else None
 
 
-def _where_apart(meaning: _Meaning, name: str, old: Any, new: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def _where_apart(meaning: Meaning, name: str, old: Any, new: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the value `name` has in both, and with it the operands that have one value wherever both differ.
 
     Which of these have but one value then is seen, and its number put in its place.
@@ -202,7 +196,7 @@ def _where_apart(meaning: _Meaning, name: str, old: Any, new: Any) -> tuple[dict
     return one, other
 
 
-def _same_step(program: Program, meaning: _Meaning, one: dict[str, Any], other: dict[str, Any]) -> bool:
+def _same_step(program: Program, meaning: Meaning, one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Compare what the rest of the step makes of the values that are given for both."""
     pair, known = [dict(one), dict(other)], set(one)
     for op in program.body:
@@ -215,7 +209,7 @@ def _same_step(program: Program, meaning: _Meaning, one: dict[str, Any], other: 
     return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))
 
 
-def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutant) -> str | None:
+def _at_the_start(program: Program, meaning: Meaning, state: str, mutant: Mutant) -> str | None:
     """Compare the first step with the state that init() sets and with what the mutant leaves there."""
     changed = re.match(r"\s*self->(\w+) = (.*);", mutant.after)
     starts = {v.name: meaning.number(repr(x)) for v, x in zip(program.state, program.start, strict=True)}
@@ -237,167 +231,3 @@ def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutan
     if all(meaning.same(one, other) for one, other in zip(*ends, strict=True)):
         return "the first step does the same, whatever stands there, by z3"
     return None
-
-
-class _Meaning:
-    """The C expressions of one program as terms of z3."""
-
-    def __init__(self, program: Program, grids: dict[str, int] | None = None) -> None:
-        """Take `grids`, the distance apart of what each state holds, to trace values to where they come from."""
-        self.program, self.grids = program, grids
-        self.writers = {op.result.name: op for op in program.body}
-        self.fixed = program.arithmetic.startswith("fixed")
-        self.sort = FLOATS.get(program.arithmetic)
-        self.ranges: dict[str, tuple[float, float]] = {}
-        for value in program.inputs:
-            half = 2.0 ** (value.number.bits - 1)
-            self.ranges[f"in.{value.name}"] = (-half, half - 1) if self.fixed else (-math.inf, math.inf)
-        for value in program.state:
-            self.ranges[f"self.{value.name}"] = (value.low, value.high)
-        if program.unset is not None:  # it may hold the least integer, or no number, besides
-            high = self.ranges[f"self.{program.unset}"][1]
-            self.ranges[f"self.{program.unset}"] = (-(2.0**31), high) if self.fixed else (-math.inf, math.inf)
-        for op in program.body:
-            self.ranges[op.result.name] = (op.result.low, op.result.high)
-        self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
-        self.only: dict[str, tuple[float, ...]] = {}  # state that is what init() set, or one constant
-        self._narrow_states(program)
-        self.assumed: list[Any] = []
-        self.symbols: dict[str, Any] = {}
-
-    def _narrow_states(self, program: Program) -> None:
-        for store, start in zip(program.next_state, program.start, strict=True):
-            op = self.writers.get(store.source)
-            if op is not None and store.target != self.program.unset:
-                low, high = self.ranges[f"self.{store.target}"]
-                least, most = min(start, op.result.low), max(start, op.result.high)
-                self.ranges[f"self.{store.target}"] = (max(low, least), min(high, most))
-            given = _literals(op) if op is not None else ()
-            if given:
-                self.only[f"self.{store.target}"] = (start, *given)
-            if op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
-                low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
-                least, most = self.ranges[op.arguments[0]]
-                self.ranges[op.arguments[0]] = (max(least, low), min(most, high))
-
-    def unknown(self, name: str) -> Any:
-        """Return what memory may hold before init()."""
-        return z3.SignExt(WIDE - 32, z3.BitVec(f"{name}?", 32)) if self.fixed else z3.FP(f"{name}?", self.sort)
-
-    def value(self, text: str, given: dict[str, Any]) -> Any:
-        """Return the term of a C expression; `given` puts terms in place of names."""
-        text = re.sub(r"\b(in|self)->(\w+)", r"\1_dot_\2", text.strip())
-        text = re.sub(r"^\(?(.*?)\)? \? (.*) : (.*)$", r"ite(\1, \2, \3)", text)
-        text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?(?:e[+-]?\d+)?)[UF]?\b", r"number('\1')", text)
-        names = set(re.findall(r"[A-Za-z_]\w*", re.sub(r"'[^']*'", "", text)))
-        scope: dict[str, Any] = dict(self._functions())
-        for name in names - set(scope):
-            plain = name.replace("_dot_", ".")
-            scope[name] = given[plain] if plain in given else self.symbol(plain)
-        return eval(text, {"__builtins__": {}}, scope)
-
-    def symbol(self, name: str, sample: str = "") -> Any:
-        """Return the symbol of a value in this sample or another one, and assume its range."""
-        called = sample + name
-        if called not in self.symbols:
-            low, high = self.ranges[name]
-            if self.fixed or name in self.truths:
-                value = z3.BitVec(called, WIDE)
-                self.assumed += [value >= math.ceil(low), value <= math.floor(high)]
-                self.symbols[called] = value
-            else:
-                x = z3.FP(called, self.sort)
-                if math.isfinite(low) and math.isfinite(high):
-                    self.assumed += [z3.fpLEQ(self.number(repr(low)), x), z3.fpLEQ(x, self.number(repr(high)))]
-                self.symbols[called] = x
-            if name in self.only:
-                self.assumed.append(z3.Or([self.symbols[called] == self.number(repr(x)) for x in self.only[name]]))
-            self._trace(name, sample)
-        return self.symbols[called]
-
-    def _trace(self, name: str, sample: str) -> None:
-        """Assume what a value is made of, or the grid that a state is on."""
-        if self.grids is None or not self.fixed:
-            return
-        called, op = self.symbols[sample + name], self.writers.get(name)
-        state = name.removeprefix("self.")
-        if name != state and state in self.grids:
-            self.assumed.append(self.on_grid(called, state))
-        if op is not None and op.function in EVERY and op.function not in LARGE:
-            named = [a for a in op.arguments if isinstance(a, str)]
-            if op.function not in PRODUCTS or len(named) == (2 if op.function == "mac" else 1):
-                given = {a: self.symbol(a, sample) for a in named}
-                self.assumed.append(called == self.value(statement(op, self.program).partition(" = ")[2], given))
-
-    def on_grid(self, value: Any, state: str) -> Any:
-        """Return the condition that a value is on the grid of a state."""
-        assert self.grids is not None
-        start = dict(zip((v.name for v in self.program.state), self.program.start, strict=True))[state]
-        return (value - int(start)) & (self.grids[state] - 1) == 0
-
-    def holds(self, condition: Any) -> bool:
-        """Whether a condition follows from the assumptions, or from fewer of them, which can be easier to see."""
-        for assumed in ((), self.assumed):
-            solver = z3.Solver()
-            solver.set("timeout", TIMEOUT if assumed else TIMEOUT // 5)
-            solver.add(*assumed, z3.Not(condition))
-            if solver.check() == z3.unsat:
-                return True
-        return False
-
-    def number(self, text: str) -> Any:
-        """Return the term of a literal."""
-        if self.fixed:
-            return z3.BitVecVal(int(float(text)), WIDE)
-        kind = np.float32 if self.sort == FLOATS["float32"] else np.float64
-        return z3.FPVal(float(kind(text)), self.sort)
-
-    def same(self, one: Any, other: Any) -> bool:
-        """Whether two terms are equal, bit for bit, under the assumptions."""
-        return not (z3.is_bool(one) or z3.is_bool(other)) and self.holds(one == other)
-
-    def _functions(self) -> dict[str, Any]:
-        one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
-
-        def least(a: Any, b: Any) -> Any:
-            return z3.If(a < b, a, b)
-
-        def most(a: Any, b: Any) -> Any:
-            return z3.If(a > b, a, b)
-
-        def ite(condition: Any, a: Any, b: Any) -> Any:
-            return z3.If(condition if z3.is_bool(condition) else condition != 0, a, b)
-
-        found: dict[str, Any] = {"number": self.number, "ite": ite}
-        found["fl_shl_i32"] = lambda a, s: a << s
-        found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
-        found["fl_asr_i32"] = lambda a, s: a >> s
-        found["fl_mul_down_i32"] = lambda a, b, s: (a * b) >> s
-        found["fl_down_i32"] = lambda acc, s: acc >> s
-        found["fl_wide_i64"] = lambda a, b: a * b
-        found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
-        found["fl_high_i32"] = lambda acc, s: (acc >> s) + ((acc >> (s - 1)) & one)
-        found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
-        for end in ("f32", "f64"):
-            found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
-            found[f"fl_outside_{end}"] = lambda x, low, high: z3.If(z3.And(x >= low, z3.Not(x > high)), zero, one)
-            found[f"fl_beyond_{end}"] = lambda x, low, high: z3.If(x >= low, high, low)
-            found[f"fl_none_{end}"] = lambda a: z3.If(z3.fpIsNaN(a), one, zero)
-            found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
-        for end in ("i32", "f32", "f64"):
-            found[f"fl_min_{end}"] = least
-            found[f"fl_max_{end}"] = most
-            found[f"fl_clamp_{end}"] = lambda x, low, high: least(most(x, low), high)
-            found[f"fl_abs_{end}"] = lambda a: z3.If(a < 0, -a, a)
-        return found
-
-
-def _literals(op: Op) -> tuple[float, ...]:
-    """Return the constants of which an operation gives one; none where it gives anything else."""
-    taken = op.arguments[1:] if op.function == "select" else op.arguments if op.function == "copy" else ()
-    found = tuple(a for a in taken if not isinstance(a, str))
-    return found if len(found) == len(taken) else ()
-
-
-def _is_truth(op: Op) -> bool:
-    return EVERY[op.function].truth
