@@ -3,8 +3,7 @@
     python -m bench.bounds              10^6 steps each; `--quick` takes a twentieth; names of examples take these alone
 
 The inputs are the L1-worst one of every output and state, full-scale squares, chirps and long saturation, and as many
-steps of tracking noise, which is what makes roundings add up. The law stands in the long double of this machine where
-the program does in float64, else nothing would be seen. Exit status 1 when a bound is passed, or misses its bar.
+steps of tracking noise, which is what makes roundings add up. Exit status 1 when a bound is passed, or misses its bar.
 """
 
 from __future__ import annotations
@@ -12,8 +11,6 @@ from __future__ import annotations
 import math
 import sys
 import time
-
-import numpy as np
 
 from bench.proof import HOST_STEPS
 from design.kinds import kinds
@@ -33,8 +30,7 @@ def worst(law: Law, arithmetic: str, steps: int) -> tuple[Rounded, ...]:
     """Return bound and worst of every output over `steps` steps, half of them adversarial."""
     program = lower(law, arithmetic)
     blocks = adversarial(program, steps // 2, SEED) + stimuli(program, [], steps // 2, SEED)
-    real = np.longdouble if arithmetic == "float64" and law.solve is None else np.float64
-    return measure_rounding(law, program, blocks, run_blocks(program, blocks), real)
+    return measure_rounding(law, program, blocks, run_blocks(program, blocks))
 
 
 def main() -> int:

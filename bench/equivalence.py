@@ -7,7 +7,10 @@ have: those of the proven ranges. These arguments are tried:
 1. the line's value is the same;
 2. it is not, but every line that reads it, and every line of the next step that reads the state it is stored in, is;
 3. nor is every such line, but the outputs, the status and the state that the rest of the step makes of it are;
-4. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
+4. as 1 to 3, with what the operands are made of in this step put in (no product of two values: z3 would not end), and
+   the grid on which each state is kept: a power of two apart from where it starts, shown by induction;
+5. one state has the other sign in the mutant, always, and nothing else shows it;
+6. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
 
 The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
 within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
@@ -16,30 +19,29 @@ here. An answer that z3 does not find in time counts as no.
 
 from __future__ import annotations
 
-import math
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import z3
 
+from bench.meaning import TIMEOUT, Meaning
 from codegen.view import statement
-from quantize.ops import EVERY
 from quantize.program import Op, Program
+from verify.reference import run
+from verify.stimuli import characters
 
 if TYPE_CHECKING:
     from bench.mutants import Mutant
 
-WIDE = 64
-TIMEOUT = 10_000  # ms
-ROOM = 0.005  # of a state's range, that it provably keeps from its limits
-FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
+LANES, SAMPLES = 4, 500  # of a run that tells which grids to look for
 LINE = re.compile(r"\s*const (\w+) (\w+) = (.*);")
 
 
 def equivalent(program: Program, mutant: Mutant) -> str | None:
     """Return why the mutant is equivalent; None where that is not shown."""
-    meaning = _Meaning(program)
+    meaning = Meaning(program)
     first = re.match(r"\s*self->(\w+) = (.*);", mutant.before)
     if first is not None and any(v.name == first[1] for v in program.state):
         return _at_the_start(program, meaning, first[1], mutant)
@@ -49,27 +51,119 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
     name = before[2]
     if before[1] != after[1]:
         return _fits(program, name, after[1]) if before[3] == after[3] else None
-    try:
-        old, new = meaning.value(before[3], {}), meaning.value(after[3], {})
-        if meaning.same(old, new):
-            return "the same value on the proven range, by z3"
-        stored = [a.target for a in program.next_state if a.source == name]
-        read = [op for op in program.body if any(a in (name, *(f"self.{s}" for s in stored)) for a in op.arguments)]
-        outward = {a.source for a in program.results} | {b.source for b in program.status}
-        if name in outward or (not read and not stored):
-            return None
-        if not stored and _same_step(program, meaning, name, old, new):
-            return "outputs, status and state after the step are the same on the proven ranges, by z3"
-        for op in read:
-            text = statement(op, program).partition(" = ")[2]
-            places = {name: (old, new), **{f"self.{s}": (old, new) for s in stored}}
-            one = meaning.value(text, {place: pair[0] for place, pair in places.items()})
-            other = meaning.value(text, {place: pair[1] for place, pair in places.items()})
-            if not meaning.same(one, other):
-                return None
+    tries: tuple[Callable[[], str | None], ...] = (
+        lambda: _same_line(program, meaning, name, before[3], after[3]),
+        lambda: _same_line(program, _deep(program), name, before[3], after[3]),
+        lambda: _turned(program, meaning, name, after[3]),
+    )
+    for attempt in tries:
+        try:
+            why = attempt()
+        except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
+            return None  # a text that is no expression of ours
+        if why is not None:
+            return why
+    return None
+
+
+def _same_line(program: Program, meaning: Meaning, name: str, before: str, after: str) -> str | None:
+    """Compare both texts of a line, what reads it, and what the step makes of it."""
+    old, new = meaning.value(before, {}), meaning.value(after, {})
+    if meaning.same(old, new):
+        return "the same value on the proven range, by z3"
+    stored = {f"self.{a.target}" for a in program.next_state if a.source == name}
+    outward = {a.source for a in program.results} | {b.source for b in program.status}
+    here = [op for op in program.body if name in op.arguments]
+    later = [op for op in program.body if stored & set(op.arguments)]
+    if name in outward or not (here or later):
+        return None
+    if all(_same_reader(program, meaning, op, {name}, old, new) for op in here) and all(
+        op not in here and _same_reader(program, meaning, op, stored, old, new) for op in later
+    ):
         return "every line that reads it has the same value on the proven ranges, by z3"
-    except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
-        return None  # a text that is no expression of ours
+    if stored:
+        return None
+    fresh = Meaning(program, meaning.grids)
+    if _same_step(program, fresh, *_where_apart(meaning, name, old, new)) or _same_step(
+        program, meaning, {name: old}, {name: new}
+    ):
+        return "outputs, status and state after the step are the same on the proven ranges, by z3"
+    return None
+
+
+def _same_reader(program: Program, meaning: Meaning, op: Op, places: set[str], old: Any, new: Any) -> bool:
+    """Compare what a line makes of both values; read a step later, its other operands are those of another sample."""
+    text = statement(op, program).partition(" = ")[2]
+    others = {a for a in op.arguments if isinstance(a, str)} - places
+    given = {a: meaning.symbol(a, "later ") for a in others} if any(p.startswith("self.") for p in places) else {}
+    one, other = (meaning.value(text, given | dict.fromkeys(places, value)) for value in (old, new))
+    return meaning.same(one, other)
+
+
+def _turned(program: Program, meaning: Meaning, name: str, after: str) -> str | None:
+    """Look for a state that starts at 0 and whose sign the mutant turns, step for step, which nothing else shows."""
+    for turned, start in zip(program.next_state, program.start, strict=True):
+        if not meaning.fixed or start != 0:
+            continue
+        place = f"self.{turned.target}"
+        negated, negations = {place}, {}  # what has the other sign; and what only is the negative of another value
+        for op in program.body:
+            called, text = op.result.name, statement(op, program).partition(" = ")[2]
+            if op.function == "neg" and op.arguments[0] not in negated:
+                negations[called] = meaning.value(text, {})
+            if _symmetric(program, op, place, meaning):
+                negated.add(called)
+            elif called == name or negated & set(op.arguments):
+                one = meaning.value(text, negations)
+                mirrored = {a: -meaning.symbol(a) for a in negated}
+                other = meaning.value(after if called == name else text, negations | mirrored)
+                if meaning.same(one + other, meaning.number("0")):
+                    negated.add(called)
+                elif not meaning.same(one, other):
+                    break
+        else:
+            shown = {a.source for a in (*program.results, *program.next_state, *program.status) if a is not turned}
+            if turned.source in negated and not shown & negated:
+                return f"{turned.target} has the other sign, which nothing shows, by z3"
+    return None
+
+
+def _symmetric(program: Program, op: Op, place: str, meaning: Meaning) -> bool:
+    """Tell whether an operation rounds a multiple of a state that never is halfway: then its sign may go through.
+
+    z3 does not end on this: x c = 2^(s-1) (mod 2^s) asks for an x that is a multiple of 2^(s-1) over c's power of two.
+    """
+    product = meaning.writers.get(str(op.arguments[0]))
+    if op.function != "high" or product is None or product.function != "wide" or product.arguments[0] != place:
+        return False
+    factor, shift = product.arguments[1], op.arguments[1]
+    if isinstance(factor, str) or isinstance(shift, str) or factor == 0:
+        return False
+    halfway = 2 ** (int(shift) - 1) // (int(factor) & -int(factor))
+    low, high = meaning.ranges[place]
+    return max(-low, high) < halfway
+
+
+def _deep(program: Program) -> Meaning:
+    """Return the meaning with operands traced to where they come from, and states on their grids."""
+    grids: dict[str, int] = {}
+    if program.arithmetic.startswith("fixed") and not program.tables:
+        noise = next(block for block in characters(program, LANES, SAMPLES, 1) if block.name == "noise")
+        state = run(program, noise.inputs).state.astype(np.int64)
+        for j, (value, start) in enumerate(zip(program.state, program.start, strict=True)):
+            apart = int(np.bitwise_or.reduce(state[..., j].ravel() - int(start)))
+            if value.name not in (program.unset, *program.tunable) and apart:
+                grids[value.name] = apart & -apart  # the lowest bit that ever differs from the start
+    while True:
+        meaning = Meaning(program, grids)
+        kept = {
+            a.target: grids[a.target]
+            for a in program.next_state
+            if a.target in grids and meaning.holds(meaning.on_grid(meaning.symbol(a.source), a.target))
+        }
+        if kept == grids:
+            return meaning
+        grids = kept
 
 
 def _fits(program: Program, name: str, kind: str) -> str | None:
@@ -82,20 +176,40 @@ def _fits(program: Program, name: str, kind: str) -> str | None:
     return "its proven range fits the other type" if -half <= result.low and result.high < half else None
 
 
-def _same_step(program: Program, meaning: _Meaning, name: str, old: Any, new: Any) -> bool:
-    """Compare what the rest of the step makes of both values of `name`."""
-    pair: list[dict[str, Any]] = [{name: old}, {name: new}]
+def _where_apart(meaning: Meaning, name: str, old: Any, new: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the value `name` has in both, and with it the operands that have one value wherever both differ.
+
+    Which of these have but one value then is seen, and its number put in its place.
+    """
+    one, other = {name: old}, {name: new}
+    solver = z3.Solver()
+    solver.set("timeout", TIMEOUT)
+    solver.add(*meaning.assumed, old != new)
+    if solver.check() == z3.sat:
+        model = solver.model()
+        places = [(one, name, old), (other, name, new)]
+        places += [(given, *item) for given in (one, other) for item in meaning.symbols.items()]
+        for given, place, term in places:
+            value = model.eval(term, model_completion=True)
+            if solver.check(term != value) == z3.unsat:
+                given[place] = value
+    return one, other
+
+
+def _same_step(program: Program, meaning: Meaning, one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Compare what the rest of the step makes of the values that are given for both."""
+    pair, known = [dict(one), dict(other)], set(one)
     for op in program.body:
-        if any(argument in pair[0] for argument in op.arguments):
+        if op.result.name not in known and any(argument in pair[0] for argument in op.arguments):
             text = statement(op, program).partition(" = ")[2]
             for given in pair:
-                given[op.result.name] = meaning.value(text, given)
+                given[op.result.name] = z3.simplify(meaning.value(text, given))
     ends = [*program.results, *program.next_state, *program.status]
     reached = {end.source for end in ends if end.source in pair[0]}
     return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))
 
 
-def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutant) -> str | None:
+def _at_the_start(program: Program, meaning: Meaning, state: str, mutant: Mutant) -> str | None:
     """Compare the first step with the state that init() sets and with what the mutant leaves there."""
     changed = re.match(r"\s*self->(\w+) = (.*);", mutant.after)
     starts = {v.name: meaning.number(repr(x)) for v, x in zip(program.state, program.start, strict=True)}
@@ -117,134 +231,3 @@ def _at_the_start(program: Program, meaning: _Meaning, state: str, mutant: Mutan
     if all(meaning.same(one, other) for one, other in zip(*ends, strict=True)):
         return "the first step does the same, whatever stands there, by z3"
     return None
-
-
-class _Meaning:
-    """The C expressions of one program as terms of z3."""
-
-    def __init__(self, program: Program) -> None:
-        self.fixed = program.arithmetic.startswith("fixed")
-        self.sort = FLOATS.get(program.arithmetic)
-        self.ranges: dict[str, tuple[float, float]] = {}
-        for value in program.inputs:
-            half = 2.0 ** (value.number.bits - 1)
-            self.ranges[f"in.{value.name}"] = (-half, half - 1) if self.fixed else (-math.inf, math.inf)
-        for value in program.state:
-            self.ranges[f"self.{value.name}"] = (value.low, value.high)
-        if program.unset is not None:  # it may hold the least integer, or no number, besides
-            high = self.ranges[f"self.{program.unset}"][1]
-            self.ranges[f"self.{program.unset}"] = (-(2.0**31), high) if self.fixed else (-math.inf, math.inf)
-        for op in program.body:
-            self.ranges[op.result.name] = (op.result.low, op.result.high)
-        self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
-        self.only: dict[str, tuple[float, ...]] = {}  # state that is what init() set, or one constant
-        self._narrow_states(program)
-        self.assumed: list[Any] = []
-        self.symbols: dict[str, Any] = {}
-
-    def _narrow_states(self, program: Program) -> None:
-        writers = {op.result.name: op for op in program.body}
-        for store, start in zip(program.next_state, program.start, strict=True):
-            op = writers.get(store.source)
-            given = _literals(op) if op is not None else ()
-            if given:
-                self.only[f"self.{store.target}"] = (start, *given)
-            if op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
-                low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
-                least, most = self.ranges[op.arguments[0]]
-                self.ranges[op.arguments[0]] = (max(least, low), min(most, high))
-
-    def unknown(self, name: str) -> Any:
-        """Return what memory may hold before init()."""
-        return z3.SignExt(WIDE - 32, z3.BitVec(f"{name}?", 32)) if self.fixed else z3.FP(f"{name}?", self.sort)
-
-    def value(self, text: str, given: dict[str, Any]) -> Any:
-        """Return the term of a C expression; `given` puts terms in place of names."""
-        text = re.sub(r"\b(in|self)->(\w+)", r"\1_dot_\2", text.strip())
-        text = re.sub(r"^\(?(.*?)\)? \? (.*) : (.*)$", r"ite(\1, \2, \3)", text)
-        text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?(?:e[+-]?\d+)?)[UF]?\b", r"number('\1')", text)
-        names = set(re.findall(r"[A-Za-z_]\w*", re.sub(r"'[^']*'", "", text)))
-        scope: dict[str, Any] = dict(self._functions())
-        for name in names - set(scope):
-            plain = name.replace("_dot_", ".")
-            scope[name] = given[plain] if plain in given else self.symbol(plain)
-        return eval(text, {"__builtins__": {}}, scope)
-
-    def symbol(self, name: str) -> Any:
-        """Return the symbol of a value, and assume its range."""
-        if name not in self.symbols:
-            low, high = self.ranges[name]
-            if self.fixed or name in self.truths:
-                value = z3.BitVec(name, WIDE)
-                self.assumed += [value >= math.ceil(low), value <= math.floor(high)]
-                self.symbols[name] = value
-            else:
-                x = z3.FP(name, self.sort)
-                if math.isfinite(low) and math.isfinite(high):
-                    self.assumed += [z3.fpLEQ(self.number(repr(low)), x), z3.fpLEQ(x, self.number(repr(high)))]
-                self.symbols[name] = x
-            if name in self.only:
-                self.assumed.append(z3.Or([self.symbols[name] == self.number(repr(x)) for x in self.only[name]]))
-        return self.symbols[name]
-
-    def number(self, text: str) -> Any:
-        """Return the term of a literal."""
-        if self.fixed:
-            return z3.BitVecVal(int(float(text)), WIDE)
-        kind = np.float32 if self.sort == FLOATS["float32"] else np.float64
-        return z3.FPVal(float(kind(text)), self.sort)
-
-    def same(self, one: Any, other: Any) -> bool:
-        """Whether two terms are equal, bit for bit, under the assumptions."""
-        solver = z3.Solver()
-        solver.set("timeout", TIMEOUT)
-        if z3.is_bool(one) or z3.is_bool(other):
-            return False
-        solver.add(*self.assumed, one != other)
-        return bool(solver.check() == z3.unsat)
-
-    def _functions(self) -> dict[str, Any]:
-        one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
-
-        def least(a: Any, b: Any) -> Any:
-            return z3.If(a < b, a, b)
-
-        def most(a: Any, b: Any) -> Any:
-            return z3.If(a > b, a, b)
-
-        def ite(condition: Any, a: Any, b: Any) -> Any:
-            return z3.If(condition if z3.is_bool(condition) else condition != 0, a, b)
-
-        found: dict[str, Any] = {"number": self.number, "ite": ite}
-        found["fl_shl_i32"] = lambda a, s: a << s
-        found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
-        found["fl_asr_i32"] = lambda a, s: a >> s
-        found["fl_mul_down_i32"] = lambda a, b, s: (a * b) >> s
-        found["fl_down_i32"] = lambda acc, s: acc >> s
-        found["fl_wide_i64"] = lambda a, b: a * b
-        found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
-        found["fl_high_i32"] = lambda acc, s: (acc >> s) + ((acc >> (s - 1)) & one)
-        found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
-        for end in ("f32", "f64"):
-            found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
-            found[f"fl_outside_{end}"] = lambda x, low, high: z3.If(z3.And(x >= low, z3.Not(x > high)), zero, one)
-            found[f"fl_beyond_{end}"] = lambda x, low, high: z3.If(x >= low, high, low)
-            found[f"fl_none_{end}"] = lambda a: z3.If(z3.fpIsNaN(a), one, zero)
-            found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
-        for end in ("i32", "f32", "f64"):
-            found[f"fl_min_{end}"] = least
-            found[f"fl_max_{end}"] = most
-            found[f"fl_clamp_{end}"] = lambda x, low, high: least(most(x, low), high)
-            found[f"fl_abs_{end}"] = lambda a: z3.If(a < 0, -a, a)
-        return found
-
-
-def _literals(op: Op) -> tuple[float, ...]:
-    """Return the constants of which an operation gives one; none where it gives anything else."""
-    taken = op.arguments[1:] if op.function == "select" else op.arguments if op.function == "copy" else ()
-    found = tuple(a for a in taken if not isinstance(a, str))
-    return found if len(found) == len(taken) else ()
-
-
-def _is_truth(op: Op) -> bool:
-    return EVERY[op.function].truth

@@ -1,12 +1,13 @@
 """Give every value of a law a float type and a bound, and follow what each rounding can do to it.
 
 One operation in round-to-nearest adds at most half a unit in the last place of its largest result, u 2**floor(log2
-|result|), plus half the smallest subnormal (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., 2.2),
-u = 2**-24 in float32 and 2**-53 in float64. The law is evaluated in float64, so its own rounding is part of the bound
-too. Where a sum is limited to a range, its own rounding matters only where law or program is within that range:
-beyond it both stand at the limit. Neither inputs nor state are limited: bounds hold while inputs
-keep their ranges, and state keeps its range by the controller's own argument. A state that an input has made infinite
-or no number is found in the next sample, and the controller starts afresh.
+|result|), plus half the smallest subnormal (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., 2.2), u =
+2**-24 in float32 and 2**-53 in float64. Who measures the difference has to evaluate the law in numbers too, float64
+beside a float32 program and long double beside a float64 one: that rounding is part of the bound. Where a sum is
+limited to a range, its own rounding matters only where law or program is within that range: beyond it both stand at the
+limit. Neither inputs nor state are limited: bounds hold while inputs keep their ranges, and state keeps its range by
+the controller's own argument. A state that an input has made infinite or no number is found in the next sample, and the
+controller starts afresh.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from quantize.builder import Builder, Constant, Operand, Term
 from quantize.elementary import BEYOND_ONE, EXP_ERROR, SIN_ERROR, exponential_bound
 from quantize.program import Number, QuantizeError, Value
 
-LAW = 2.0**-53  # rounding of the law's own evaluation
+LAW = {32: 2.0**-53, 64: 2.0**-64}  # rounding of the law's own evaluation, in float64 and in long double
 
 
 @dataclass(slots=True)
@@ -223,7 +224,7 @@ class FloatBuilder:
         """Return what rounding a result of magnitude `size` adds in program and law, which are `error` apart."""
         reached = size + error
         place = 2.0 ** math.floor(math.log2(reached)) if 0.0 < reached < math.inf else reached
-        return self._unit * place + LAW * reached + self._tiny
+        return self._unit * place + LAW[self.bits] * reached + self._tiny
 
     def _limited(self, term: Term, x: Term | float, y: Term | float, limit_error: float) -> Term:
         """Give a value that has just been limited by a constant the error of a result within the limits."""

@@ -2,7 +2,7 @@
 
 Inputs that drive the controller hard are followed until a value crosses its limit. The way there is taken again by many
 lanes that differ in their last bits, and the sample that crosses is moved to the very edge (`verify/edges.py`). Of each
-limit three lanes are kept: on it, next to it above and next to it below.
+limit lanes are kept on it, next to it above and next to it below: three or more, as there is room.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantize.program import Program
-from verify.edges import Array, Convert, after, limits, row, short, to_an_edge
+from verify.edges import Array, Convert, Edge, after, limits, nearest, row, short, to_an_edge
 from verify.reference import Machine, Raw, start_state, working_type
 
 TRIED, TRIED_SHORT = (
@@ -23,15 +23,15 @@ TRIED, TRIED_SHORT = (
 VARIED = 2  # samples before the edge that differ from lane to lane,
 AMOUNT = 0.01  # by so much of an input's range
 WAIT = 3  # samples that the last input which moves a value may lie before it
+MOST = 32  # lanes on each side of a limit: where roundings hide a difference of one unit, some lane shows it
 SHOWN = 2  # samples after the edge, which show what it left
 
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """The value `name` passes `limit` in sample `at` of the inputs `drive` (length, m), in their units."""
+    """A value passes `edge` in sample `at` of the inputs `drive` (length, m), in their units."""
 
-    name: str
-    limit: float
+    edge: Edge
     at: int
     drive: Array
 
@@ -55,38 +55,41 @@ def approaches(
     if not kept:
         return None
     length = max(c.at for c in kept) + 1 + SHOWN
-    return np.concatenate([_three(program, random, crossing, length, convert) for crossing in kept])
+    most = min(MOST, max(1, samples // (3 * length * len(kept))))
+    about = [_about(program, random, crossing, length, most, convert) for crossing in kept]
+    nearest_first: Raw = np.stack(about, axis=1).reshape(-1, length, len(program.inputs))
+    return nearest_first
 
 
 def crossings(program: Program, drives: Array, convert: Convert) -> list[Crossing]:
     """Return the earliest crossing of each limit that is crossed after the first sample."""
     wanted, machine, kind = limits(program), Machine(program), working_type(program)
     state = start_state(program, len(drives))
-    limit = np.array([limit for _, limit in wanted])[:, None]
     before: NDArray[np.bool_] | None = None
     found: dict[int, Crossing] = {}
     for k in range(drives.shape[1] if wanted else 0):
         with np.errstate(all="ignore"):
             slots = machine.step(row(program, drives[:, k], convert, kind), state)
         state = [np.broadcast_to(slots[slot], len(drives)) for slot in machine.next]
-        named = machine.named(slots)
-        side = np.stack([np.broadcast_to(named[name], len(drives)) for name, _ in wanted]) >= limit
+        side = np.stack([np.broadcast_to(edge.above(machine, slots), len(drives)) for edge in wanted]) >= 0
         crossed = np.zeros_like(side) if before is None else side != before
         for j in np.flatnonzero(crossed.any(axis=1)):
-            found.setdefault(int(j), Crossing(*wanted[j], k, drives[int(np.argmax(crossed[j]))]))
+            found.setdefault(int(j), Crossing(wanted[j], k, drives[int(np.argmax(crossed[j]))]))
         before = side
         if len(found) == len(wanted):
             break
     return [found[j] for j in sorted(found)]
 
 
-def _three(program: Program, random: np.random.Generator, crossing: Crossing, length: int, convert: Convert) -> Raw:
-    """Return the inputs (3, length, m) of lanes on the limit, above it and below it, as near as the search came.
+def _about(
+    program: Program, random: np.random.Generator, crossing: Crossing, length: int, most: int, convert: Convert
+) -> Raw:
+    """Return the inputs (lanes, length, m) of `most` lanes each on the edge, above and below, the nearest found.
 
     The sample that is moved is the last one that the value depends on.
     """
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
-    lanes, wanted = TRIED_SHORT if short(program) else TRIED, [(crossing.name, crossing.limit)]
+    lanes, wanted = TRIED_SHORT if short(program) else TRIED, [crossing.edge]
     machine, kind = Machine(program), working_type(program)
     low, high = np.transpose(spans)
     for wait in range(min(WAIT, crossing.at) + 1):
@@ -100,9 +103,8 @@ def _three(program: Program, random: np.random.Generator, crossing: Crossing, le
         for k in range(at):
             state = after(machine, row(program, inputs[:, k], convert, kind), state)
         inputs[:, at] = random.uniform(low, high, size=(lanes, len(spans)))
-        miss = to_an_edge(program, machine, random, inputs, at, state, wanted, convert, wait)
+        which, miss = to_an_edge(program, machine, random, inputs, at, state, wanted, convert, wait)
         if np.isfinite(miss).any():
             break
-    sides = (miss == 0, miss > 0, miss < 0)
-    best = [int(np.argmin(np.where(side, np.abs(miss), np.inf))) for side in sides]
+    best = nearest(which, miss, 3 * most)
     return np.stack([convert(v, inputs[best, :, j]) for j, v in enumerate(program.inputs)], axis=-1)

@@ -7,6 +7,7 @@ its units; so many lanes are tried, each behind another noise, and those kept th
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,21 +19,45 @@ from verify.reference import Machine, Raw, start_state, working_type
 
 Array = NDArray[np.float64]
 Convert = Callable[[Value, Array], Raw]
+COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
 TRIED = 4  # lanes for each that is kept
 TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
 MOST_TRIED = 2**18  # lanes in all
+PARENTS, CHILDREN = 4096, 64  # of short inputs the nearest lanes are tried again, so often,
+MOVED = 64  # and each input by so many of its units away: together they come nearer than one alone
 HALVINGS = 64  # of the way from one input to the other: to neighbors in any format,
 HALVINGS_SHORT = 18  # and in a short one
 
 
-def limits(program: Program) -> list[tuple[str, float]]:
-    """Return each value that an operation limits, with the limit; of a state, what it becomes in this sample."""
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A value changes what an operation does where it passes `limit`: a number, or another value."""
+
+    value: str
+    limit: float | str
+
+    def above(self, machine: Machine, slots: list[Any]) -> Array:
+        """Return how far above its limit the value is, in one step's values by slot."""
+        value, limit = (
+            np.asarray(slots[machine.slots[at]] if isinstance(at, str) else at, dtype=np.float64)
+            for at in (self.value, self.limit)
+        )
+        return np.asarray(value - limit)
+
+
+def limits(program: Program) -> list[Edge]:
+    """Return what operations limit or compare, and with what; of a state, what it becomes in this sample."""
     becomes = {f"self.{a.target}": a.source for a in program.next_state}
     found = []
     for op in program.body:
-        value = op.arguments[0]
-        if op.function in (*LIMITS, "min", "max") and isinstance(value, str):
-            found += [(becomes.get(value, value), float(a)) for a in op.arguments[1:] if not isinstance(a, str)]
+        if op.function not in (*LIMITS, *COMPARED):
+            continue
+        value, *others = (becomes.get(a, a) if isinstance(a, str) else float(a) for a in op.arguments)
+        for other in others:
+            if isinstance(value, str):
+                found.append(Edge(value, other))
+            elif isinstance(other, str):
+                found.append(Edge(other, value))
     return list(dict.fromkeys(found))
 
 
@@ -45,7 +70,7 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
     wanted = limits(program)
     many = lanes * _tried(program, lanes) if wanted else lanes
-    noise = np.stack([random.uniform(*span, size=(many, length)) for span in spans], axis=-1)
+    noise = drawn(random, spans, many, length)
     if wanted:
         machine, kind = Machine(program), working_type(program)
         kept = []
@@ -55,10 +80,54 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             state = start_state(program, len(part))
             for k in range(at):
                 state = after(machine, row(program, part[:, k], convert, kind), state)
-            miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
-            kept.append(part[np.argsort(np.abs(miss), kind="stable")[:count]])
+            which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
+            if short(program):
+                order = np.repeat(nearest(which, miss, PARENTS), CHILDREN)
+                part, which, state = part[order], which[order], [x[order] for x in state]
+                unit = np.array([2.0**-v.number.fraction for v in program.inputs])
+                moved = part[:, at] + unit * random.integers(-MOVED, MOVED + 1, size=part[:, at].shape)
+                part[:, at] = np.clip(moved, *np.transpose(spans))
+                miss = _missed(machine, row(program, part[:, at], convert, kind), state, wanted, which)
+            kept.append(part[nearest(which, miss, count)])
         noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+
+
+def _missed(
+    machine: Machine,
+    inputs: list[Raw],
+    state: list[Raw],
+    wanted: list[Edge],
+    which: NDArray[np.int64],
+) -> Array:
+    """Return how far above its edge `which` each lane's value is after one sample."""
+    slots = machine.step(inputs, state)
+    above = np.stack([np.broadcast_to(edge.above(machine, slots), len(which)) for edge in wanted])
+    return np.asarray(above[which, np.arange(len(which))])
+
+
+def drawn(random: np.random.Generator, spans: list[tuple[float, float]], lanes: int, length: int) -> Array:
+    """Return noise (lanes, length, m) in the units of the inputs; in every other pair of lanes they move together.
+
+    There each departs from a common place by amounts over four decades: small errors are what a law works on between
+    its limits, and independent inputs have none.
+    """
+    low, high = np.transpose(spans)
+    noise = random.uniform(size=(lanes, length, len(spans)))
+    near = noise[2::4], noise[3::4]
+    for part in near:
+        size = 10.0 ** random.uniform(-4.0, 0.0, size=(len(part), 1, 1))
+        part[...] = np.clip(random.uniform(size=(len(part), length, 1)) + size * (part - 0.5), 0.0, 1.0)
+    return np.asarray(low + (high - low) * noise)
+
+
+def nearest(which: NDArray[np.int64], miss: Array, count: int) -> NDArray[np.int64]:
+    """Return `count` lanes, as many on, above and below each edge as there are, the nearest of them first."""
+    group = 3 * which + np.sign(np.nan_to_num(miss)).astype(np.int64)
+    order = np.lexsort((np.abs(miss), group))
+    begins = np.searchsorted(group[order], group[order])
+    rank = np.where(np.isfinite(miss[order]), np.arange(len(order)) - begins, len(order))
+    return order[np.argsort(rank, kind="stable")[:count]]
 
 
 def short(program: Program) -> bool:
@@ -80,17 +149,16 @@ def to_an_edge(
     noise: Array,
     at: int,
     state: list[Raw],
-    wanted: list[tuple[str, float]],
+    wanted: list[Edge],
     convert: Convert,
     wait: int = 0,
-) -> Array:
-    """Put sample `at` of every lane at an edge that it can cross; return how far above its limit its value then is.
+) -> tuple[NDArray[np.int64], Array]:
+    """Put sample `at` of every lane at an edge that it can cross; return which, and how far above it its value is.
 
     `state` is the one before that sample; the value is taken `wait` samples later. `noise` (lanes, length, m) is
     written to; infinite where no way across was found.
     """
     kind, lanes = working_type(program), np.arange(len(noise))
-    limit = np.array([limit for _, limit in wanted])[:, None]
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
     def beyond(inputs: Array) -> tuple[NDArray[np.bool_], Array]:
@@ -99,14 +167,12 @@ def to_an_edge(
         with np.errstate(all="ignore"):
             for later in range(wait):
                 now = after(machine, row(program, noise[:, at + later] if later else inputs, convert, kind), now)
-            named = machine.named(
-                machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
-            )
-            values = np.stack([np.broadcast_to(named[name], len(noise)).astype(np.float64) for name, _ in wanted])
-            return np.where(odd, values > limit, values >= limit), values - limit
+            slots = machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
+            above = np.stack([np.broadcast_to(edge.above(machine, slots), len(noise)) for edge in wanted])
+            return np.where(odd, above > 0, above >= 0), above
 
     spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
-    here, there = noise[:, at], np.stack([random.uniform(*span, size=len(noise)) for span in spans], axis=-1)
+    here, there = noise[:, at], drawn(random, spans, len(noise), 1)[:, 0]
     crossed = beyond(here)[0] != beyond(there)[0]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
     side = beyond(here)[0][which, lanes]
@@ -117,7 +183,7 @@ def to_an_edge(
         near, far = np.where(same, middle, near), np.where(same, far, middle)
     noise[:, at] = here + np.where(random.random((len(noise), 1)) < 0.5, near, far) * (there - here)
     missed = beyond(noise[:, at])[1][which, lanes]
-    return np.where(crossed[which, lanes], missed, np.inf)
+    return which, np.where(crossed[which, lanes], missed, np.inf)
 
 
 def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:

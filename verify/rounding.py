@@ -31,9 +31,14 @@ LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
 def measure_rounding(
-    law: Law, program: Program, blocks: Sequence[Block], traces: Sequence[Trace], real: DTypeLike = np.float64
+    law: Law, program: Program, blocks: Sequence[Block], traces: Sequence[Trace]
 ) -> tuple[Rounded, ...]:
-    """Return the worst differences over all blocks, output by output; a step of the law is computed in `real`."""
+    """Return the worst differences over all blocks, output by output.
+
+    A step of the law is computed in float64; in this machine's long double where the program is in float64, else
+    nothing would be seen.
+    """
+    real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
     graph = law_graph(law)
     groups = by_length(blocks)
     blocks, traces = (

@@ -60,6 +60,7 @@ def stimuli(program: Program, recorded: Sequence[Mapping[str, Array]], steps: in
         count = max(1, round(share * steps / span))
         blocks.append(Block(name, make(program, random, count, span)))
     blocks = _cut(blocks, max(1, steps))
+    blocks += _rest(program, random, max(1, steps) - sum(b.inputs.shape[0] * b.inputs.shape[1] for b in blocks))
     for signals in recorded:
         blocks += _lanes(_recorded(program, signals, random))
     if program.tunable:
@@ -137,7 +138,7 @@ def _lanes(inputs: Raw) -> list[Block]:
 
 
 def _cut(blocks: list[Block], steps: int) -> list[Block]:
-    """Keep `steps` steps in all; the last lane kept may be a short one."""
+    """Keep at most `steps` steps in all; the last lane kept may be a short one."""
     kept, left = [], steps
     for block in blocks:
         lanes, length, _ = block.inputs.shape
@@ -148,11 +149,20 @@ def _cut(blocks: list[Block], steps: int) -> list[Block]:
         if whole < lanes and 0 < left < length:
             kept.append(Block(block.name, block.inputs[whole : whole + 1, :left]))
             left = 0
-    if left:  # the shares were rounded down: a last short lane of noise-like tracking fills the count
-        name, inputs = kept[0].name, kept[0].inputs
-        again = np.tile(inputs[:1], (1, -(-left // inputs.shape[1]), 1))[:, :left]
-        kept.append(Block(name, again))
     return kept
+
+
+def _rest(program: Program, random: np.random.Generator, steps: int) -> list[Block]:
+    """Return tracking lanes of `steps` steps in all: what shares that are rounded, or not wanted whole, leave.
+
+    They are as long as other lanes, which they then run beside (see `run_blocks`).
+    """
+    blocks = []
+    for length in (LANE_STEPS, FRESH_STEPS, 1):
+        lanes, steps = divmod(steps, length)
+        if lanes:
+            blocks.append(Block("tracking", _tracking(program, random, lanes, length)))
+    return blocks
 
 
 def to_raw(value: Value, physical: Array) -> Raw:

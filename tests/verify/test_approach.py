@@ -8,6 +8,7 @@ import pytest
 from design.kinds import kinds
 from quantize.lower import lower
 from verify.approach import approaches, crossings
+from verify.edges import limits, nearest
 from verify.reference import run
 from verify.stimuli import stimuli, to_raw
 
@@ -19,7 +20,7 @@ def test_a_state_is_brought_to_a_limit_next_to_it_and_beyond(arithmetic: str) ->
     kind = kinds()["sensorless_speed"]
     program = lower(kind.design(kind.example).law, arithmetic)
     fraction = program.state[1].number.fraction
-    late = [c for c in crossings(program, DRIVES, to_raw) if c.name.startswith("speed_model") and c.at > 2]
+    late = [c for c in crossings(program, DRIVES, to_raw) if c.edge.value.startswith("speed_model") and c.at > 2]
     assert late, "an observer does not reach 700 rad/s at once"
     lanes = approaches(program, np.random.default_rng(1), DRIVES, 2000, to_raw)
     assert lanes is not None
@@ -32,7 +33,35 @@ def test_a_state_is_brought_to_a_limit_next_to_it_and_beyond(arithmetic: str) ->
 def test_such_lanes_are_among_the_stimuli() -> None:
     kind = kinds()["sensorless_speed"]
     program = lower(kind.design(kind.example).law, "fixed32")
-    blocks = {block.name: block for block in stimuli(program, [], 20_000, 1)}
-    speed = np.abs(run(program, blocks["limits from afar"].inputs).state[..., 1])
+    blocks = stimuli(program, [], 20_000, 1)
+    lanes = next(block.inputs for block in blocks if block.name == "limits from afar")
+    speed = np.abs(run(program, lanes).state[..., 1])
     assert np.any(speed == 700 * 2 ** program.state[1].number.fraction)
-    assert sum(len(b.inputs) * b.inputs.shape[1] for b in stimuli(program, [], 20_000, 1)) == 20_000
+    assert sum(len(b.inputs) * b.inputs.shape[1] for b in blocks) == 20_000
+
+
+def test_what_shares_leave_over_is_no_long_lane_of_its_own() -> None:
+    kind = kinds()["pid"]
+    program = lower(kind.design(kind.example).law, "fixed32")
+    blocks = stimuli(program, [], 103_007, 1)
+    assert sum(len(b.inputs) * b.inputs.shape[1] for b in blocks) == 103_007
+    assert max(b.inputs.shape[1] for b in blocks) == 1000
+    assert len({b.inputs.shape[1] for b in blocks}) <= 6
+
+
+def test_every_edge_is_met_on_it_above_and_below_before_any_twice() -> None:
+    which = np.array([0, 0, 0, 0, 1, 1, 1])
+    miss = np.array([0.0, 0.0, 0.0, 2.0, -3.0, -1.0, np.inf])
+    assert sorted(nearest(which, miss, 3)) == [0, 3, 5]
+    assert 6 not in nearest(which, miss, 6)
+
+
+def test_values_that_are_compared_are_edges_too() -> None:
+    kind = kinds()["start_monitor"]
+    program = lower(kind.design(kind.example).law, "fixed16")
+    compared = {op.arguments for op in program.body if op.function == "lt"}
+    found = limits(program)
+    assert compared and all(
+        any({edge.value, edge.limit} >= {a for a in pair if not str(a).startswith("self.")} for edge in found)
+        for pair in compared
+    )
