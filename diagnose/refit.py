@@ -298,7 +298,7 @@ def _packed(
     point: Point,
     residuals: Sequence[Array],
     noises: Sequence[Noise],
-    own: Sequence[Array],
+    own: Sequence[Array] | None = None,
 ) -> Array:
     """Return [J r]'[J r] of the whitened problem, shape (k + s w + 1, same); r is simulated - measured."""
     count, states, lot = len(unknowns), len(scene.engine.states), len(recordings)
@@ -306,7 +306,7 @@ def _packed(
     for k, recording in enumerate(recordings):
         if np.any(np.isnan(residuals[k])):
             continue
-        slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k], own[k])
+        slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k], None if own is None else own[k])
         tall = np.concatenate([slopes, -residuals[k][..., None]], axis=2)
         flat = whitened(tall, noises)
         places = np.concatenate([np.arange(count), count + states * k + np.arange(states), [count + states * lot]])
@@ -349,8 +349,7 @@ def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, nois
         best = here.starts[0]
         for _ in range(2):
             single = Point(point.values, (best,))
-            own = [start_slopes(scene, recording, single, 0)]
-            packed = _packed(scene, [recording], (), single, residuals, noises, own)
+            packed = _packed(scene, [recording], (), single, residuals, noises)
             step = _solve(packed[:-1, :-1], -packed[:-1, -1], 1e-9)
             _, next_cost, next_residuals = _judged(scene, [recording], Point(point.values, (best + step,)), noises)
             if not next_cost < cost:
