@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 from diagnose.finding import Finding
 from diagnose.further import completed
+from diagnose.held import HOLD_WORTH
 from diagnose.hypothesis import make_scene
 from diagnose.judge import improved_plant, judge
 from diagnose.preflight import Preflight, preflight
-from diagnose.prepare import HOLD_WORTH, prepared
+from diagnose.prepare import prepared
 from diagnose.rank import Progress, Search, search
 from diagnose.rival import Rival, rated
 from diagnose.shape import Shape

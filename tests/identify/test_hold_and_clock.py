@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnose.prepare import believed_hold, shortened
+from diagnose.held import believed_hold
+from diagnose.prepare import shortened
 from identify.clock import evened
 from identify.hold import knots
 from identify.kinds import make_plant
