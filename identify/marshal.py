@@ -68,6 +68,7 @@ class _Problem(ctypes.Structure):
         ("step", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("rate", "reading", "bent", "slope", "p")),
         ("longest", ctypes.c_double),
+        ("most_steps", ctypes.c_double),
         ("turns", ctypes.c_int),
         *((name, ctypes.c_void_p) for name in ("turn_time", "turn")),
     )
@@ -259,7 +260,7 @@ def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
     """Run over the segments of a course and return the outputs (q, r); NaN where the simulation did not get to."""
     problem = made.problem
     load_segments(problem, cut)
-    problem.longest = course.longest_change
+    problem.longest, problem.most_steps = course.longest_change, course.most_steps
     problem.turns = 0 if course.turn is None else len(course.turn)
     if course.turn is not None:
         problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data

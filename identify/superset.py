@@ -23,6 +23,7 @@ from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
+_MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
 _NEAR, _HELD, _GATHERED = 0.05, 0.02, 3.0  # of the largest reading; share of rows; times as many as in the next band
 
 
@@ -94,6 +95,7 @@ class Superset:
                 course_of(self.plant, recording),
                 turn=travelled(recording) if self.recorded else None,
                 longest_change=self.longest_change,
+                most_steps=_MOST_STEPS * len(recording.time),
             )
             found = self.courses[id(recording)] = (recording, course)
         return found[1]

@@ -5,12 +5,12 @@
 #ifndef PROBLEM_H
 #define PROBLEM_H
 
-#define MOST 24        /* states */
-#define MOST_STUCK 6   /* coordinates that may stick */
+#define MOST 24      /* states */
+#define MOST_STUCK 6 /* coordinates that may stick */
 #define MOST_TERMS 64
 #define LEVELS 44
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
-#define BRIEF 0.03      /* norm(A) h up to which the classical formula is right to 1e-9 */
+#define BRIEF 0.03     /* norm(A) h up to which the classical formula is right to 1e-9 */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
 
 /* Built for plants of one size, loops have a known length. */
@@ -46,26 +46,27 @@ typedef struct {
 /** Everything that does not change during a run; filled from Python. */
 typedef struct {
     int n, m, r, terms, coordinates, segments, simple, speed, position, lags, settling;
-    int asked;                           /* what the terms look at: CURRENT, EFFORT, TURN */
-    const double *a, *b, *c;             /* n x n, n x m, n; row by row */
-    const double *read_x, *read_u;       /* r x n, r x m */
-    const double *current, *effort;      /* n + m each */
+    int asked;                      /* what the terms look at: CURRENT, EFFORT, TURN */
+    const double *a, *b, *c;        /* n x n, n x m, n; row by row */
+    const double *read_x, *read_u;  /* r x n, r x m */
+    const double *current, *effort; /* n + m each */
     const term_t *term;
     const double *q;
     const coordinate_t *coordinate;
-    const int *lag;                      /* pairs (output, row): filters of outputs that are not linear */
-    const double *lag_rate;              /* 1/s */
-    const double *begin, *length;        /* s, one per segment */
-    const double *input, *ramp;          /* segments x m */
-    const double *before;                /* m: the input before the first segment */
+    const int *lag;                            /* pairs (output, row): filters of outputs that are not linear */
+    const double *lag_rate;                    /* 1/s */
+    const double *begin, *length;              /* s, one per segment */
+    const double *input, *ramp;                /* segments x m */
+    const double *before;                      /* m: the input before the first segment */
     const int *reads, *read_row, *read_output; /* reads: segments + 2 offsets; output -1: all */
-    double step;                         /* s: the longest tabulated length */
-    nominal_t rate, reading, bent; /* bent: an effort that is not linear */
+    double step;                               /* s: the longest tabulated length */
+    nominal_t rate, reading, bent;             /* bent: an effort that is not linear */
     slope_t slope;
     const double *p;
-    double longest;                      /* rate of change of N, times the step */
-    int turns;                           /* 0: waves per turn follow the simulated angle */
-    const double *turn_time, *turn;      /* s, rad: the angle they follow instead */
+    double longest;                 /* rate of change of N, times the step */
+    double most_steps;              /* of a run, after which it counts as diverged; 0: any number */
+    int turns;                      /* 0: waves per turn follow the simulated angle */
+    const double *turn_time, *turn; /* s, rad: the angle they follow instead */
 } problem_t;
 
 typedef struct {
@@ -76,6 +77,7 @@ typedef struct {
     double x[MOST], m[2];
     double t, begin, since; /* s: now, start of the segment */
     const double *input, *ramp;
+    double steps;           /* taken since the start */
     double smallest, brief; /* s: the shortest tabulated length; what is left over and no longer is one step */
     double lengths[LEVELS]; /* s, of every level */
     double held[MOST];      /* c + B u, where the input is held */

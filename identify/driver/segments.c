@@ -1,8 +1,8 @@
 /* segments.c -- moves a plant with effects through stretches of time in which its input is a straight line.
  *
- * dx/dt = A x + N(x, u, t): A is exact (matrix exponentials), N holds what is not linear. The matrices are tabulated for
- * lengths that halve from the row distance down to almost nothing, so that any length, and the moment at which a friction
- * sticks or lets go, is reached by steps of tabulated length.
+ * dx/dt = A x + N(x, u, t): A is exact (matrix exponentials), N holds what is not linear. The matrices are tabulated
+ * for lengths that halve from the row distance down to almost nothing, so that any length, and the moment at which a
+ * friction sticks or lets go, is reached by steps of tabulated length.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -51,7 +51,8 @@ static void look_round(run_t *run) {
 /* How far a force that remembers where the motion turned round still is from what it will be: 1 there, 0 far away. */
 static double unsettled(const run_t *run, const term_t *f) {
     const double *q = &run->k->q[f->constants];
-    return is_memory(f->code) && q[1] > 0.0 ? exp(-0.5 * q[0] * fabs(run->x[run->k->position] - run->m[1]) / q[1]) : 1.0;
+    return is_memory(f->code) && q[1] > 0.0 ? exp(-0.5 * q[0] * fabs(run->x[run->k->position] - run->m[1]) / q[1])
+                                            : 1.0;
 }
 
 /* The coarsest level whose step resolves how fast N changes. */
@@ -132,6 +133,10 @@ static int advance(run_t *run, double length) {
     while (rest > 0.0) {
         double h = run->lengths[level];
         int c;
+        run->steps += 1.0;
+        if (k->most_steps > 0.0 && run->steps > k->most_steps) {
+            return 1;
+        }
         while (level < finest && h > rest + 1e-7 * run->smallest && rest > run->brief) {
             h = run->lengths[++level];
         }
@@ -279,8 +284,8 @@ static void set_drive(run_t *run) {
     }
 }
 
-/** Go on through the segments that the problem holds now; y (rows x r) is filled by the reads. Returns segments done, -1
- * without memory. */
+/** Go on through the segments that the problem holds now; y (rows x r) is filled by the reads. Returns segments done,
+ * -1 without memory. */
 int go_on(run_t *run, double *y) {
     const problem_t *k = run->k;
     double u[MOST];
@@ -301,8 +306,9 @@ int go_on(run_t *run, double *y) {
                 run->known = 0;
             }
         }
-        if (advance(run, k->length[done]) != 0) {
-            return -1;
+        const int status = advance(run, k->length[done]);
+        if (status != 0) {
+            return status < 0 ? status : done;
         }
         for (int i = 0; i < SIZE(k); ++i) {
             if (!(fabs(run->x[i]) < 1e15)) {
@@ -349,8 +355,8 @@ void at_point(const problem_t *k, const double *x, const double *u, double *rate
     read_outputs(&run, u, 0, y);
 }
 
-/** Follow `target` (rows) set at `time` no faster than `rate`, from `value`; writes (time, value, slope) of each straight
- * piece, at most two per row, and returns how many. */
+/** Follow `target` (rows) set at `time` no faster than `rate`, from `value`; writes (time, value, slope) of each
+ * straight piece, at most two per row, and returns how many. */
 int limit_slew(int rows, const double *time, const double *target, double rate, double value, double *pieces) {
     int count = 0;
     for (int k = 0; k < rows; ++k) {
