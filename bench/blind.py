@@ -20,6 +20,7 @@ from bench.blind_cases import draw_case, write_case
 from firmloop.diagnosis import diagnosed
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
+from firmloop.table import ProjectError
 from identify.compiler import ToolError
 from identify.condition import NONE
 from identify.fit import fit
@@ -69,7 +70,7 @@ def work(seed: int) -> Scored:
         try:
             project = read_project(folder / "project.toml")
             said: Mapping[str, Any] = diagnosed(project, read_data(project), _quiet).finding.as_dict()
-        except (IdentifyError, ToolError, ArithmeticError) as error:
+        except (IdentifyError, ProjectError, ToolError, ArithmeticError) as error:
             said = {"verdict": "refused", "effects": [], "error": str(error), "fit": {}, "location": None}
         seconds = time.process_time() - begin
         label = json.loads((labels / "label.json").read_text(encoding="utf-8"))
