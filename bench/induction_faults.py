@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench import truth
-from bench.induction_truth import Motor
+from bench.induction_truth import L3510, Motor
 from firmloop.cli import main as firmloop
 
 NOISE = (0.5, 0.3, 0.3)  # rad/s, A, A
@@ -34,51 +34,25 @@ ON = 0.05  # s: three periods of the mains
 NOISE_DC = (0.5, 1e-3)  # rad/s, A
 WHEEL = {"R": 24.5, "L": 5e-4, "ke": 0.0136, "kt": 0.0136, "J": 2e-6, "b": 2e-6}
 FREE = ("rotor_R_ohm", "J_kg_m2")
-VALUES = {
-    "main_R_ohm": 0.525,
-    "main_L_H": 1.4e-3,
-    "aux_R_ohm": 1.17,
-    "aux_L_H": 5.0e-3,
-    "rotor_R_ohm": 0.68,
-    "rotor_L_H": 1.4e-3,
-    "magnetizing_L_H": 0.062,
-    "turns_ratio": 1.8,
-    "pole_pairs": 2.0,
-    "capacitance_F": 340e-6,
-    "switch_open_rad_s": 140.0,
-    "switch_close_rad_s": 80.0,
-    "J_kg_m2": 0.055,
-    "b_N_m_s_rad": 1e-4,
-    "load_N_m_s2_rad2": 4e-5,
-    "rise_K_per_W": 0.0,
-    "heating_time_s": 1000.0,
-    "frequency_Hz": 60.0,
-}
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is concealed, as the truth takes it; what is to be named, with the parameter that is judged."""
+    """What is concealed, as the truth takes it; what is to be named, with the parameter that is judged.
+
+    In a wheel on a DC motor, as `bench/truth.c` takes it, or in an induction motor.
+    """
 
     concealed: Mapping[str, Any]
     parameter: str
     value: float
     seconds: float
     off: float = np.inf  # s: when the supply is taken off
-    changed: Mapping[str, float] | None = None  # constants other than VALUES, known to the project
+    changed: Mapping[str, float] | None = None  # constants other than L3510, known to the project
+    wheel: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Wheel:
-    """What is concealed in a DC motor, as `bench/truth.c` takes it; what is judged as in Case."""
-
-    concealed: Mapping[str, float]
-    parameter: str
-    value: float
-    seconds: float
-
-
-CASES: Mapping[str, Case | Wheel] = {
+CASES: Mapping[str, Case] = {
     "magnetizing_saturation": Case({"knee": 10.0}, "current_A", 10.0, 0.7),
     "coulomb_friction": Case({"dry": 3.0}, "torque_N_m", 3.0, 1.4, off=0.5),
     "load_step": Case({"load": (6.0, 0.7037)}, "torque_N_m", 6.0, 1.1),
@@ -88,16 +62,16 @@ CASES: Mapping[str, Case | Wheel] = {
         {"heat": (0.06, 1.5)}, "rise_K_per_W", 0.06, 2.0, changed={"load_N_m_s2_rad2": 0.02}
     ),
     # Some 3 W in a small motor's winding: 60 K after two seconds.
-    "resistance_heating, dc": Wheel({"heat_rise": 20.0, "heat_time": 1.5}, "rise_K_per_W", 20.0, 4.0),
+    "resistance_heating, dc": Case({"heat_rise": 20.0, "heat_time": 1.5}, "rise_K_per_W", 20.0, 4.0, wheel=True),
 }  # fmt: skip
 
 
-def project(case: Case | Wheel, folder: Path) -> Path:
+def project(case: Case, folder: Path) -> Path:
     """Write recording and project; return the project's file."""
-    return started(case, folder) if isinstance(case, Case) else swung(case, folder)
+    return swung(case, folder) if case.wheel else started(case, folder)
 
 
-def swung(case: Wheel, folder: Path) -> Path:
+def swung(case: Case, folder: Path) -> Path:
     """Write those of a DC motor that reverses before it has come up to speed."""
     time_s = np.arange(round(case.seconds / STEP)) * STEP
     volts = np.where(time_s % 0.4 < 0.2, 12.0, -12.0)
@@ -116,7 +90,7 @@ def started(case: Case, folder: Path) -> Path:
     """Write those of an induction motor's start."""
     time_s = np.arange(round(case.seconds / STEP)) * STEP
     volts = np.where((time_s >= ON) & (time_s < case.off), 115.0, 0.0)
-    values = {**VALUES, **(case.changed or {})}
+    values = {**L3510, **(case.changed or {})}
     rows = Motor(values, **case.concealed).run(time_s, volts)
     rows += np.random.default_rng(1).normal(size=rows.shape) * NOISE
     wires = ("speed_rad_s", "main_current_A", "aux_current_A")
@@ -144,17 +118,17 @@ def written(
     return file
 
 
-def diagnosed(case: Case | Wheel) -> tuple[int, Mapping[str, Any]]:
+def diagnosed(case: Case) -> tuple[int, Mapping[str, Any]]:
     """Conceal, run the command, return its exit status and what it wrote."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         file, said = project(case, folder), StringIO()
         with redirect_stdout(said), redirect_stderr(said):
             status = firmloop(["diagnose", str(file), "--out", str(folder / "out")])
-        written = folder / "out" / "diagnosis.json"
-        if not written.is_file():
+        document = folder / "out" / "diagnosis.json"
+        if not document.is_file():
             raise SystemExit(said.getvalue())
-        found = json.loads(written.read_text(encoding="utf-8"))
+        found = json.loads(document.read_text(encoding="utf-8"))
     assert isinstance(found, dict)
     return status, found
 

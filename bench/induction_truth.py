@@ -17,6 +17,26 @@ from scipy.integrate import solve_ivp
 Array = NDArray[np.float64]
 
 _ARC, _LATCH, _BAND, _COPPER = 1e-3, 2e-3, 1.0, 0.00393
+L3510 = {  # SI: a single-phase motor of the size of a Baldor L3510
+    "main_R_ohm": 0.525,
+    "main_L_H": 1.4e-3,
+    "aux_R_ohm": 1.17,
+    "aux_L_H": 5.0e-3,
+    "rotor_R_ohm": 0.68,
+    "rotor_L_H": 1.4e-3,
+    "magnetizing_L_H": 0.062,
+    "turns_ratio": 1.8,
+    "pole_pairs": 2.0,
+    "capacitance_F": 340e-6,
+    "switch_open_rad_s": 140.0,
+    "switch_close_rad_s": 80.0,
+    "J_kg_m2": 0.055,
+    "b_N_m_s_rad": 1e-4,
+    "load_N_m_s2_rad2": 4e-5,
+    "rise_K_per_W": 0.0,
+    "heating_time_s": 1000.0,
+    "frequency_Hz": 60.0,
+}
 _LEAST = 1e-3  # rad/s: as wide as the motion in which dry friction turns round
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.induction_truth import L3510
 from design.kinds import kinds
 from identify.kinds import make_plant
 from identify.recording import make_recording
@@ -33,23 +34,11 @@ AGED = 0.9  # of the rated capacitance
 NOISE = (2.0, 0.3, 1.0)  # V, A, rad/s rms: about 1 % of the mains, of the start current, and of the speed
 ALLOWED = 0.020  # s
 MOTOR = {
-    "main_R_ohm": 0.525,
-    "main_L_H": 1.40e-3,
-    "aux_R_ohm": 1.17,
+    **L3510,
     "aux_L_H": 4.98e-3,
     "rotor_R_ohm": 0.683,
-    "rotor_L_H": 1.40e-3,
     "magnetizing_L_H": 0.0621,
     "turns_ratio": 1.795,
-    "pole_pairs": 2.0,
-    "capacitance_F": 340e-6,
-    "switch_open_rad_s": 140.0,
-    "switch_close_rad_s": 80.0,
-    "J_kg_m2": 0.055,
-    "b_N_m_s_rad": 1e-4,
-    "load_N_m_s2_rad2": 4e-5,
-    "rise_K_per_W": 0.0,
-    "heating_time_s": 1e3,
     "frequency_Hz": {"value": 60.0, "free": False},
 }
 

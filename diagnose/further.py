@@ -9,9 +9,9 @@ from diagnose.plain import believed, leap, slow_rivals
 from diagnose.rank import MOST_EFFECTS, Progress, Search, further, settled
 from diagnose.refit import ended, noises_of, with_doubt
 from diagnose.shape import Shape, best_shape, weighed
+from identify.course import LONGEST_CHANGE
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
-_FINE = 0.3  # as longest change: that of every other simulation
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
 
@@ -52,6 +52,6 @@ def _confirmed(found: Search) -> Search:
     scene, best = found.scene, found.best
     if not best.fitted.causes:
         return found
-    scene.engine.hasten(_FINE)
+    scene.engine.hasten(LONGEST_CHANGE)
     finer = with_doubt(scene, ended(scene, best.fitted, best.noises), best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))

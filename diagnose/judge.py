@@ -16,7 +16,7 @@ from diagnose.locate import worst_spans
 from diagnose.noise import whiteness
 from diagnose.preflight import Preflight
 from diagnose.rank import Search
-from diagnose.refit import Fitted, fit_starts, residual_of
+from diagnose.refit import Fitted, fit_starts, residual_of, variances
 from diagnose.rival import CONTAINS, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
@@ -219,14 +219,13 @@ def _strength(fitted: Fitted, cause: Cause) -> float:
 
 def deviations(fitted: Fitted) -> Mapping[str, float]:
     """Return one standard deviation of every parameter, in its unit."""
-    sizes = np.sqrt(np.maximum(np.diag(fitted.normal), 1e-300))
-    inverse = np.linalg.pinv(fitted.normal / np.outer(sizes, sizes), rcond=1e-12)
-    spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / sizes
+    spread = np.sqrt(np.maximum(variances(fitted.normal, len(fitted.coordinates)), 0.0))
+    met = np.diag(fitted.normal) > 1e-280
     found = {}
     for index, each in enumerate(fitted.coordinates):
         inner = each.gradient(fitted.point.values.get(each.name, 0.0))
         wider = 1.0 if fitted.wider is None else float(fitted.wider[index])
-        found[each.name] = float(spread[index] * abs(inner)) * wider if sizes[index] > 1e-140 else math.inf
+        found[each.name] = float(spread[index] * abs(inner)) * wider if met[index] else math.inf
     return found
 
 

@@ -141,11 +141,7 @@ def fit(
         if time.process_time() - begun > _PATIENCE:
             break
         packed = _packed(scene, recordings, unknowns, point, residuals, noises, own)
-        normal = packed[:-1, :-1]
-        at = _inner(scene, unknowns, point)
-        pulled = -packed[:-1, -1].copy()
-        normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
-        pulled[:count] -= tether[:, :-1].T @ (tether[:, :-1] @ at - tether[:, -1])
+        normal, pulled = _tied(packed, tether, _inner(scene, unknowns, point))
         moved = False
         for _ in range(6):
             step = _solve(normal, pulled, damping)
@@ -164,8 +160,8 @@ def fit(
         if gain < max(_WORTH, _ENOUGH * cost):
             break
     if normal.size == 0:
-        normal = _packed(scene, recordings, unknowns, point, residuals, noises, own)[:-1, :-1]
-        normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
+        packed = _packed(scene, recordings, unknowns, point, residuals, noises, own)
+        normal, _ = _tied(packed, tether, _inner(scene, unknowns, point))
     return Fitted(tuple(causes), unknowns, point, residuals, cost, normal)
 
 
@@ -181,14 +177,11 @@ def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     tether = tethers(scene, unknowns)
     point, cost, residuals = _judged(scene, scene.train, fitted.point, noises)
     normal = fitted.normal
-    told = [_variances(normal, count)]
+    told = [variances(normal, count)]
     for _ in range(_LAST_STEPS):
         packed = _packed(scene, scene.train, unknowns, point, residuals, noises)
-        normal = packed[:-1, :-1]
-        pulled = -packed[:-1, -1].copy()
-        normal[:count, :count] += tether[:, :-1].T @ tether[:, :-1]
-        pulled[:count] -= tether[:, :-1].T @ (tether[:, :-1] @ _inner(scene, unknowns, point) - tether[:, -1])
-        told.append(_variances(normal, count))
+        normal, pulled = _tied(packed, tether, _inner(scene, unknowns, point))
+        told.append(variances(normal, count))
         step = _solve(normal, pulled, 0.0)
         step[:count] = np.clip(step[:count], -1.0, 1.0)
         here = cost + _pull(scene, unknowns, point, tether)
@@ -206,8 +199,17 @@ def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     return Fitted(causes, unknowns, point, tuple(residuals), cost, normal, wider)
 
 
-def _variances(normal: Array, count: int) -> Array:
-    """Return the variances (k,) of the coordinates."""
+def _tied(packed: Array, tether: Array, at: Array) -> tuple[Array, Array]:
+    """Return J'J (k + s w, same) and the descent of what `_packed` tells, tied to what is known beforehand."""
+    count, weights = len(at), tether[:, :-1]
+    normal, pulled = packed[:-1, :-1], -packed[:-1, -1]
+    normal[:count, :count] += weights.T @ weights
+    pulled[:count] -= weights.T @ (weights @ at - tether[:, -1])
+    return normal, pulled
+
+
+def variances(normal: Array, count: int) -> Array:
+    """Return the variances (k,) of the first `count` coordinates."""
     return np.asarray(np.diag(_inverse(normal))[:count])
 
 

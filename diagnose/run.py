@@ -16,7 +16,6 @@ from diagnose.rank import Progress, Search, search
 from diagnose.rival import Rival, rated
 from diagnose.shape import Shape
 from diagnose.sound import check_sound
-from identify.hold import HOLDS
 from identify.plant import Plant
 from identify.recording import Recording
 
@@ -48,7 +47,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell."""
     progress(0.02, "checking the recordings")
     check_sound(plant, (*train, *test))
-    given = train[0].hold if train else HOLDS[0]
+    given = train[0].hold
     train, test = prepared(plant, train, test)
     found, checks, shape = _explained(plant, train, test, progress)
     if train[0].hold != given and any(name in _LATE for name in found.best.fitted.names):

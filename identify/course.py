@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+LONGEST_CHANGE = 0.3  # rate of change of what is not linear, times the step, up to which a step is exact enough
+
 
 @dataclass(frozen=True, slots=True)
 class Course:
@@ -27,7 +29,7 @@ class Course:
     first: int
     end: int
     knots: tuple[Array, Array] | None = None  # moments (k,) and values (k, m) of straight lines; None: rows are held
-    longest_change: float = 0.3  # rate of change of what is not linear, times the longest step taken
+    longest_change: float = LONGEST_CHANGE  # rate of change of what is not linear, times the longest step taken
     most_steps: float = 0.0  # of a simulation, after which it counts as diverged; 0: any number
     turn: Array | None = None  # (n,) rad: the angle that waves per turn follow, where it is not the simulated one
 

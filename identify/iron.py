@@ -15,6 +15,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from identify.kind import equations
+from identify.plant import Balance
+
 _TURNS = 3  # of the fixed point of f: each leaves some 2 % of what was wrong, the leakages over M
 
 
@@ -32,3 +35,14 @@ def air_gap(axes: Sequence[Sequence[tuple[ca.SX, ca.SX]]], magnetizing: ca.SX, k
         more = sum((flux**2 for flux in shared), start=ca.SX(0.0)) / (magnetizing * knee) ** 2
         shared = [push / ((1.0 + more) / magnetizing + leak) for push, leak in zip(pushes, leaks, strict=True)]
     return tuple(shared)
+
+
+def magnetizing_balance(x: ca.SX, u: ca.SX, p: ca.SX, current: ca.SX) -> Balance:
+    """Return where the effect magnetizing_saturation enters a motor whose first place inside is the knee."""
+    return Balance(
+        kind="magnetizing",
+        state=-1,
+        per=ca.Function("per", [p], [0.0]),
+        current=equations("current", x, u, p, current),
+        inside=(0,),
+    )

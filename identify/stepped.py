@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.course import LONGEST_CHANGE
 from identify.engine import effect_simulator
 from identify.marshal import job, library, load_segments
 from identify.plant import IdentifyError, Plant
@@ -22,7 +23,6 @@ from identify.simulate import constants_of
 Array = NDArray[np.float64]
 Piece = tuple[float, Array, Array]  # moment in s, inputs (m,), their slopes (m,)
 
-_LONGEST_CHANGE = 0.3  # as in Course
 _SAME = 1e-9  # of the period: moments closer than this are one
 
 
@@ -65,7 +65,7 @@ class SteppedPlant:
         engine = effect_simulator(plant)
         self._job = job(engine.assemble(constants), engine.equations_at(constants), constants)
         problem, timing = self._job.problem, self._job.timing
-        problem.step, problem.longest, problem.turns = period, _LONGEST_CHANGE, 0
+        problem.step, problem.longest, problem.turns = period, LONGEST_CHANGE, 0
         self._late = self._job.delay + timing.input_delay
         waits = [timing.output_delay.get(k, 0.0) for k in range(problem.r)]
         whole = [int(wait / period + _SAME) for wait in waits]

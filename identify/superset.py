@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identify.assembly import Assembly
 from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
-from identify.course import Course
+from identify.course import LONGEST_CHANGE, Course
 from identify.effect import Scales
 from identify.effects import find_effect
 from identify.engine import EffectSimulator, effect_simulator
@@ -42,7 +42,7 @@ class Superset:
     engine: EffectSimulator
     courses: dict[int, tuple[Recording, Course]]
     recorded: bool = False
-    longest_change: float = 0.3
+    longest_change: float = LONGEST_CHANGE
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
@@ -181,7 +181,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         output=max(abs(low), abs(high)) or 1.0,
         output_low=low,
         output_high=high,
-        plateau=plateau([recording.columns[plant.outputs[output].name] for recording in recordings]),
+        plateau=_plateau([recording.columns[plant.outputs[output].name] for recording in recordings]),
         current=sizes.get("current", 1.0),
         effort=sizes.get("effort", 1.0),
         speed=sizes.get("speed", 1.0),
@@ -197,7 +197,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     )
 
 
-def plateau(columns: Sequence[Array]) -> float:
+def _plateau(columns: Sequence[Array]) -> float:
     """Return the magnitude near the largest one at which readings (n,) gather as at a limit; the largest otherwise."""
     sizes = np.sort(np.abs(np.concatenate(columns)))
     top = sizes[-1]

@@ -30,7 +30,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.iron import air_gap
+from identify.iron import air_gap, magnetizing_balance
 from identify.kind import Constant, Kind, equations
 from identify.plant import Balance, IdentifyError, Inside, Parameter, Plant
 from identify.signal import Signal
@@ -90,13 +90,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
                 effort=equations("effort", x, u, p, plain["torque_N_m"]),
             ),
             Balance(kind="capacitor", state=4, per=ca.Function("per", [p], [1.0 / value["capacitance_F"]])),
-            Balance(
-                kind="magnetizing",
-                state=-1,
-                per=ca.Function("per", [p], [0.0]),
-                current=equations("current", x, u, p, plain["magnetizing_A"]),
-                inside=(0,),
-            ),
+            magnetizing_balance(x, u, p, plain["magnetizing_A"]),
             Balance(
                 kind="winding",
                 state=-1,

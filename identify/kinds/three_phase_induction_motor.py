@@ -19,7 +19,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.iron import air_gap
+from identify.iron import air_gap, magnetizing_balance
 from identify.kind import Constant, Kind, equations
 from identify.plant import Balance, Inside, Parameter, Plant
 from identify.signal import Signal
@@ -60,13 +60,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
                 per=ca.Function("per", [p], [1.0 / value["J_kg_m2"]]),
                 effort=equations("effort", x, u, p, shown["torque_N_m"]),
             ),
-            Balance(
-                kind="magnetizing",
-                state=-1,
-                per=ca.Function("per", [p], [0.0]),
-                current=equations("current", x, u, p, shown["magnetizing_A"]),
-                inside=(0,),
-            ),
+            magnetizing_balance(x, u, p, shown["magnetizing_A"]),
         ),
         inside=Inside(
             rate=ca.Function("rate", [x, u, p, z], [ca.densify(ca.vertcat(*inner_rates))]),
