@@ -138,6 +138,7 @@ def write_case(case: Case, folder: Path, labels: Path) -> None:
     (folder / "project.toml").write_text(_project(case, truth, rng), encoding="utf-8")
     label = {
         "effects": {each.name: dict(each.told) for each in case.hidden},
+        "outputs": {each.name: _column(case, each) for each in case.hidden},
         "outside": case.outside,
         "machine": case.machine.name,
         "sensors": list(case.sensors),
@@ -187,6 +188,12 @@ def _write_recording(
     write_recording(make_recording(time, columns, role, ""), folder / f"{role}.csv")
     write_recording(make_recording(time, clean, role, ""), labels / f"{role}.csv")
     return {name: float(np.std(columns[name] - clean[name])) for name in columns if name != _input(machine)}
+
+
+def _column(case: Case, hidden: Concealed) -> str | None:
+    """Return the column that an effect of a sensor is in; None for all others."""
+    quantity = hidden.sensor[0] if hidden.sensor else next(iter(hidden.resolution), None)
+    return None if quantity is None else COLUMN[case.machine.motor][quantity]
 
 
 def _input(machine: Machine) -> str:
