@@ -87,6 +87,21 @@ def lagged_products(values: Array, most: int) -> Array:
     return np.asarray(upper + np.triu(upper, 1).T)
 
 
+def memory(residuals: Sequence[Array]) -> float:
+    """Return how many rows of residuals (q,) count as one sample of their power: 1 + 2 sum rho^2 (Bartlett 1935).
+
+    The sum goes over the lags up to where the autocorrelation of the longest part first is negative.
+    """
+    longest = max(residuals, key=len)
+    size = 2 * len(longest)
+    power = np.abs(np.fft.rfft(longest, size)) ** 2
+    rho = np.fft.irfft(power, size)[: len(longest) // 2]
+    rho = rho / max(float(rho[0]), 1e-300)
+    below = np.flatnonzero(rho <= 0.0)
+    kept = rho[1 : below[0]] if len(below) else rho[1:]
+    return 1.0 + 2.0 * float(np.sum(kept**2))
+
+
 def whiteness(innovations: Sequence[Array], lags: int) -> float:
     """Return the probability that white innovations (q,) would be this correlated (Ljung & Box 1978), least output."""
     from_each = [_ljung_box(values, lags) for values in innovations if len(values) > 4 * lags]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.noise import Noise
+from diagnose.noise import Noise, memory
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
@@ -234,22 +234,10 @@ def _independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
     for index in range(residuals[0].shape[1]):
         parts = [part[:, index] for part in residuals]
         rms = max(float(np.sqrt(np.mean(np.concatenate(parts) ** 2))), 1e-30)
-        made.append(Noise(np.zeros(0), rms * float(np.sqrt(_memory(parts))), rms))
+        made.append(Noise(np.zeros(0), rms * float(np.sqrt(memory(parts))), rms))
     return tuple(made)
 
 
 def _sizes(noises: Sequence[Noise]) -> tuple[Noise, ...]:
     """Return white noise of the same rms, every sample of which counts: what a fit minimizes."""
     return tuple(Noise(noise.coefficients, noise.rms, noise.rms) for noise in noises)
-
-
-def _memory(parts: Sequence[Array]) -> float:
-    """Return 1 + 2 sum rho^2 over the lags up to where the autocorrelation first is negative."""
-    longest = max(parts, key=len)
-    size = 2 * len(longest)
-    power = np.abs(np.fft.rfft(longest, size)) ** 2
-    rho = np.fft.irfft(power, size)[: len(longest) // 2]
-    rho = rho / max(float(rho[0]), 1e-300)
-    below = np.flatnonzero(rho <= 0.0)
-    kept = rho[1 : below[0]] if len(below) else rho[1:]
-    return 1.0 + 2.0 * float(np.sum(kept**2))

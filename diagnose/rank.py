@@ -182,11 +182,7 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     slowest output, which leads out. A nominal parameter that ran away in such a trap begins where it was given.
     """
     fitted = rival.fitted
-    runaways = {
-        p.name: p.value
-        for p in scene.plant.parameters
-        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < fitted.point.values[p.name] / p.value < _FAR_OFF
-    }
+    runaways = _runaways(scene, fitted)
     found = [rival]
     if runaways or any(len(noise.coefficients) for noise in rival.noises):
         flat = [white(noise.scale) for noise in rival.noises]
@@ -195,6 +191,15 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
         begin = Point({**plain.point.values, **runaways}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, _LONG)))
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
+
+
+def _runaways(scene: Scene, fitted: Fitted) -> dict[str, float]:
+    """Return the values as given of free nominal parameters that a fit has moved far from there."""
+    return {
+        p.name: p.value
+        for p in scene.plant.parameters
+        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < fitted.point.values[p.name] / p.value < _FAR_OFF
+    }
 
 
 def _bar(scene: Scene, rival: Rival) -> float:
@@ -319,11 +324,14 @@ def _round(
     more = [each for each in screened if each.cause.effect.name in related and each not in picked]
     trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
     begun = time.process_time()
+    away = bool(best.fitted.causes) and bool(_runaways(scene, best.fitted))
     for each in [*picked, *more]:
         if trials and time.process_time() - begun > _ROUND:
             break
-        for start in _starts(scene, each):
-            causes, begin = _extended(best.fitted, each, start)
+        begins = [_extended(best.fitted, each, start) for start in _starts(scene, each)]
+        if away:
+            begins.append(_afresh(scene, best.fitted, each))
+        for causes, begin in begins:
             fitted = fit(scene, scene.train, causes, begin, best.noises, _SHORT)
             if not _too_large(fitted):
                 trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
@@ -363,6 +371,17 @@ def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> t
     """Add a cause to a hypothesis; a simpler one that it contains gives way."""
     causes, values = joined(base, screened.cause)
     return causes, Point(entered(values, screened.cause, start), base.point.starts)
+
+
+def _afresh(scene: Scene, base: Fitted, screened: Screened) -> tuple[tuple[Cause, ...], Point]:
+    """Add a cause, all of them from their grids and the plant as given: what ran away without it may not come back."""
+    causes, _ = joined(base, screened.cause)
+    begin = first_point(scene, scene.train)
+    values: Mapping[str, float] = begin.values
+    for cause in causes:
+        grid = scene.starts[cause.label]
+        values = entered(values, cause, grid[len(grid) // 2] if grid else {})
+    return causes, Point(values, begin.starts)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:

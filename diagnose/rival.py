@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Point, Scene, full_start
-from diagnose.noise import Noise
+from diagnose.noise import Noise, memory
 from diagnose.refit import Fitted, evidence, fit_starts, noises_of, residual_of
 
 Array = NDArray[np.float64]
@@ -18,6 +18,7 @@ TIE = 10.0  # explanations closer than this in BIC are not told apart
 RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
 MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
+_CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
 # What contains what: the first has the second as a special case.
 CONTAINS: Mapping[str, tuple[str, ...]] = {
@@ -74,9 +75,16 @@ def innovations(rival: Rival) -> tuple[Array, ...]:
 
 
 def larger(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction."""
-    sizes = [np.array([noise.rms for noise in each.noises]) for each in (rival, base)]
-    return bool(np.min(sizes[0] / sizes[1]) > _WIDER)
+    """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction.
+
+    The rms of n independent samples is known to 1 / sqrt(2 n) of itself.
+    """
+    for index, (mine, theirs) in enumerate(zip(rival.noises, base.noises, strict=True)):
+        parts = [part[:, index] for part in rival.fitted.residuals]
+        samples = sum(len(part) for part in parts) / memory(parts)
+        if mine.rms <= max(_WIDER, 1.0 + _CHANCE / np.sqrt(2.0 * samples)) * theirs.rms:
+            return False
+    return True
 
 
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:

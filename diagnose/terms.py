@@ -149,9 +149,11 @@ def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[st
     for index, signal in enumerate(plant.states):
         values = seen.states[:, index] if signal.name.startswith("position_") else moved[:, index]
         table[f"{signal.name} (per turn)" if signal.name == "position_rad" else signal.name] = values
-    angle = travelled(recording)
-    if "position_rad" not in {signal.name for signal in plant.states} and angle is not None:
-        table["angle (per turn)"] = angle[:rows]
+    known = {signal.name for signal in plant.states}
+    for name, unit, told in (("position_rad", "rad", "angle (per turn)"), ("position_m", "m", "position_m")):
+        way = None if name in known else travelled(recording, unit)
+        if way is not None:
+            table[told] = way[:rows]
     table[plant.inputs[0].name] = course_of(plant, recording).drive[:rows, 0]
     return table
 

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 _MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
 _NEAR, _HELD, _GATHERED = 0.05, 0.02, 3.0  # of the largest reading; share of rows; times as many as in the next band
+_SPREAD = 2.0  # deviations of noise to either side of a limit
+_MEDIAN = 1.0 / (0.6745 * math.sqrt(6.0))  # from the median second difference of white noise to its rms
 
 
 @dataclass(slots=True)
@@ -181,7 +183,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         output=max(abs(low), abs(high)) or 1.0,
         output_low=low,
         output_high=high,
-        plateau=_plateau([recording.columns[plant.outputs[output].name] for recording in recordings]),
+        plateau=plateau([recording.columns[plant.outputs[output].name] for recording in recordings]),
         current=sizes.get("current", 1.0),
         effort=sizes.get("effort", 1.0),
         speed=sizes.get("speed", 1.0),
@@ -197,15 +199,23 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     )
 
 
-def _plateau(columns: Sequence[Array]) -> float:
-    """Return the magnitude near the largest one at which readings (n,) gather as at a limit; the largest otherwise."""
+def plateau(columns: Sequence[Array]) -> float:
+    """Return the magnitude near the largest one at which readings (n,) gather as at a limit; the largest otherwise.
+
+    What stands at a limit spreads by the noise, for which the second differences (white: sqrt(6) times its rms) stand.
+    """
     sizes = np.sort(np.abs(np.concatenate(columns)))
-    top = sizes[-1]
-    held = sizes[sizes > (1.0 - _NEAR) * top]
-    below = np.count_nonzero((sizes > (1.0 - 2.0 * _NEAR) * top) & (sizes <= (1.0 - _NEAR) * top))
-    if len(held) < _HELD * len(sizes) or len(held) < _GATHERED * below:
-        return float(top) or 1.0
-    return float(np.median(held))
+    top = float(sizes[-1])
+    bends = np.abs(np.concatenate([np.diff(column, 2) for column in columns]))
+    half = max(0.5 * _NEAR * top, _SPREAD * _MEDIAN * float(np.median(bends)) if len(bends) else 0.0)
+    bands = np.arange(top - 2.0 * half, 0.5 * top, -0.25 * half)  # lower ends of bands of 2 half
+    counts = [np.searchsorted(sizes, bands + k * half) for k in (-2.0, 0.0, 2.0)]
+    held, below, above = counts[2] - counts[1], counts[1] - counts[0], len(sizes) - counts[2]
+    gathered = np.flatnonzero((held > _HELD * len(sizes)) & (held > _GATHERED * below) & (held > _GATHERED * above))
+    if not len(gathered):
+        return top or 1.0
+    band = bands[gathered[np.argmax(held[gathered])]]
+    return float(np.median(sizes[(sizes >= band) & (sizes <= band + 2.0 * half)]))
 
 
 def efforts(
@@ -240,13 +250,13 @@ def inertia_parameter(plant: Plant, balance: int) -> str | None:
     return None
 
 
-def travelled(recording: Recording) -> Array | None:
-    """Return the angle (n,) in rad: recorded, or the integral of the recorded speed."""
-    if "position_rad" in recording.columns:
-        return np.ascontiguousarray(recording.columns["position_rad"], dtype=np.float64)
-    if "speed_rad_s" not in recording.columns:
+def travelled(recording: Recording, unit: str = "rad") -> Array | None:
+    """Return the angle (n,) in rad, or the position in m: recorded, or the integral of the recorded speed."""
+    if f"position_{unit}" in recording.columns:
+        return np.ascontiguousarray(recording.columns[f"position_{unit}"], dtype=np.float64)
+    if f"speed_{unit}_s" not in recording.columns:
         return None
-    speed = recording.columns["speed_rad_s"]
+    speed = recording.columns[f"speed_{unit}_s"]
     return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])
 
 

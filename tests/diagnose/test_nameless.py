@@ -15,9 +15,11 @@ from tests.diagnose.cases import BY_NAME
 _DAMPING = "speed, by position_rad (per turn)"
 
 
-def _said(folder: Path, outside: str, sensors: tuple[str, ...], excitation: str, colored: bool) -> dict[str, object]:
+def _said(
+    folder: Path, outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool
+) -> dict[str, object]:
     case = replace(
-        single_case(5, "", BY_NAME["flat_motor"], sensors, excitation, colored, 1.0),
+        single_case(5, "", BY_NAME[machine], sensors, excitation, colored, 1.0),
         outside=outside,
     )
     write_case(case, folder / "case", folder / "labels")
@@ -27,30 +29,41 @@ def _said(folder: Path, outside: str, sensors: tuple[str, ...], excitation: str,
 
 
 @pytest.mark.parametrize(
-    ("outside", "sensors", "excitation", "colored", "equation", "coordinate"),
+    ("outside", "machine", "sensors", "excitation", "colored", "equation", "coordinate"),
     [
-        ("periodic_torque", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
-        ("one_sided_gain", ("speed",), "staircase", False, "torque", "voltage_V"),
+        ("periodic_torque", "flat_motor", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
+        ("one_sided_gain", "flat_motor", ("speed",), "staircase", False, "torque", "voltage_V"),
         (
             "angle_dependent_damping",
+            "flat_motor",
             ("position", "current"),
             "steps",
             False,
             "torque",
             "speed, by position_rad (per turn)",
         ),
+        (
+            "angle_dependent_damping",
+            "linear_stage",
+            ("speed",),
+            "prbs",
+            False,
+            "force",
+            "speed, by position_m",
+        ),
     ],
 )
 def test_what_has_no_name_is_unknown(
     tmp_path: Path,
     outside: str,
+    machine: str,
     sensors: tuple[str, ...],
     excitation: str,
     colored: bool,
     equation: str,
     coordinate: str,
 ) -> None:
-    said = _said(tmp_path, outside, sensors, excitation, colored)
+    said = _said(tmp_path, outside, machine, sensors, excitation, colored)
     assert said["verdict"] == "unknown_physics" and said["effects"] == []
     location = said["location"]
     assert isinstance(location, dict)

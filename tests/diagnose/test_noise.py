@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from diagnose.noise import fit_noise, lagged_products, whiteness
+from diagnose.noise import fit_noise, lagged_products, memory, whiteness
 
 
 def test_white_noise_has_no_memory() -> None:
@@ -34,3 +34,10 @@ def test_sums_of_products_are_those_of_the_lagged_columns() -> None:
     most = 24
     lagged = np.lib.stride_tricks.sliding_window_view(walk, most + 1)[:, ::-1]
     assert np.allclose(lagged_products(walk, most), lagged.T @ lagged, rtol=1e-12)
+
+
+def test_rows_that_count_as_one() -> None:
+    source = np.random.default_rng(4).normal(size=40000)
+    assert abs(memory([source]) - 1.0) < 0.05
+    slow = np.asarray(lfilter([1.0], [1.0, -0.9], source))
+    assert abs(memory([slow]) / (1.0 + 2.0 * 0.81 / (1.0 - 0.81)) - 1.0) < 0.15  # rho^k = 0.9^k

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identify.clipped import cut_off
+from identify.superset import plateau
 
 TIME = np.arange(400) * 5e-3
 NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))
@@ -42,3 +43,11 @@ def test_steps_and_rest_are_not() -> None:
     assert cut_off(np.where(TIME > 0.5, 12.0, 0.0)) is None
     assert cut_off(np.zeros(100)) is None
     assert cut_off(np.maximum(WAVE, 0.0)) is None, "zero may be rest"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])
+def test_readings_gather_at_a_limit_behind_which_the_noise_is(noise: float) -> None:
+    disturbance = noise / 0.02 * NOISE
+    assert plateau([np.clip(WAVE, -7.0, 7.0) + disturbance]) == pytest.approx(7.0, rel=0.01)
+    assert plateau([np.clip(WAVE, 0.0, 7.0) + disturbance]) == pytest.approx(7.0, rel=0.01)
+    assert plateau([WAVE + disturbance]) > 9.9
