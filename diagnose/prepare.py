@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.held import believed_hold, fitted_nominal
+from identify.clipped import gathering
 from identify.condition import Conditioning, check_conditioning, condition_input
 from identify.forms import form_writer
 from identify.hold import FINER, HOLDS
@@ -33,8 +34,7 @@ _GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clo
 _CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
 _APART = 5.0  # times the power that separate fits leave, from which recordings are of different machines
 _OTHER = 1.3  # factor between their parameters
-_HELD = 0.02  # share of rows that are all at an output's extreme, from which the sensor ends there
-_MANY = 0.2  # different values a row, from which equal ones are no resolution
+_GOES_ON = 0.05  # of the span of an input, as a deviation, from which it does not stay
 _UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
 _BENT = 8  # times as long takes a row of a plant whose equations are not linear
@@ -109,7 +109,7 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
     combinations that the outputs cannot see.
     """
-    if any(_at_limit(each.columns[signal.name]) for each in train for signal in plant.outputs):
+    if any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs):
         return  # no linear fit meets a sensor that ends, and what it says of the parameters is worth nothing
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
     short = shortened(plant, train, _TRIAL_ROWS)
@@ -132,12 +132,15 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
         )
 
 
-def _at_limit(column: Array) -> bool:
-    """Tell whether readings (n,) that are otherwise nearly all different stand at their least or largest value."""
-    least, largest = column == column.min(), column == column.max()
-    other = column[~(least | largest)]
-    held = float(max(np.mean(least), np.mean(largest)))
-    return held > _HELD and len(np.unique(other)) > _MANY * len(other)
+def _at_limit(plant: Plant, recording: Recording, output: str) -> bool:
+    """Tell whether readings gather at their largest magnitude while the input goes on: rest needs one that stays."""
+    column, drive = recording.columns[output], recording.columns[plant.inputs[0].name]
+    found = gathering([column])
+    if found is None:
+        return False
+    standing = np.abs(np.abs(column) - found.level) <= found.half
+    pushed = (drive * np.sign(column))[standing]
+    return float(np.std(pushed)) > _GOES_ON * float(np.ptp(drive))
 
 
 def check_same(plant: Plant, train: Sequence[Recording]) -> None:

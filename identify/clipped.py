@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +14,10 @@ Array = NDArray[np.float64]
 _RUN = 5  # rows at exactly one value: fewer may be chance
 _STEEP = 4.0  # resolutions a row, and of noise: slower, and it may just have settled
 _ALTERNATE = -1 / 3  # correlation of neighboring second differences: -2/3 in white noise
+_NEAR = 0.05  # of the largest reading: a band, if the noise is not wider
+_SPREAD = 2.0  # deviations of noise to either side of a limit
+_MEDIAN = 1.0 / (0.6745 * math.sqrt(6.0))  # from the median second difference of white noise to its rms
+_HELD, _GATHERED = 0.02, 3.0  # share of rows in a band; times as many as in the band below and above all
 _STEADY = 0.5  # ratio of the last two steps before it rests: what settles slows down first
 
 
@@ -62,3 +68,30 @@ def _arrives(values: Array, first: int, resolution: float) -> bool:
         return False
     before, last, into = np.diff(values[first - 3 : first + 1]) * np.sign(values[first] - values[first - 1])
     return bool(into > 0.0 and last > _STEEP * resolution and last > _STEADY * before > 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Gathering:
+    """Readings whose magnitude gathers within `half` of `level` (their unit)."""
+
+    level: float
+    half: float
+
+
+def gathering(columns: Sequence[Array]) -> Gathering | None:
+    """Return where readings (n,) gather near their largest magnitude, as at a limit with noise behind it, or None.
+
+    What comes to rest there gathers, too.
+    """
+    sizes = np.sort(np.abs(np.concatenate(columns)))
+    top = float(sizes[-1])
+    bends = np.abs(np.concatenate([np.diff(column, 2) for column in columns]))
+    half = max(0.5 * _NEAR * top, _SPREAD * _MEDIAN * float(np.median(bends)) if len(bends) else 0.0)
+    bands = np.arange(top - 2.0 * half, 0.5 * top, -0.25 * half)  # lower ends of bands of 2 half
+    counts = [np.searchsorted(sizes, bands + k * half, "right") for k in (-2.0, 0.0, 2.0)]
+    held, below, above = counts[2] - counts[1], counts[1] - counts[0], len(sizes) - counts[2]
+    gathered = np.flatnonzero((held > _HELD * len(sizes)) & (held > _GATHERED * below) & (held > _GATHERED * above))
+    if not len(gathered):
+        return None
+    band = bands[gathered[np.argmax(held[gathered])]]
+    return Gathering(float(np.median(sizes[(sizes >= band) & (sizes <= band + 2.0 * half)])), half)

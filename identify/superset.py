@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from identify.assembly import Assembly
 from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
+from identify.clipped import gathering
 from identify.course import LONGEST_CHANGE, Course
 from identify.effect import Scales
 from identify.effects import find_effect
@@ -24,9 +25,6 @@ from identify.simulate import course_of, rest_start
 Array = NDArray[np.float64]
 
 _MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
-_NEAR, _HELD, _GATHERED = 0.05, 0.02, 3.0  # of the largest reading; share of rows; times as many as in the next band
-_SPREAD = 2.0  # deviations of noise to either side of a limit
-_MEDIAN = 1.0 / (0.6745 * math.sqrt(6.0))  # from the median second difference of white noise to its rms
 
 
 @dataclass(slots=True)
@@ -178,12 +176,14 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     )
     sizes = {key: value if value > 0.0 else 1.0 for key, value in peaks.items()}
     travel = max(places) - min(places)
+    largest = max(abs(low), abs(high)) or 1.0
+    end = gathering([recording.columns[plant.outputs[output].name] for recording in recordings])
     return Scales(
         input=sizes.get("input", 1.0),
-        output=max(abs(low), abs(high)) or 1.0,
+        output=largest,
         output_low=low,
         output_high=high,
-        plateau=plateau([recording.columns[plant.outputs[output].name] for recording in recordings]),
+        plateau=largest if end is None else end.level,
         current=sizes.get("current", 1.0),
         effort=sizes.get("effort", 1.0),
         speed=sizes.get("speed", 1.0),
@@ -197,25 +197,6 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         slew=sizes.get("slew", 1.0),
         level=sizes.get("level", 1.0),
     )
-
-
-def plateau(columns: Sequence[Array]) -> float:
-    """Return the magnitude near the largest one at which readings (n,) gather as at a limit; the largest otherwise.
-
-    What stands at a limit spreads by the noise, for which the second differences (white: sqrt(6) times its rms) stand.
-    """
-    sizes = np.sort(np.abs(np.concatenate(columns)))
-    top = float(sizes[-1])
-    bends = np.abs(np.concatenate([np.diff(column, 2) for column in columns]))
-    half = max(0.5 * _NEAR * top, _SPREAD * _MEDIAN * float(np.median(bends)) if len(bends) else 0.0)
-    bands = np.arange(top - 2.0 * half, 0.5 * top, -0.25 * half)  # lower ends of bands of 2 half
-    counts = [np.searchsorted(sizes, bands + k * half) for k in (-2.0, 0.0, 2.0)]
-    held, below, above = counts[2] - counts[1], counts[1] - counts[0], len(sizes) - counts[2]
-    gathered = np.flatnonzero((held > _HELD * len(sizes)) & (held > _GATHERED * below) & (held > _GATHERED * above))
-    if not len(gathered):
-        return top or 1.0
-    band = bands[gathered[np.argmax(held[gathered])]]
-    return float(np.median(sizes[(sizes >= band) & (sizes <= band + 2.0 * half)]))
 
 
 def efforts(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.clipped import cut_off
-from identify.superset import plateau
+from identify.clipped import cut_off, gathering
 
 TIME = np.arange(400) * 5e-3
 NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))
@@ -48,6 +47,7 @@ def test_steps_and_rest_are_not() -> None:
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])
 def test_readings_gather_at_a_limit_behind_which_the_noise_is(noise: float) -> None:
     disturbance = noise / 0.02 * NOISE
-    assert plateau([np.clip(WAVE, -7.0, 7.0) + disturbance]) == pytest.approx(7.0, rel=0.01)
-    assert plateau([np.clip(WAVE, 0.0, 7.0) + disturbance]) == pytest.approx(7.0, rel=0.01)
-    assert plateau([WAVE + disturbance]) > 9.9
+    for low in (-7.0, 0.0):
+        found = gathering([np.clip(WAVE, low, 7.0) + disturbance])
+        assert found is not None and found.level == pytest.approx(7.0, rel=0.01)
+    assert gathering([WAVE + disturbance]) is None
