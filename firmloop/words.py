@@ -61,7 +61,7 @@ def rounded_to(value: float, half: float) -> str:
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
-    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".")
+    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".").replace(".e", "e")
 
 
 def about_design(design: Design) -> list[str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identify.condition import Conditioning
 from identify.course import Engine
 from identify.covariance import Uncertainty, uncertainty
-from identify.enough import check_rows, check_span
+from identify.enough import check_answer, check_rows, check_span, check_step
 from identify.experiment import Experiment, aligned, best_start, check_moving, conditioned, delayed, experiments
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
@@ -97,6 +97,7 @@ def fit(
     for parts in seen:
         check_moving(parts)
     check_rows(plant, seen)
+    check_step(plant, seen)
     report(0.05, "choosing starting values")
     problem = make_problem(plant, engine, seen)
     best, costs = _best_trial(problem, starting_points(plant, engine, problem.experiments), report)
@@ -111,7 +112,11 @@ def fit(
         ),
         seen,
     )
-    return _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
+    found = _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
+    for parameter in found.plant.parameters:
+        if parameter.name == "gain" and parameter.free:
+            check_answer(found.plant, interval95(parameter), [recording.source for recording in train])
+    return found
 
 
 def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) -> Array:
@@ -285,7 +290,6 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
             said.append(
                 f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
                 f"{parameter.unit}".rstrip()
-                + "); the output hardly answers the input, or too little was recorded: "
-                "excite the plant more, or record longer"
+                + "); excite the plant more, or fix it with free = false"
             )
     return tuple(said)
