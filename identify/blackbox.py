@@ -218,7 +218,8 @@ def continuous(model: Sampled, period: float) -> Continuous:
     if bad:
         raise IdentifyError(
             f"model: the fit has a pole at {bad[0].real:.3g} in z, which no continuous plant of this order has; the "
-            "order is too high for these recordings, or the sampling too slow"
+            "order is too high for these recordings, the sampling too slow, or the noise the sensor's (then "
+            "structure = 'oe')"
         )
     order = len(model.a)
     block = np.zeros((order + 1, order + 1))
