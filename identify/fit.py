@@ -19,6 +19,7 @@ from identify.experiment import Experiment, aligned, best_start, check_moving, c
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
 from identify.recording import Recording
+from identify.residual_tests import unexplained
 from identify.scores import Scores, scores
 from identify.simulate import constants_of, rest_start, simulator
 from identify.start import starting_points
@@ -232,20 +233,25 @@ def _result(
     unknowns = (count + best.starts.size) / every.shape[1]
     noise = np.sqrt(np.sum(every**2, axis=0) / max(len(every) - unknowns, 1.0)) / problem.weights
     fitted = replace(plant, parameters=parameters)
+    grouped, began = _by_recording(problem, problem.experiments), _by_recording(problem, list(best.starts))
+    train = tuple(
+        _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
+    )
+    poor = [
+        said
+        for one, left in zip(train, _by_recording(problem, residuals), strict=True)
+        for column, (name, figures) in zip(np.concatenate(left).T, one.scores.items(), strict=True)
+        for said in unexplained(plant.kind, one.source, name, column, figures.r2)
+    ]
     return Fit(
         plant=fitted,
         covariance=covariance,
         free=tuple(plant.parameters[index].name for index in problem.free),
-        train=tuple(
-            _score(problem.engine, best.constants, parts, starts)
-            for parts, starts in zip(
-                _by_recording(problem, problem.experiments), _by_recording(problem, list(best.starts)), strict=True
-            )
-        ),
+        train=train,
         test=test,
         noise={signal.name: float(size) for signal, size in zip(plant.outputs, noise, strict=True)},
         starts=costs,
-        warnings=_warnings(fitted, problem.free, found),
+        warnings=(*_warnings(fitted, problem.free, found), *poor),
     )
 
 

@@ -138,6 +138,24 @@ def test_an_output_that_does_not_answer_is_refused(
     assert "trial1.csv" in said and words in said and not (tmp_path / "out").exists()
 
 
+def test_a_kind_that_misses_most_of_the_output_is_said(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A lag on what swings without end: its interval is no use, and nothing else would say so."""
+    for path in trials.parent.glob("trial*.csv"):
+        rows = [line.split(",") for line in path.read_text().splitlines()]
+        swings = [
+            ",".join([time, volts, f"{18 * (float(volts) > 0) * (1 - np.cos(30 * (float(time) - 0.1))):.5f}"])
+            for time, volts, _ in rows[1:]
+        ]
+        path.write_text("\n".join([",".join(rows[0]), *swings]) + "\n")
+    assert main(["identify", str(trials), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert (
+        "note: first_order explains only" in said and "speed_rad_s in trial1.csv, and what is left is no noise" in said
+    )
+
+
 @pytest.mark.parametrize("verb", ["identify", "step", "model"])
 def test_an_input_that_never_changes_is_refused(
     trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
