@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 
 from diagnose.plain import believed, leap, slow_rivals
+from diagnose.profile import profiled
 from diagnose.rank import MOST_EFFECTS, Progress, Search, further, settled
 from diagnose.refit import ended, noises_of, with_doubt
 from diagnose.shape import Shape, best_shape, weighed
@@ -53,5 +54,6 @@ def _confirmed(found: Search) -> Search:
     if not best.fitted.causes:
         return found
     scene.engine.hasten(LONGEST_CHANGE)
-    finer = with_doubt(scene, ended(scene, best.fitted, best.noises), best.noises)
+    finer = profiled(scene, ended(scene, best.fitted, best.noises), best.noises)
+    finer = with_doubt(scene, finer, best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))

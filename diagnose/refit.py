@@ -199,6 +199,17 @@ def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     return Fitted(causes, unknowns, point, tuple(residuals), cost, normal, wider)
 
 
+def cost_at(scene: Scene, fitted: Fitted, point: Point, noises: Sequence[Noise]) -> float:
+    """Return the cost of a fit's hypothesis at another point, tied to what is known beforehand."""
+    _, cost, _ = _judged(scene, scene.train, point, noises)
+    return cost + _pull(scene, fitted.coordinates, point, tethers(scene, fitted.coordinates))
+
+
+def moved(scene: Scene, fitted: Fitted, step: Array) -> Point:
+    """Return the point a step (k + s w,) of all unknowns away from a fit."""
+    return _moved(scene, fitted.coordinates, fitted.point, step, len(scene.engine.states))
+
+
 def _tied(packed: Array, tether: Array, at: Array) -> tuple[Array, Array]:
     """Return J'J (k + s w, same) and the descent of what `_packed` tells, tied to what is known beforehand."""
     count, weights = len(at), tether[:, :-1]
@@ -210,7 +221,7 @@ def _tied(packed: Array, tether: Array, at: Array) -> tuple[Array, Array]:
 
 def variances(normal: Array, count: int) -> Array:
     """Return the variances (k,) of the first `count` coordinates."""
-    return np.asarray(np.diag(_inverse(normal))[:count])
+    return np.asarray(np.diag(inverse(normal))[:count])
 
 
 def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -230,8 +241,8 @@ def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     own_places = range(count)
     first, second = _reduced(fitted.normal, own_places), _reduced(packed[:-1, :-1], own_places)
     across, pulled = packed[:count, count:-1], packed[:-1, -1]
-    score = across @ _inverse(packed[count:-1, count:-1]) @ pulled[count:] - pulled[:count]
-    own, joint = _inverse(first), _inverse(first + second)
+    score = across @ inverse(packed[count:-1, count:-1]) @ pulled[count:] - pulled[:count]
+    own, joint = inverse(first), inverse(first + second)
     moved = joint @ score
     allowed = np.diag(own) - np.diag(joint)
     telling = allowed > _TELLING * np.diag(own)
@@ -244,10 +255,10 @@ def _reduced(normal: Array, kept: Sequence[int]) -> Array:
     """Return the information on the coordinates `kept` once all others have been fitted."""
     rest = [k for k in range(len(normal)) if k not in kept]
     across = normal[np.ix_(kept, rest)]
-    return np.asarray(normal[np.ix_(kept, kept)] - across @ _inverse(normal[np.ix_(rest, rest)]) @ across.T)
+    return np.asarray(normal[np.ix_(kept, kept)] - across @ inverse(normal[np.ix_(rest, rest)]) @ across.T)
 
 
-def _inverse(normal: Array) -> Array:
+def inverse(normal: Array) -> Array:
     """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates."""
     sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=1e-12) / np.outer(sizes, sizes))

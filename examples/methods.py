@@ -16,7 +16,7 @@ SHARED = (
         "firmloop step of a recording, firmloop design of the closed loop",
     ),
     ("MAE, RMSE, R2", "firmloop identify --json, firmloop examine"),
-    ("residual analysis", "firmloop examine: whiteness, independence of the input, normality"),
+    ("residual analysis", "firmloop examine: whiteness, independence of the input, bias"),
     (
         "confidence intervals, Monte Carlo of 10,000 draws",
         "firmloop examine --draws 10000: covariance, both redrawings",

@@ -123,16 +123,18 @@ def _test(name: str, part: Table, found: Mapping[str, Found], project: Project) 
     if name == "locked_rotor_dc":
         return locked_rotor_dc(*readings)
     resistance = _needed(name, found, "R_ohm")
+    doubt = found["R_ohm"].deviation or 0.0
     if name == "locked_rotor_ac":
-        return locked_rotor_ac(readings[0], readings[1], readings[2], resistance)
-    return no_load(readings[0], readings[1], readings[2], resistance)
+        return locked_rotor_ac(readings[0], readings[1], readings[2], resistance, doubt)
+    return no_load(readings[0], readings[1], readings[2], resistance, doubt)
 
 
 def _moving(name: str, recording: Recording, found: Mapping[str, Found]) -> Mapping[str, Measured]:
     if name == "coast_down":
-        coulomb = found["coulomb_N_m"].value if "coulomb_N_m" in found else 0.0
         friction = _needed(name, found, "b_N_m_s_rad")
-        return coast_down(recording.time, column(recording, "speed_rad_s"), friction, coulomb)
+        dry = found.get("coulomb_N_m", Found(0.0, None, ""))
+        doubt = (found["b_N_m_s_rad"].deviation or 0.0, dry.deviation or 0.0)
+        return coast_down(recording.time, column(recording, "speed_rad_s"), friction, dry.value, doubt)
     needs = {key: _needed(name, found, key) for key in ("R_ohm", "ke_V_s_rad", "kt_N_m_A", "b_N_m_s_rad")}
     return step_test(one_point(step_response(recording, "voltage_V", "speed_rad_s"))["time_constant_s"], needs)
 

@@ -16,10 +16,20 @@ from firmloop.output import results_folder
 from firmloop.pipeline import conditioning_of, located, read_data
 from firmloop.project import Project, require
 from firmloop.project_text import made_text
-from firmloop.saturation import refuse_saturated
+from firmloop.saturation import cut_input, refuse_saturated
 from firmloop.table import Table
 from firmloop.words import rounded_to
-from identify.blackbox import EVEN, STRUCTURES, Continuous, Record, Sampled, check_records, continuous, redrawn
+from identify.blackbox import (
+    EVEN,
+    STRUCTURES,
+    Continuous,
+    Record,
+    Sampled,
+    check_answer,
+    check_records,
+    continuous,
+    redrawn,
+)
 from identify.condition import NONE, condition_input, condition_output
 from identify.fit import fit_start
 from identify.plant import IdentifyError
@@ -52,6 +62,7 @@ def model(project: Project, out: Path, console: Console) -> int:
             records = [_record(project, recording) for recording in data.train]
             check_records(records, order, late)
             sampled = STRUCTURES[structure](records, order, late)
+            check_answer(records, sampled)
             made = continuous(sampled, period)
         plant = _ode(project, made)
         judged = {
@@ -66,7 +77,8 @@ def model(project: Project, out: Path, console: Console) -> int:
             "project.toml": made_text(project, plant, "model", out),
         }
         write_files(files, folder)
-    console.lines(_lines(structure, made, judged, spread))
+    cut = cut_input(project, data.train)
+    console.lines(_lines(structure, made, judged, spread) + ([f"  note: {cut}"] if cut else []))
     console.result("model", result)
     console.lines([f"written: {out / 'project.toml'}"])
     console.result("written", [str(out / name) for name in files])
@@ -163,9 +175,7 @@ def _spread(
 
     Nor are there any by n4sid: it takes seconds a draw.
     """
-    if structure == "n4sid" or any(
-        not isinstance(one["whiteness"], float) or one["whiteness"] < WHITE for one in judged
-    ):
+    if structure == "n4sid" or not _white(judged):
         return None
     try:
         drawn = [continuous(one, period) for one in redrawn(structure, records, sampled, DRAWS)]
@@ -181,6 +191,11 @@ def _spread(
     }
 
 
+def _white(judged: Sequence[Mapping[str, object]]) -> bool:
+    """Tell whether every recording's residuals are white."""
+    return all(isinstance(one["whiteness"], float) and one["whiteness"] >= WHITE for one in judged)
+
+
 def _poles(made: Continuous) -> np.ndarray:
     return np.sort_complex(np.linalg.eigvals(made.a).astype(np.complex128))
 
@@ -193,12 +208,14 @@ def _lines(
 ) -> list[str]:
     poles, halves = _poles(made), [] if spread is None else spread["poles_rad_s"]
     assert isinstance(halves, list)
-    words = [f"{p.real:.3g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.3g}{p.imag:+.3g}j" for p in poles]
+    words = [f"{p.real:.2g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.2g}{p.imag:+.2g}j" for p in poles]
     lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
     if spread is None:
-        lines.append(f"  gain at rest {_gain(made):.3g}, poles {', '.join(words)} rad/s")
+        lines.append(f"  gain at rest {_gain(made):.2g}, poles {', '.join(words)} rad/s")
         why = "they need structure = 'arx' or 'oe'"
-        if structure != "n4sid":
+        if structure != "n4sid" and _white(judged["train"]):
+            why = "with its residuals drawn anew the model has no continuous form any more; lower order"
+        elif structure != "n4sid":
             why = "the residuals are not white, so that drawing them anew repeats nothing; raise order"
         if structure == "arx":
             why += ", or take structure = 'oe' where the noise is the sensor's"

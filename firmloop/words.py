@@ -60,8 +60,10 @@ def rounded_to(value: float, half: float) -> str:
     """Write a value down to the second digit of the half width of its interval."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
+    if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(half)) - 1):
+        return "0"
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
-    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".")
+    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".").replace(".e", "e")
 
 
 def about_design(design: Design) -> list[str]:

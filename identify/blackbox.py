@@ -21,6 +21,7 @@ import pandas as pd
 import scipy.linalg
 import scipy.optimize
 import scipy.signal
+import scipy.stats
 from nfoursid.nfoursid import NFourSID
 from numpy.typing import NDArray
 
@@ -29,6 +30,7 @@ from identify.plant import IdentifyError
 Array = NDArray[np.float64]
 
 PER_UNKNOWN = 10  # rows that a model needs for each of its coefficients
+CERTAIN = 0.999  # probability with which noise would not let itself be explained so far
 EVEN = 1e-3  # share of a period by which samples may be early or late
 
 
@@ -129,8 +131,7 @@ def redrawn(structure: str, records: Sequence[Record], model: Sampled, draws: in
 
     That is right where the residuals are white, which the caller has to test.
     """
-    num, den = scipy.signal.ss2tf(model.a, model.b[:, None], model.c[None, :], np.zeros((1, 1)))
-    plain = _companion(den[1:], num[0][1:], model.late)
+    plain = _plain(model)
     shown = [_simulated(plain, record) for record in records]
     left = [record.output - made for record, made in zip(records, shown, strict=True)]
     random = np.random.default_rng(1)
@@ -164,6 +165,39 @@ def check_records(records: Sequence[Record], order: int, late: int) -> None:
             f"{records[0].source}: the input excites {max(richness)} directions, and a model of order {order} needs at "
             f"least {order}; play a richer signal, such as one of `firmloop excite`"
         )
+    for record in records:
+        if np.ptp(record.output) == 0.0:
+            raise IdentifyError(f"{record.source}: the output never changes; record the plant while it moves")
+
+
+def check_answer(records: Sequence[Record], model: Sampled) -> None:
+    """Refuse recordings of which neither the model nor output error explains more than it would of white noise.
+
+    Off white noise, least squares with as many coefficients as the model and its starts have take about as many times
+    its variance (chi-squared).
+    """
+    order, rows = len(model.a), sum(len(record.output) for record in records)
+    enough = float(scipy.stats.chi2.ppf(CERTAIN, 4 * order)) / rows
+    explained = _explained(_plain(model), records)
+    if not explained > enough:
+        explained = _explained(fit_oe(records, order, model.late), records)
+    if not explained > enough:
+        raise IdentifyError(
+            f"{records[0].source}: the output does not answer the input: a model of order {order} explains "
+            f"{max(100.0 * explained, 0.0):.2g} % of it, no more than of noise; check the wiring, or excite the plant"
+        )
+
+
+def _explained(model: Sampled, records: Sequence[Record]) -> float:
+    """Return the share of the output's variance that a simulation explains."""
+    left = [np.var(np.clip(record.output - _simulated(model, record), -1e12, 1e12)) for record in records]
+    return 1.0 - float(np.sum(left) / np.sum([np.var(record.output) for record in records]))
+
+
+def _plain(model: Sampled) -> Sampled:
+    """Return the model in companion form."""
+    above, below = scipy.signal.ss2tf(model.a, model.b[:, None], model.c[None, :], np.zeros((1, 1)))
+    return _companion(below[1:], above[0][1:], model.late)
 
 
 def continuous(model: Sampled, period: float) -> Continuous:
@@ -184,7 +218,8 @@ def continuous(model: Sampled, period: float) -> Continuous:
     if bad:
         raise IdentifyError(
             f"model: the fit has a pole at {bad[0].real:.3g} in z, which no continuous plant of this order has; the "
-            "order is too high for these recordings, or the sampling too slow"
+            "order is too high for these recordings, the sampling too slow, or the noise the sensor's (then "
+            "structure = 'oe')"
         )
     order = len(model.a)
     block = np.zeros((order + 1, order + 1))

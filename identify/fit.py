@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from identify.condition import Conditioning
 from identify.course import Engine
 from identify.covariance import Uncertainty, uncertainty
-from identify.enough import check_rows, check_span
+from identify.enough import check_answer, check_rows, check_span, check_step
 from identify.experiment import Experiment, aligned, best_start, check_moving, conditioned, delayed, experiments
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
 from identify.recording import Recording
+from identify.residual_tests import unexplained
 from identify.scores import Scores, scores
 from identify.simulate import constants_of, rest_start, simulator
 from identify.start import starting_points
@@ -97,6 +98,7 @@ def fit(
     for parts in seen:
         check_moving(parts)
     check_rows(plant, seen)
+    check_step(plant, seen)
     report(0.05, "choosing starting values")
     problem = make_problem(plant, engine, seen)
     best, costs = _best_trial(problem, starting_points(plant, engine, problem.experiments), report)
@@ -111,7 +113,11 @@ def fit(
         ),
         seen,
     )
-    return _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
+    found = _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
+    for parameter in found.plant.parameters:
+        if parameter.name == "gain" and parameter.free:
+            check_answer(found.plant, interval95(parameter), [recording.source for recording in train])
+    return found
 
 
 def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) -> Array:
@@ -227,20 +233,25 @@ def _result(
     unknowns = (count + best.starts.size) / every.shape[1]
     noise = np.sqrt(np.sum(every**2, axis=0) / max(len(every) - unknowns, 1.0)) / problem.weights
     fitted = replace(plant, parameters=parameters)
+    grouped, began = _by_recording(problem, problem.experiments), _by_recording(problem, list(best.starts))
+    train = tuple(
+        _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
+    )
+    poor = [
+        said
+        for one, left in zip(train, _by_recording(problem, residuals), strict=True)
+        for column, (name, figures) in zip(np.concatenate(left).T, one.scores.items(), strict=True)
+        for said in unexplained(plant.kind, one.source, name, column, figures.r2)
+    ]
     return Fit(
         plant=fitted,
         covariance=covariance,
         free=tuple(plant.parameters[index].name for index in problem.free),
-        train=tuple(
-            _score(problem.engine, best.constants, parts, starts)
-            for parts, starts in zip(
-                _by_recording(problem, problem.experiments), _by_recording(problem, list(best.starts)), strict=True
-            )
-        ),
+        train=train,
         test=test,
         noise={signal.name: float(size) for signal, size in zip(plant.outputs, noise, strict=True)},
         starts=costs,
-        warnings=_warnings(fitted, problem.free, found),
+        warnings=(*_warnings(fitted, problem.free, found), *poor),
     )
 
 
@@ -285,7 +296,6 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
             said.append(
                 f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
                 f"{parameter.unit}".rstrip()
-                + "); the output hardly answers the input, or too little was recorded: "
-                "excite the plant more, or record longer"
+                + "); excite the plant more, or fix it with free = false"
             )
     return tuple(said)

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MOST_LAGS = 25
+POOR = 0.75  # of an output's variance: less is a fit below 50 %
+MEMORY = 1.0  # von Neumann's ratio, 2 for white noise
 CERTAIN = 0.05  # a test fails where so small a chance would have to be believed in
 
 
@@ -58,6 +60,17 @@ def residual_tests(residual: Array, drive: Array) -> ResidualTests:
     bias = float(2 * scipy.stats.norm.sf(abs(float(residual.mean())) / long_run))
     independence, worst = _independence(e, u, lags)
     return ResidualTests(lags, whiteness, independence, bias, worst)
+
+
+def unexplained(kind: str, source: str, output: str, residual: Array, r2: float) -> tuple[str, ...]:
+    """Say where a model leaves much of an output (r2 of it explained) in residuals (n,) that are no noise."""
+    power = float(residual @ residual)
+    if not r2 < POOR or power == 0.0 or float(np.sum(np.diff(residual) ** 2)) > MEMORY * power:
+        return ()
+    return (
+        f"{kind} explains only {100.0 * max(r2, 0.0):.2g} % of the variance of {output} in {source}, and what is left "
+        "is no noise: its intervals mean little; try another kind, or let diagnose say what is missing",
+    )
 
 
 def _independence(e: Array, u: Array, lags: int) -> tuple[float, int]:

@@ -12,16 +12,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.optimize
+import scipy.stats
 from numpy.typing import NDArray
 
 from identify.plant import IdentifyError
 
 Array = NDArray[np.float64]
 
+APART = 0.2  # of the largest reading: readings closer together are repeats of one point and tell no slope
+_NORMAL_95 = 1.959963984540054
+
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One parameter as a test gave it; `deviation` is one standard deviation, None where one reading cannot tell."""
+    """One parameter as a test gave it, with its standard deviation, None where the readings cannot tell it.
+
+    Of few readings it is widened by Student's t: 1.96 of it to each side are a 95 % interval.
+    """
 
     value: float
     deviation: float | None
@@ -30,19 +37,26 @@ class Measured:
 def locked_rotor_dc(voltage: Sequence[float], current: Sequence[float]) -> Mapping[str, Measured]:
     """R from volts over amperes at standstill: U = U_b + R I, the brushes' drop U_b taken by the line's offset.
 
-    One reading: R = U/I.
+    One reading, or repeats of one: R = U/I.
     """
-    if len(voltage) == 1:
-        return {"R_ohm": Measured(voltage[0] / current[0], None)}
+    if _repeats(current):
+        return {"R_ohm": _mean([volts / amperes for volts, amperes in zip(voltage, current, strict=True)])}
     slope, _, deviation, _ = _line("locked_rotor_dc", current, voltage)
     return {"R_ohm": _above_zero("locked_rotor_dc", "resistance", slope, deviation)}
 
 
 def locked_rotor_ac(
-    voltage: Sequence[float], current: Sequence[float], frequency: Sequence[float], resistance: float
+    voltage: Sequence[float],
+    current: Sequence[float],
+    frequency: Sequence[float],
+    resistance: float,
+    doubt: float = 0.0,
 ) -> Mapping[str, Measured]:
-    """L from the impedance at standstill (rms values): (U/I)^2 = R^2 + (2 pi f L)^2, averaged over the readings."""
-    found = []
+    """L from the impedance at standstill (rms values): (U/I)^2 = R^2 + (2 pi f L)^2, averaged over the readings.
+
+    `doubt` is the deviation of the resistance, ohm; it moves all readings the same way.
+    """
+    found, slopes = [], []
     for volts, amperes, hertz in zip(voltage, current, frequency, strict=True):
         impedance = volts / amperes
         if impedance <= resistance:
@@ -50,17 +64,19 @@ def locked_rotor_ac(
                 f"standard_tests.locked_rotor_ac: {volts:g} V and {amperes:g} A at {hertz:g} Hz make {impedance:.3g} "
                 f"ohm, not above the resistance of {resistance:.3g} ohm; use a higher frequency, or measure it again"
             )
-        found.append(math.sqrt(impedance**2 - resistance**2) / (2 * math.pi * hertz))
-    deviation = float(np.std(found, ddof=1)) / math.sqrt(len(found)) if len(found) > 1 else None
-    return {"L_H": Measured(float(np.mean(found)), deviation)}
+        reactance = math.sqrt(impedance**2 - resistance**2)
+        found.append(reactance / (2 * math.pi * hertz))
+        slopes.append(resistance / reactance / (2 * math.pi * hertz))
+    return {"L_H": _doubted(_mean(found), float(np.mean(slopes)) * doubt)}
 
 
 def no_load(
-    voltage: Sequence[float], current: Sequence[float], speed: Sequence[float], resistance: float
+    voltage: Sequence[float], current: Sequence[float], speed: Sequence[float], resistance: float, doubt: float = 0.0
 ) -> Mapping[str, Measured]:
     """Ke and friction from steady running without load: U - R I = ke w, and kt I = Tc + b w with kt = ke.
 
-    One reading leaves friction all viscous: b = ke I/w. From two speeds on the Coulomb part Tc is told apart.
+    One speed leaves friction all viscous: b = ke I/w. From two speeds on the Coulomb part Tc is told apart; a part that
+    comes out below 0 is 0, and the other is found anew. `doubt` is the deviation of the resistance, ohm.
     """
     u, i, w = (np.array(values, dtype=np.float64) for values in (voltage, current, speed))
     emf = u - resistance * i
@@ -70,25 +86,30 @@ def no_load(
             f"standard_tests.no_load: R I = {resistance * i[0]:.3g} V is more than the {u[0]:g} V applied; check the "
             "resistance, and the signs of voltage and speed"
         )
-    count = len(w)
-    spread = float(np.sum((emf - ke * w) ** 2)) / (count - 1) if count > 1 else math.nan
-    constant = Measured(ke, math.sqrt(spread / float(w @ w)) if count > 1 else None)
+    own = _mean((emf / w).tolist())
+    constant = _doubted(Measured(ke, own.deviation), float(i @ w / (w @ w)) * doubt)
     found = {"ke_V_s_rad": constant, "kt_N_m_A": constant}
-    if count == 1:
-        return {**found, "b_N_m_s_rad": Measured(ke * float(i[0]) / float(w[0]), None)}
-    slope, offset, deviation, offset_deviation = _line("no_load", np.abs(w).tolist(), (ke * np.abs(i)).tolist())
-    return {
-        **found,
-        "b_N_m_s_rad": Measured(max(slope, 0.0), deviation),
-        "coulomb_N_m": Measured(max(offset, 0.0), offset_deviation),
-    }
+    torque = ke * np.abs(i)
+    if _repeats(np.abs(w).tolist()):
+        friction = {"b_N_m_s_rad": _mean((torque / np.abs(w)).tolist())}
+    else:
+        slope, offset, deviation, offset_deviation = _line("no_load", np.abs(w).tolist(), torque.tolist())
+        friction = {"b_N_m_s_rad": Measured(slope, deviation), "coulomb_N_m": Measured(offset, offset_deviation)}
+        if offset < 0.0:
+            friction = {"b_N_m_s_rad": _mean((torque / np.abs(w)).tolist()), "coulomb_N_m": Measured(0.0, None)}
+        elif slope < 0.0:
+            friction = {"b_N_m_s_rad": Measured(0.0, None), "coulomb_N_m": _mean(torque.tolist())}
+    share = (constant.deviation or 0.0) / ke
+    return found | {name: _doubted(one, one.value * share) for name, one in friction.items()}
 
 
-def coast_down(time: Array, speed: Array, damping: float, coulomb: float) -> Mapping[str, Measured]:
+def coast_down(
+    time: Array, speed: Array, damping: float, coulomb: float, doubt: tuple[float, float] = (0.0, 0.0)
+) -> Mapping[str, Measured]:
     """J from free running to a stop, time (n,) in s and speed (n,) in rad/s: J dw/dt = -b w - Tc.
 
     w = (w0 + Tc/b) exp(-t b/J) - Tc/b is fitted for J and w0; b = 0 makes it a straight line. The retardation test of
-    IEEE Std 113.
+    IEEE Std 113. `doubt` are the deviations of damping and Coulomb friction, whose torque J is proportional to.
     """
     sign = math.copysign(1.0, float(speed[0]))
     moving = sign * speed > 0.05 * abs(float(speed[0]))
@@ -113,7 +134,9 @@ def coast_down(time: Array, speed: Array, damping: float, coulomb: float) -> Map
     found, covariance = scipy.optimize.curve_fit(
         curve, t, w, p0=(guess, float(w[0])), bounds=([1e-30, 0], np.inf), x_scale=(guess, float(w[0]))
     )
-    return {"J_kg_m2": Measured(float(found[0]), float(math.sqrt(covariance[0, 0])))}
+    inertia, middle = float(found[0]), float(w.mean())
+    unsure = math.hypot(doubt[0] * middle, doubt[1]) / (damping * middle + coulomb)
+    return {"J_kg_m2": _doubted(Measured(inertia, float(math.sqrt(covariance[0, 0]))), inertia * unsure)}
 
 
 def step_test(time_constant: float, parameters: Mapping[str, float]) -> Mapping[str, Measured]:
@@ -128,12 +151,32 @@ def _above_zero(test: str, what: str, value: float, deviation: float | None) -> 
     return Measured(value, deviation)
 
 
+def _repeats(values: Sequence[float]) -> bool:
+    """Tell whether readings are one, or several of one point."""
+    return max(values) - min(values) < APART * max(abs(value) for value in values)
+
+
+def _mean(values: Sequence[float]) -> Measured:
+    """Mean of readings, with the deviation of the mean; a single one has none."""
+    count = len(values)
+    if count == 1:
+        return Measured(values[0], None)
+    return Measured(float(np.mean(values)), _widened(float(np.std(values, ddof=1)) / math.sqrt(count), count - 1))
+
+
+def _widened(deviation: float, freedom: int) -> float:
+    return deviation * float(scipy.stats.t.ppf(0.975, freedom)) / _NORMAL_95
+
+
+def _doubted(one: Measured, more: float) -> Measured:
+    """Add an independent deviation; where the readings tell none, it is all that is known."""
+    return one if more == 0.0 else Measured(one.value, math.hypot(one.deviation or 0.0, more))
+
+
 def _line(test: str, x: Sequence[float], y: Sequence[float]) -> tuple[float, float, float | None, float | None]:
     """Slope and offset of a straight line, and their standard deviations from three readings on."""
     if len(x) != len(y):
         raise IdentifyError(f"standard_tests.{test} has {len(x)} and {len(y)} readings; give as many of each")
-    if max(x) - min(x) <= 1e-6 * max(abs(value) for value in x):
-        raise IdentifyError(f"standard_tests.{test}: all readings are at one point; take them at different ones")
     if len(x) == 2:
         slope = (y[1] - y[0]) / (x[1] - x[0])
         return slope, y[0] - slope * x[0], None, None
@@ -142,6 +185,6 @@ def _line(test: str, x: Sequence[float], y: Sequence[float]) -> tuple[float, flo
     return (
         float(found[0]),
         float(found[1]),
-        math.sqrt(spread * covariance[0, 0]),
-        math.sqrt(spread * covariance[1, 1]),
+        _widened(math.sqrt(spread * covariance[0, 0]), len(x) - 2),
+        _widened(math.sqrt(spread * covariance[1, 1]), len(x) - 2),
     )

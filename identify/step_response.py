@@ -20,6 +20,7 @@ FEWEST = 10  # rows after the step that a response is measured from
 STEADY = 0.005  # share of the input's step within which it counts as held
 CLEAR = 0.25  # of the change: how well a drift at the end has to be known
 CERTAIN = 0.001  # chance below which a response is said to drift still
+LIKELY = 0.05  # and where twice as many rows say so, too
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,9 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
         )
     fitted = scipy.stats.linregress(tail_time, tail)
     swing = float(np.ptp(smooth[-last:] - fitted.slope * tail_time))
-    if swing > 0.1 * abs(change) + 4 * noise:
+    # Where nothing was smoothed: as far apart as the extremes of so many rows of Gaussian noise come.
+    extremes = 4.0 if _window(response) else 1.0 + 2.0 * math.sqrt(2.0 * math.log(last))
+    if swing > 0.1 * abs(change) + extremes * noise:
         raise IdentifyError(
             f"{where}the response never settles: in its last {tail_time[-1] - tail_time[0]:.3g} s {output} still "
             f"swings by {swing:.2g} {unit}, {100 * swing / abs(change):.2g} % of its change; record longer"
@@ -112,7 +115,9 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
             f"{100 * CLEAR:.0f} % would do; record longer, or with less noise"
         )
     drift = float(fitted.slope) * float(tail_time[-1] - tail_time[0])
-    clear = noise == 0.0 or fitted.pvalue < CERTAIN
+    clear = (
+        noise == 0.0 or fitted.pvalue < CERTAIN or (fitted.pvalue < LIKELY and _drifts(response, moment, fitted.slope))
+    )
     if clear and abs(drift) > 0.02 * abs(change):
         raise IdentifyError(
             f"{where}the response never settles: in its last {tail_time[-1] - tail_time[0]:.3g} s {output} still moves "
@@ -122,6 +127,13 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
     return StepResponse(
         recording.source, moment, response, (float(u[0]), float(u[first])), start, final, noise, unit, first + 1
     )
+
+
+def _drifts(response: Array, moment: Array, slope: float) -> bool:
+    """Tell whether a response drifts in twice as many rows as its final value is the mean of, and the same way."""
+    rows = 2 * _last(response)
+    wide = scipy.stats.linregress(moment[-rows:], response[-rows:])
+    return bool(wide.pvalue < CERTAIN and wide.slope * slope > 0.0)
 
 
 def redrawn(response: StepResponse, random: np.random.Generator) -> StepResponse:

@@ -105,18 +105,68 @@ def test_an_input_that_saturates_is_said(
     assert len(said.splitlines()) == 1
 
 
-def test_identify_says_what_a_fit_cannot_mend(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An actuator that saturates, and an output that does not answer."""
+def noise_alone(trials: Path) -> None:
+    """Write the trials anew with an output that does not answer."""
     random = np.random.default_rng(3)
     for path in trials.parent.glob("trial*.csv"):
         lines = path.read_text().splitlines()
         noise = [",".join([*line.split(",")[:2], f"{random.normal():.4f}"]) for line in lines[1:]]
         path.write_text("\n".join([lines[0], *noise]) + "\n")
+
+
+def test_identify_says_what_a_fit_cannot_mend(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trials.write_text(PROJECT + '[signals]\noutput = { unit = "V", low = -10, high = 10 }\n')
     assert main(["identify", str(trials), "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
-    assert "note: gain cannot be told from 0 (95 % interval -" in said
     assert "note: voltage_V of trial1.csv goes to 12 V, but signals.output ends at -10 and 10" in said
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        ("identify", "gain cannot be told from 0 (95 % interval -"),
+        ("model", "the output does not answer the input: a model of order 2 explains"),
+        ("step", "speed_rad_s does not answer the step of voltage_V from 0 to 12"),
+    ],
+)
+def test_an_output_that_does_not_answer_is_refused(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, words: str
+) -> None:
+    noise_alone(trials)
+    assert main([verb, str(trials), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "trial1.csv" in said and words in said and not (tmp_path / "out").exists()
+
+
+def test_a_kind_that_misses_most_of_the_output_is_said(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A lag on what swings without end: its interval is no use, and nothing else would say so."""
+    for path in trials.parent.glob("trial*.csv"):
+        rows = [line.split(",") for line in path.read_text().splitlines()]
+        swings = [
+            ",".join([time, volts, f"{18 * (float(volts) > 0) * (1 - np.cos(30 * (float(time) - 0.1))):.5f}"])
+            for time, volts, _ in rows[1:]
+        ]
+        path.write_text("\n".join([",".join(rows[0]), *swings]) + "\n")
+    assert main(["identify", str(trials), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert (
+        "note: first_order explains only" in said and "speed_rad_s in trial1.csv, and what is left is no noise" in said
+    )
+
+
+@pytest.mark.parametrize("verb", ["identify", "step", "model"])
+def test_an_input_that_never_changes_is_refused(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    """It stood at 12 V long before the first row, so that nothing but a gain could be told."""
+    noise_alone(trials)
+    for path in trials.parent.glob("trial*.csv"):
+        path.write_text(path.read_text().replace(",0,", ",12,"))
+    assert main([verb, str(trials), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert ("excites 1 directions" if verb == "model" else "voltage_V is 12 in every row") in said
 
 
 def test_a_negative_gain_is_a_gain(trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -119,6 +119,37 @@ def test_no_load_tells_viscous_from_coulomb_friction():
         no_load([1.0], [0.5], [100.0], R)
 
 
+def test_repeats_of_one_point_are_averaged_by_students_t():
+    """Three readings each, as close as a bench makes them: no slope can be told, and 4.303 deviations are 95 %."""
+    volts, amperes = [1.0, 1.01, 0.99], [1.0 / R, 1.002 / R, 0.997 / R]
+    found = locked_rotor_dc(volts, amperes)["R_ohm"]
+    each = np.array(volts) / np.array(amperes)
+    assert found.value == pytest.approx(np.mean(each))
+    assert 1.96 * found.deviation == pytest.approx(4.3027 * np.std(each, ddof=1) / math.sqrt(3), rel=1e-3)
+    running = no_load([12.0] * 3, [0.007, 0.0071, 0.0069], [870.0, 871.0, 869.0], R)
+    assert "coulomb_N_m" not in running
+    assert running["b_N_m_s_rad"].value == pytest.approx(running["ke_V_s_rad"].value * 0.007 / 870.0, rel=1e-3)
+    assert 0.01 < 1.96 * running["b_N_m_s_rad"].deviation / running["b_N_m_s_rad"].value < 0.1
+
+
+def test_what_is_unsure_of_the_resistance_is_unsure_of_all_that_rests_on_it():
+    volts = 0.05 * np.hypot(R, 2 * math.pi * 1e4 * L)
+    doubt = 0.5
+    found = locked_rotor_ac([volts] * 3, [0.05] * 3, [1e4] * 3, R, doubt)["L_H"]
+    moved = locked_rotor_ac([volts], [0.05], [1e4], R + 1e-3)["L_H"].value
+    assert found.deviation == pytest.approx(abs(moved - found.value) / 1e-3 * doubt, rel=1e-2)
+    constant = no_load([12.0], [0.007], [870.0], R, doubt)["ke_V_s_rad"]
+    assert constant.deviation == pytest.approx(doubt * 0.007 / 870.0)
+
+
+def test_a_friction_below_zero_is_none():
+    """Current that rises faster than speed: there is no Coulomb part, and all of it is viscous."""
+    found = no_load([4.0, 8.0, 12.0], [0.002, 0.005, 0.009], [290.0, 580.0, 860.0], R)
+    assert found["coulomb_N_m"].value == 0.0
+    ratio = found["kt_N_m_A"].value * np.array([0.002, 0.005, 0.009]) / np.array([290.0, 580.0, 860.0])
+    assert found["b_N_m_s_rad"].value == pytest.approx(float(np.mean(ratio)))
+
+
 @pytest.mark.parametrize("coulomb", [0.0, TC])
 @pytest.mark.parametrize("damping", [0.0, B])
 def test_coast_down(damping, coulomb):

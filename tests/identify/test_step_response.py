@@ -121,6 +121,31 @@ def test_a_few_rows_of_a_rise_are_no_settled_response() -> None:
         step_response(made, "u", "y")
 
 
+def test_the_first_tenth_of_a_time_constant_is_no_settled_response() -> None:
+    """Too few rows at the end to be certain of the drift, but twice as many say so, too."""
+    time = np.arange(150) * 0.001
+    missed = 0
+    for seed in range(40):
+        rise = 20.0 * (1.0 - np.exp(-np.clip(time - 0.1, 0.0, None) / 0.5))
+        noisy = rise + np.random.default_rng(seed).normal(0, 0.05, 150)
+        made = make_recording(time, {"u": np.where(time >= 0.1, 10.0, 0.0), "y": noisy}, "short.csv", "")
+        try:
+            step_response(made, "u", "y")
+        except IdentifyError as error:
+            assert "never settles" in str(error)
+        else:
+            missed += 1
+    assert missed <= 4, missed
+
+
+def test_noise_is_no_swing() -> None:
+    time = np.arange(2000) * 0.001
+    noisy = np.where(time >= 0.1, 20.0, 0.0) + np.random.default_rng(3).normal(0, 50.0, 2000)
+    made = make_recording(time, {"u": np.where(time >= 0.1, 10.0, 0.0), "y": noisy}, "loud.csv", "")
+    with pytest.raises(IdentifyError, match="or with less noise"):
+        step_response(made, "u", "y")
+
+
 def test_trials_by_students_t():
     """Three values: t_0.975(2) = 4.3027."""
     found = repeated([1.0, 2.0, 4.0])

@@ -1,0 +1,76 @@
+"""Try out how far an effect's parameters may move: a deviation is a promise about the cost, and it may be broken.
+
+A standard deviation tells of a cost that rises as a parabola: by 4 two deviations away. That of a moment, a limit or a
+gap has kinks, and rises as a random walk does. The interval is then where the cost has risen by 3.84, which is its
+95 % (the profile likelihood; Venzon & Moolgavkar, Applied Statistics 37 (1988) 87-94), the other unknowns following
+along the parabola's own path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Point, Scene
+from diagnose.noise import Noise
+from diagnose.refit import Fitted, cost_at, ended, inverse, moved
+
+Array = NDArray[np.float64]
+
+_RISE = 3.841458820694124  # 95 % of chi-squared with one degree of freedom
+_REACHES = (2.0, 4.0, 8.0, 16.0)  # deviations
+_FOUND = 0.5  # decrease of the cost that is worth fitting again from there
+_MOMENTS = ".time_s"
+_SCAN = np.arange(-40.0, 41.0, 2.0)  # deviations within which a moment may have a better place
+_TURNS = 3
+
+
+def profiled(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Return the fit with deviations as far as the cost allows; from a better place, should one be met on the way."""
+    for _ in range(_TURNS):
+        factors, better = _tried(scene, fitted, noises)
+        if better is None:
+            known = np.ones(len(factors)) if fitted.wider is None else fitted.wider
+            return replace(fitted, wider=np.maximum(known, factors))
+        fitted = ended(scene, replace(fitted, point=better, wider=None), noises)
+    return fitted
+
+
+def _tried(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, Point | None]:
+    """Return by what deviations (k,) have to be widened, and the best place met where that is better than the fit."""
+    factors = np.ones(len(fitted.coordinates))
+    covariance = inverse(fitted.normal)
+    here = cost_at(scene, fitted, fitted.point, noises)
+    best, least = None, here - _FOUND
+    own = {key for cause in fitted.causes for key in cause.keys}
+    for index, each in enumerate(fitted.coordinates):
+        spread = float(np.sqrt(max(covariance[index, index], 0.0)))
+        if each.name not in own or not 0.0 < spread < np.inf:
+            continue
+        path = covariance[:, index] / spread
+        for reach in _SCAN if each.name.endswith(_MOMENTS) else ():
+            place = moved(scene, fitted, reach * path)
+            cost = cost_at(scene, fitted, place, noises)
+            if cost < least:
+                best, least = place, cost
+        for sign in (1.0, -1.0):
+            before, risen = 0.0, 0.0
+            for reach in _REACHES:
+                place = moved(scene, fitted, sign * reach * path)
+                cost = cost_at(scene, fitted, place, noises)
+                if cost < least:
+                    best, least = place, cost
+                rise = max(cost - here, risen)
+                if rise >= _RISE:
+                    crossed = before + (reach - before) * (np.sqrt(_RISE) - np.sqrt(risen)) / (
+                        np.sqrt(rise) - np.sqrt(risen)
+                    )
+                    factors[index] = max(factors[index], crossed / np.sqrt(_RISE))
+                    break
+                before, risen = reach, rise
+            else:
+                factors[index] = max(factors[index], _REACHES[-1] / np.sqrt(_RISE))
+    return factors, best
