@@ -20,7 +20,8 @@ import sys
 import numpy as np
 import scipy.linalg
 
-from design.active_set import CAPPED, INFEASIBLE, SOLVED, exact, solve
+from design.active_set import exact, solve
+from design.dual_search import CAPPED, INFEASIBLE, SOLVED
 from design.kinds import design
 from design.law import DesignError, Law
 from design.region import drawn_parameters

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from design.active_set import COLUMN, FAR, Raw, Rows, tolerance_of
+from design.active_set import FAR, Raw, Rows, tolerance_of
+from design.dual_search import COLUMN
 from design.law import Quadratic
 from quantize.program import Table
 
