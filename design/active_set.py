@@ -23,7 +23,9 @@ before it is added, the first of equal candidates is taken, and a row that is no
 Where single precision is near its end (limits of moves and of their changes beside stiff soft ones), multipliers get so
 large that y = slope p - gram m is known to 2^-10 at best. There a search is `checked`: rows count as violated beyond
 what such multipliers round away, and what it ends with, or would call infeasible, is refined from the moves,
-y = shift p + onward v - softness m, where nothing large cancels; the search goes on with what that finds.
+y = shift p + onward v - softness m, where nothing large cancels; the search goes on with what that finds. Where hard
+limits of states can leave no moves, an answer that is not checked is believed only if its multipliers are known finely
+enough to tell.
 """
 
 from __future__ import annotations
@@ -50,9 +52,9 @@ class Rows:
     `scale` turns the first k rows into the moves; at most `room` rows are active; a row is violated beyond `tolerance`
     and, in a search, `share` of what the unconstrained optimum violates most; one whose pivot is below `least` depends
     on the active ones; `budget` is the work of one search at most. Where `moves` is not 0, answers are checked: rows
-    are violated beyond `noise` of the largest multiplier, and refined until no move is corrected by `trusted`; the rows
-    behind the first `moves`, those of every move, are `shift` (c, p) of the parameters and `onward` (c, moves) of
-    these, less `softness` (c,) of their multipliers.
+    are violated beyond `noise` of the largest multiplier, and refined until no move is corrected by `trusted` and no
+    hard active row missed by `kept`; the rows behind the first `moves`, those of every move, are `shift` (c, p) of the
+    parameters and `onward` (c, moves) of these, less `softness` (c,) of their multipliers.
     """
 
     slope: Raw
@@ -63,6 +65,7 @@ class Rows:
     tolerance: float
     share: float
     trusted: float
+    kept: float
     noise: float
     least: float
     room: int
@@ -97,7 +100,7 @@ def exact(problem: Quadratic) -> Rows:
     room, none = min(problem.freedom, len(low)), np.zeros((0, 0))
     budget = ENDLESS * (room + COLUMN) ** 2
     return Rows(
-        problem.slope, low, high, problem.gram, problem.scale, tolerance, share, 0.0, 0.0, least, room, budget,
+        problem.slope, low, high, problem.gram, problem.scale, tolerance, share, 0.0, FAR, 0.0, least, room, budget,
         0, none, none, np.zeros(0),
     )  # fmt: skip
 
@@ -123,6 +126,7 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
         tolerance=kind.type(rows.tolerance),
         share=kind.type(rows.share),
         trusted=kind.type(rows.trusted),
+        kept=kind.type(rows.kept),
         noise=kind.type(rows.noise),
         least=kind.type(rows.least),
         far=kind.type(FAR),

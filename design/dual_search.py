@@ -35,6 +35,7 @@ class Problem(NamedTuple):
     tolerance: Any
     share: Any
     trusted: Any
+    kept: Any
     noise: Any
     least: Any
     far: Any
@@ -195,7 +196,7 @@ def _residual(q: Problem, s: Search, parameters: Raw) -> None:
 
 @compiled
 def _refine(q: Problem, s: Search, parameters: Raw) -> tuple[int, int]:
-    """Return whether every move is near, and the row to enter next."""
+    """Return whether every move is near and keeps the hard rows that are active, and the row to enter next."""
     s.counts[WORK] += 2 * s.counts[LENGTH] + q.moves + COLUMN
     _residual(q, s, parameters)
     for k in range(s.counts[LENGTH]):
@@ -212,8 +213,13 @@ def _refine(q: Problem, s: Search, parameters: Raw) -> tuple[int, int]:
     for i in range(q.moves):
         s.column[i] = _held(q, s, i)
     for i in range(q.moves, len(q.low)):
+        value = _beyond(q, i - q.moves, parameters, s.column)
         if s.side[i] == 0:
-            s.value[i] = _beyond(q, i - q.moves, parameters, s.column)
+            s.value[i] = value
+        elif _hard(q, i):
+            missed = value - _held(q, s, i)
+            if not (missed < q.kept and missed > -q.kept):
+                near = 0
     return near, _most_violated(q, s, q.tolerance)
 
 
@@ -265,6 +271,16 @@ def _enter(q: Problem, s: Search, parameters: Raw, row: int) -> tuple[int, int]:
 
 
 @compiled
+def _believed(q: Problem, s: Search) -> int:
+    for k in range(s.counts[LENGTH]):
+        row = s.active[k]
+        toward = q.one if s.side[row] > 0 else -q.one
+        if q.kept < q.far and not (s.value[row] * toward * q.noise < q.kept):
+            return CAPPED
+    return SOLVED
+
+
+@compiled
 def _search(q: Problem, s: Search, row: int, parameters: Raw) -> int:
     for i in range(len(s.counts)):
         s.counts[i] = 0
@@ -276,6 +292,8 @@ def _search(q: Problem, s: Search, row: int, parameters: Raw) -> int:
             if near:
                 break
             status = SOLVED if s.counts[WORK] < q.budget else CAPPED
+    if not q.moves and status == SOLVED:
+        status = _believed(q, s)
     return status
 
 

@@ -16,14 +16,14 @@ from design.law import Law, Quadratic
 from design.region import drawn_parameters
 from quantize.quadratic import rows_of, table_of
 
-DRAWN, LEAST_DRAWN = 700, 100
+DRAWN, LEAST_DRAWN = 2000, 300
 SPARE = 1.4
 NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
 LEAST = 100  # work, for a problem that hardly ever meets a limit
 LONGEST = 15_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
 CHECKS = 6  # times that, where answers are checked
-NUMBERS = 2**22  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
+NUMBERS = 2**26  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
 def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]:
