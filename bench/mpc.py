@@ -34,7 +34,8 @@ from codegen.bundle import Bundle
 from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
-from design.active_set import COLUMN, Solution, solve
+from design.active_set import Solution, solve
+from design.dual_search import COLUMN
 from design.kinds import design
 from design.law import Law
 from identify.signal import Signal

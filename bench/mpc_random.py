@@ -20,7 +20,8 @@ import sys
 import numpy as np
 import scipy.linalg
 
-from design.active_set import CAPPED, INFEASIBLE, SOLVED, exact, solve
+from design.active_set import exact, solve
+from design.dual_search import INFEASIBLE, SOLVED
 from design.kinds import design
 from design.law import DesignError, Law
 from design.region import drawn_parameters
@@ -87,10 +88,9 @@ def measure(says: str, law: Law, count: int) -> np.ndarray:
     away = np.abs(np.clip(found.moves, -1, 1) - np.clip(best.moves, -1, 1))[:, 0] / 2
     there = best.status == SOLVED
     wrong = (found.status == SOLVED) & (~there | (away > ALLOWED))
-    row = np.array([
-        np.count_nonzero(found.work), np.count_nonzero(there & (found.status == CAPPED)),
-        np.count_nonzero(there & (found.status == INFEASIBLE)), np.count_nonzero(wrong),
-    ])  # fmt: skip
+    infeasible = (found.status == INFEASIBLE) & (not problem.feasible)  # else the law says `capped`
+    capped = (found.status != SOLVED) & ~infeasible
+    row = np.array([np.count_nonzero(x) for x in (found.work, there & capped, there & infeasible, wrong)])
     if np.any(row[1:]):
         print(
             f"{law.name}: {says}; of {row[0]} searches {row[1]} capped, {row[2]} infeasible, {row[3]} wrong", flush=True

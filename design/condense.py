@@ -63,7 +63,10 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class Condensed:
-    """The problem with its moves, before they are eliminated as well: H, F, G, S, low, high, `softness` of each row."""
+    """The problem with its moves, before they are eliminated as well: H, F, G, S, low, high, `softness` of each row.
+
+    `feasible`: the last output that was applied, held, keeps every hard limit.
+    """
 
     h: Array
     f: Array
@@ -72,6 +75,7 @@ class Condensed:
     low: Array
     high: Array
     softness: Array
+    feasible: bool
 
 
 def condense(prediction: Prediction, limits: Limits) -> Condensed:
@@ -129,6 +133,7 @@ def eliminate(problem: Condensed, budget: int, moves: int) -> Quadratic:
         freedom=len(problem.h) + int(np.count_nonzero(problem.softness)),
         budget=budget,
         moves=len(problem.h),
+        feasible=problem.feasible,
     )
 
 
@@ -211,6 +216,8 @@ def _rows(
         low.append(np.full(reached.sum(), limits.x_low[k]))
         high.append(np.full(reached.sum(), limits.x_high[k]))
         softness.append(np.full(reached.sum(), 0.0 if np.isinf(limits.soft[k]) else 1.0 / limits.soft[k]))
+    rests = not changing or bool(np.all(limits.u_low <= 0) and np.all(limits.u_high >= 0))  # the first one last is 0
     return Condensed(
-        h, f, np.vstack(g), np.vstack(s), np.concatenate(low), np.concatenate(high), np.concatenate(softness)
-    )
+        h, f, np.vstack(g), np.vstack(s), np.concatenate(low), np.concatenate(high), np.concatenate(softness),
+        feasible=rests and not np.any(np.isinf(limits.soft[bounded])),
+    )  # fmt: skip

@@ -49,7 +49,7 @@ class Quadratic:
 
     with p its parameters and m its multipliers; the first rows times `scale` are the moves. `freedom` is how many rows
     can be active at a time, `budget` the work that one search may take (0: what the law's ranges ask for). The first
-    `moves` rows limit moves, of this sample and of later ones.
+    `moves` rows limit moves, of this sample and of later ones. `feasible`: some moves keep every limit, whatever p is.
     """
 
     slope: Array  # (rows, p)
@@ -60,6 +60,7 @@ class Quadratic:
     freedom: int
     budget: int
     moves: int = 0
+    feasible: bool = False
 
     @property
     def results(self) -> int:

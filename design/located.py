@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from design.active_set import INFEASIBLE, SOLVED, Solution
+from design.active_set import Solution
+from design.dual_search import INFEASIBLE, SOLVED
 from design.law import Tree
 
 Array = npt.NDArray[np.float64]

@@ -17,8 +17,8 @@ import numpy.typing as npt
 import scipy.linalg
 import scipy.optimize
 
-from design.active_set import CAPPED, INFEASIBLE
 from design.discretize import Sampled, state_space, zero_order_hold
+from design.dual_search import CAPPED, INFEASIBLE
 from design.law import DesignError, Law, Solve
 from design.roles import reference_and_measurement
 from design.small_signal import LinearLaw, linearize_law

@@ -91,12 +91,14 @@ def weights(table: Mapping[str, object], key: str, size: int, definite: bool) ->
         found = np.diag([real({key: entry}, key, None) for entry in value])
     else:
         found = real(table, key, None) * np.eye(size)
+    if not np.allclose(found, found.T):
+        row, column = np.unravel_index(int(np.argmax(np.abs(found - found.T))), found.shape)
+        raise DesignError(
+            f"controller.{key} must be symmetric; row {row + 1}, column {column + 1} is {found[row, column]:g}, but "
+            f"row {column + 1}, column {row + 1} is {found[column, row]:g}"
+        )
     least = float(np.min(np.linalg.eigvalsh((found + found.T) / 2)))
-    if (
-        not np.allclose(found, found.T)
-        or least < (0 if definite else -1e-12 * np.max(np.abs(found)))
-        or (definite and least == 0)
-    ):
+    if least < (0 if definite else -1e-12 * np.max(np.abs(found))) or (definite and least == 0):
         rule = "symmetric and positive definite" if definite else "symmetric and not negative"
         raise DesignError(f"controller.{key} must be {rule}; its least eigenvalue is {least:g}")
     return found

@@ -18,7 +18,8 @@ import numpy.typing as npt
 import scipy.optimize
 from scipy.spatial import HalfspaceIntersection, QhullError
 
-from design.active_set import INFEASIBLE, SOLVED, Rows, exact, solve
+from design.active_set import Rows, exact, solve
+from design.dual_search import INFEASIBLE, SOLVED
 from design.law import DesignError, Quadratic
 
 Array = npt.NDArray[np.float64]

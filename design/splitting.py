@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from design.active_set import CAPPED, SOLVED, Solution, exact, solve
+from design.active_set import Solution, exact, solve
+from design.dual_search import CAPPED, SOLVED
 from design.law import DesignError, Law, Quadratic, Sweeps
 from design.region import drawn_parameters
 

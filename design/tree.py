@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from design.active_set import SOLVED, exact, solve
+from design.active_set import exact, solve
+from design.dual_search import SOLVED
 from design.law import DesignError, Law, Quadratic, Tree
 from design.located import located
 from design.partition import SAME, THIN, Region, partition

@@ -10,19 +10,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from design.active_set import SOLVED, Raw, Solution, exact, solve
+from design.active_set import Raw, Solution, exact, solve
+from design.dual_search import CAPPED, SOLVED
 from design.law import Law, Quadratic
 from design.region import drawn_parameters
 from quantize.quadratic import rows_of, table_of
 
-DRAWN, LEAST_DRAWN = 700, 100
+DRAWN, LEAST_DRAWN = 2000, 300
 SPARE = 1.4
 NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
 LEAST = 100  # work, for a problem that hardly ever meets a limit
 LONGEST = 15_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
 CHECKS = 6  # times that, where answers are checked
-NUMBERS = 2**22  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
+NUMBERS = 2**26  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
 def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]:
@@ -35,7 +36,8 @@ def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]
     rounded = drawn_parameters(law, drawn, 0).astype(arithmetic)
     best = solve(exact(problem), rounded.astype(np.float64))
     found, right = _tried(problem, arithmetic, rounded, best, False)
-    checked = bool(np.any(~right & ((best.status == SOLVED) | (found.status == SOLVED))))
+    known = best.status != CAPPED
+    checked = bool(np.any(known & ~right & ((best.status == SOLVED) | (found.status == SOLVED))))
     if checked:
         found, right = _tried(problem, arithmetic, rounded, best, True)
     work = found.work[right].max(initial=0)
@@ -47,10 +49,11 @@ def _tried(
 ) -> tuple[Solution, NDArray[np.bool_]]:
     """Search in this arithmetic with work to spare; return which searches end as `best` does."""
     spare = ENDLESS * (CHECKS if checked else 1)
-    longest = min(LONGEST, max(LEAST, spare * int(best.work.max())))
+    known = best.status != CAPPED  # even float64 goes round in circles, from states where no moves keep every limit
+    longest = min(LONGEST, max(LEAST, spare * int(best.work[known].max(initial=0))))
     rows = rows_of(table_of(problem, arithmetic, "drawn", longest, checked), np.dtype(arithmetic))
     found = solve(rows, parameters)
     low, high = (ends[: len(problem.scale)] * problem.scale for ends in (problem.low, problem.high))
     away = np.abs(np.clip(found.moves, low, high) - np.clip(best.moves, low, high)).max(axis=1)
     near = (found.status != SOLVED) | (away <= NEAR * float(np.max(high - low)))
-    return found, (found.status == best.status) & near
+    return found, known & (found.status == best.status) & near

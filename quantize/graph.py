@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from design.active_set import CAPPED, INFEASIBLE
 from design.course import course_of
+from design.dual_search import CAPPED, INFEASIBLE
 from design.law import Horizon, Law, Solve
 from design.real_time import improve
 from design.solver import solver as quadratic_solver

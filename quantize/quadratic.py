@@ -6,14 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from design.active_set import COLUMN, FAR, Raw, Rows, tolerance_of
+from design.active_set import FAR, Raw, Rows, tolerance_of
+from design.dual_search import COLUMN
 from design.law import Quadratic
 from quantize.program import Table
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it
 TRUSTED = 2.0**-8  # share of the limits below which a correction of a move is the last
+KEPT = 2.0**-10  # share of the limits by which moves may miss a row that is taken to be at its limit
 NOISE = {"float32": 2.0**-17, "float64": 2.0**-44}  # of a multiplier: what its roundings may do to a row
+LAST_PLACE = {"float32": 2.0**-24, "float64": 2.0**-53}  # of it, where answers are not checked: its own rounding
 SOFT = 2.0**-20  # of a row, at least, that is its softness; less is rounding
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 STIFF = 0.25  # of that, where limits are soft: their pivots are small, but never 0
@@ -51,7 +54,8 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checke
         "tolerance": float(kind(TOLERANCE[arithmetic] * tolerance_of(problem))),
         "share": float(kind(SHARE[arithmetic])),
         "trusted": float(kind(TRUSTED * tolerance_of(problem))),
-        "noise": float(kind(NOISE[arithmetic])),
+        "kept": float(kind(FAR if problem.feasible else KEPT * tolerance_of(problem))),
+        "noise": float(kind((NOISE if checked else LAST_PLACE)[arithmetic])),
         "least": float(kind(_least(problem, arithmetic, checked))),
         "far": float(kind(FAR)),
         "beyond": rounded(beyond),
@@ -90,13 +94,13 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     count = sizes["FL_QP_ROWS"]
     gram = numbers["gram"].reshape(count, -1)
     slope = numbers["slope"].reshape(-1, gram.shape[1])[:, :count].T
-    single = ("tolerance", "share", "trusted", "noise", "least")
-    tolerance, share, trusted, noise, least = (numbers[name].item() for name in single)
+    single = ("tolerance", "share", "trusted", "kept", "noise", "least")
+    tolerance, share, trusted, kept, noise, least = (numbers[name].item() for name in single)
     moves = sizes["FL_QP_CHECKED"]
     behind = count - moves if moves else 0
     beyond = numbers["beyond"].reshape(sizes["FL_QP_BEYOND"], -1)[:behind]
     shift, onward = np.split(beyond, [sizes["FL_QP_PARAMETERS"]], axis=1)
     return Rows(
-        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"], tolerance, share, trusted, noise,
-        least, sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], moves, shift, onward, numbers["softness"][:behind],
+        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"], tolerance, share, trusted, kept,
+        noise, least, sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], moves, shift, onward, numbers["softness"][:behind],
     )  # fmt: skip

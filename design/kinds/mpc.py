@@ -23,7 +23,7 @@ every sample (`condense.py`). Keys beside those:
 - `budget`: the work that one search may take before it is cut short (`design/active_set.py` says how it is counted);
   without it the worst over the ranges in [signals] and some more. The output is then the second move of the last
   sample's plan, or the saturated LQR's where that sample had none either, and the status says `capped`; likewise
-  `infeasible` where no moves keep every limit.
+  `infeasible` where no moves keep every limit, which happens only with hard limits of states.
 - `solver = "explicit"`: the moves as affine laws, one a region of the parameters, in a table that a binary search
   reads (`design/partition.py`, `design/tree.py`); for few moves and states.
 - `solver = "fixed_iterations"`: the same number of iterations in every sample, in floating or fixed point
@@ -201,6 +201,8 @@ def _law(request: Request, setup: Setup, solve: Solve, flags: tuple[Flag, ...]) 
     moves = symbols([f"move_{k}" for k in range(solve.quadratic.results)])
     failed = ca.logic_or(capped, infeasible)
     told, outputs = {"capped": capped, "infeasible": infeasible}, []
+    if solve.quadratic.feasible and flags == FLAGS["online"]:  # roundings alone say that there are none
+        told = {"capped": failed, "infeasible": ca.SX(0)}
     for k, move in enumerate(moves[:m]):
         if wires.following:
             move = ca.if_else(ca.logic_and(failed, wires.following[-1] > 0.5), wires.following[k], move)

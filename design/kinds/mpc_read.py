@@ -148,19 +148,34 @@ def _check_apart(names: list[str], reference: int | None, known: tuple[int, ...]
 
 def _check_stabilizable(model: Model) -> None:
     """Refuse a mode that does not fade and that no input reaches (the test of Hautus)."""
-    size = len(model.a)
     if not np.any(model.b):
-        raise DesignError(f"controller.B is all 0 ({size} x {model.b.shape[1]}): no output moves the plant; correct it")
-    for pole in poles(model.a):
-        if abs(pole) < 1 - ON_CIRCLE:
-            continue
-        reached = np.linalg.svd(np.hstack([model.a - pole * np.eye(size), model.b]), compute_uv=False)[size - 1]
-        if reached < 1e-9 * max(1.0, float(np.abs(model.a).max())):
-            shown = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
-            raise DesignError(
-                f"controller.A has a mode at z = {shown} that does not fade and that no input reaches "
-                f"(least singular value {reached:.2g}); correct A and B, or leave that state out of the model"
-            )
+        size = f"{len(model.a)} x {model.b.shape[1]}"
+        raise DesignError(f"controller.B is all 0 ({size}): no output moves the plant; correct it")
+    for shown, reached in _lasting(model.a, model.b):
+        raise DesignError(
+            f"controller.A has a mode at z = {shown} that does not fade and that no input reaches "
+            f"(least singular value {reached:.2g}); correct A and B, or leave that state out of the model"
+        )
+
+
+def _check_detectable(a: Array, c: Array, disturbed: bool) -> None:
+    """Refuse a mode that does not fade and that no measurement shows."""
+    for shown, seen in _lasting(a.T, c.T):
+        told = " (offset_free adds a disturbance at each input, z = 1)" if disturbed else ""
+        raise DesignError(
+            f"controller.C shows nothing of a mode at z = {shown} that does not fade{told}, so no observer can follow "
+            f"it (least singular value {seen:.2g}); measure another signal, or leave that state out of the model"
+        )
+
+
+def _lasting(a: Array, b: Array) -> list[tuple[str, float]]:
+    """Return each mode of A that does not fade and that B does not reach, and the singular value that says so."""
+    found, size = [], len(a)
+    for pole in poles(a):
+        reached = np.linalg.svd(np.hstack([a - pole * np.eye(size), b]), compute_uv=False)[size - 1]
+        if abs(pole) >= 1 - ON_CIRCLE and reached < 1e-9 * max(1.0, float(np.abs(a).max())):
+            found.append((f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}", float(reached)))
+    return found
 
 
 def _check_limits(bounds: Limits, model: Model) -> None:
@@ -188,6 +203,7 @@ def _correction(request: Request, model: Model, seen: Array, observer: str, dist
     if disturbed:
         a = np.block([[a, model.b], [np.zeros((drives, len(a))), np.eye(drives)]])
         c = np.hstack([c, np.zeros((len(c), drives))])
+    _check_detectable(a, c, disturbed)
     if observer == "luenberger":
         return luenberger(a, c, numbers(table, "observer_poles", None))
     size = len(model.a)

@@ -25,8 +25,9 @@ typedef struct {
     fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
     fl_real tolerance;          /* a row is violated beyond this, */
     fl_real share;              /* and this share of what the unconstrained optimum violates most */
-    fl_real trusted;            /* a move that is corrected by less is right */
-    fl_real noise;              /* of a multiplier: what its roundings may do to a row */
+    fl_real trusted;            /* a move that is corrected by less is right, */
+    fl_real kept;               /* and an active row that its moves miss by less */
+    fl_real noise;              /* of a multiplier: what its roundings may do to a row, at most where it is checked */
     fl_real least;              /* smallest pivot */
     fl_real far;                /* a step that nothing stops */
     /* The rows behind those of the moves, of the parameters and the moves, less this share of their multipliers. */
@@ -226,8 +227,9 @@ static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *para
 }
 
 /* Correct moves and multipliers by what the problem's own numbers say of them, and select `*row` again; false where a
- * move was corrected by much. The residual goes through the etas as a column does: what becomes of it in an active row
- * is what its multiplier lacks, in any other what its value lacks. */
+ * move was corrected by much, or where the moves miss an active row that is not soft. The residual goes through the
+ * etas as a column does: what becomes of it in an active row is what its multiplier lacks, in any other what its value
+ * lacks. */
 static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
     s->work += 2 * s->length + FL_QP_CHECKED + FL_QP_COLUMN;
     fl_qp_residual(q, s, parameters);
@@ -252,14 +254,21 @@ static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *par
     fl_real most = q->tolerance;
     *row = -1;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
+        fl_real value = s->column[i];
+        if (i >= FL_QP_CHECKED) {
+            value = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, s->column);
+        }
         if (s->side[i] == 0) {
-            if (i >= FL_QP_CHECKED) {
-                s->value[i] = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, s->column);
-            }
+            s->value[i] = value;
             const fl_real excess = fl_qp_excess(q, i, s->value[i]);
             if (excess > most) {
                 most = excess;
                 *row = i;
+            }
+        } else if (fl_qp_hard(q, i)) {
+            const fl_real missed = value - fl_qp_held(q, s, i);
+            if (!(missed < q->kept && missed > -q->kept)) {
+                near = 0;
             }
         }
     }
@@ -326,6 +335,17 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
     return FL_QP_CAPPED;
 }
 
+/* What an answer that nothing checks is worth: none where a multiplier rounds by more than moves may miss a row. */
+static int32_t fl_qp_believed(const fl_qp_t *q, const fl_search_t *s) {
+    for (int32_t k = 0; k < s->length && q->kept < q->far; k++) {
+        const int32_t row = s->active[k];
+        if (!(s->value[row] * (fl_real)s->side[row] * q->noise < q->kept)) {
+            return FL_QP_CAPPED;
+        }
+    }
+    return FL_QP_SOLVED;
+}
+
 /* `value` holds the unconstrained optimum, which violates `row`; `plan` keeps its moves where there is no better. */
 static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const fl_real *parameters, fl_plan_t *plan) {
     s->length = 0;
@@ -342,6 +362,9 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const
         while (FL_QP_CHECKED && status == FL_QP_SOLVED && row < 0 && !fl_qp_refine(q, s, parameters, &row)) {
             status = (s->work < FL_QP_BUDGET) ? FL_QP_SOLVED : FL_QP_CAPPED;
         }
+    }
+    if (!FL_QP_CHECKED && status == FL_QP_SOLVED) {
+        status = fl_qp_believed(q, s);
     }
     for (int32_t i = 0; i < FL_QP_MOVES && status == FL_QP_SOLVED; i++) {
         if (s->side[i] != 0) {

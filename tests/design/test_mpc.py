@@ -243,3 +243,14 @@ def test_an_unstable_plant_that_no_input_reaches_is_refused() -> None:
 def test_an_ill_conditioned_horizon_is_refused() -> None:
     with pytest.raises(DesignError, match=r"too ill-conditioned for float32: \d"):
         design(request(table((np.diag([1.5, 0.5]), np.ones((2, 1))), **SERVO | {"horizon": 60}), (ANGLE, SPEED)))
+
+
+def test_a_mode_that_no_measurement_shows_is_refused() -> None:
+    own = {**table(servo(), **SERVO), "C": [[0.0, 1.0]], "observer": "kalman"}
+    with pytest.raises(DesignError, match="shows nothing of a mode at z = 1 that does not fade"):
+        design(request({**own, "process_noise": 1e-3, "measurement_noise": 1e-3}, (SPEED,)))
+
+
+def test_a_weight_that_is_not_symmetric_is_refused_by_its_numbers() -> None:
+    with pytest.raises(DesignError, match=r"row 1, column 2 is 0\.5, but row 2, column 1 is 0"):
+        design(request({**table(servo(), **SERVO), "Q": [[1.0, 0.5], [0.0, 1.0]]}, (ANGLE, SPEED)))

@@ -8,17 +8,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from bench.mpc_random import law_of as random_law
 from codegen.emit import emit
 from codegen.target import load_target
-from design.active_set import CAPPED, INFEASIBLE, SOLVED, exact, solve
+from design.active_set import exact, solve
+from design.dual_search import CAPPED, INFEASIBLE, SOLVED
 from design.kinds.mpc import design
 from design.law import Law
 from design.region import drawn_parameters
 from identify.signal import Signal
+from quantize.budget import budget_of
 from quantize.lower import lower
 from quantize.program import Program
 from quantize.quadratic import rows_of, table_of
-from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, request, servo, table
+from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, cart_pole, request, servo, table
 from verify.compare import compare
 from verify.host import build_host
 from verify.links.library import LibraryLink
@@ -185,3 +188,37 @@ def test_where_multipliers_get_large_answers_are_refined(case: str) -> None:
     short = solve(rows, parameters)
     assert np.any(short.status == CAPPED) and np.max(short.work) <= rows.longest
     assert np.count_nonzero(plain.status != SOLVED) >= 5 and np.any(plain.status == INFEASIBLE)
+
+
+def test_where_float64_goes_round_in_circles_generation_ends() -> None:
+    """Near the end of a track no moves keep every limit, and positions that follow each other hardly differ: pivots are
+    roundings, in double precision too."""
+    sizes = {"position": ("m", 1.0), "angle": ("rad", 0.3), "speed": ("m/s", 1.0), "turning": ("rad/s", 1.5)}
+    inputs = tuple(Signal(name, unit, -size, size) for name, (unit, size) in sizes.items())
+    free = np.inf
+    own = table(
+        cart_pole(), horizon=20, Q=[10.0, 1.0, 0.1, 0.1], R=0.1,
+        x_min=[-1.0, -0.25, -free, -free], x_max=[1.0, 0.25, free, free],
+    )  # fmt: skip
+    law = design(request(own, inputs, (Signal("force", "1", -1.0, 1.0),))).law
+    assert law.solve is not None
+    state = np.array([[0.959377417019313, 0.2843906429114131, 0.007353958401157934, 0.7603396157517155]])
+    assert solve(exact(law.solve.problem), state).status == [CAPPED]
+    assert dict(lower(law, "float32").tables[0].sizes)["FL_QP_BUDGET"] < 2000
+
+
+@pytest.mark.parametrize(("seed", "lane"), [(55, 372), (109, 371)])
+def test_an_answer_whose_multipliers_are_roundings_is_not_called_solved(seed: int, lane: int) -> None:
+    """States of which float64 says that no moves keep every limit, and single precision once found some."""
+    law = random_law(seed)[1]
+    assert law.solve is not None
+    problem = law.solve.problem
+    parameters = drawn_parameters(law, 200, 7)[lane : lane + 1].astype(np.float32)
+    assert solve(exact(problem), parameters.astype(np.float64)).status == [INFEASIBLE]
+    budget, checked = budget_of(law, problem, "float32")
+    assert solve(rows_of(table_of(problem, "float32", "plan", budget, checked), np.dtype("f4")), parameters).status > 0
+
+
+def test_soft_limits_never_leave_no_moves() -> None:
+    program = lower(law_of(x_min=[-3.0, -15.0], x_max=[3.0, 15.0], x_soft=10.0), "float32")
+    assert [bit.name for bit in program.status] == ["capped"]

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.active_set import CAPPED, INFEASIBLE, SOLVED, exact, solve
+from design.active_set import exact, solve
+from design.dual_search import CAPPED, INFEASIBLE, SOLVED
 from design.law import DesignError, Law
 from design.solver import solver
 from identify.signal import Signal

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.active_set import INFEASIBLE, SOLVED, exact, solve
+from design.active_set import exact, solve
+from design.dual_search import INFEASIBLE, SOLVED
 from design.kinds.mpc import design
 from design.law import DesignError, Law, Tree
 from design.solver import solver
