@@ -1,7 +1,7 @@
 """Plant one fault at a time in generated C and count which ones the verifier calls `differs`.
 
-    python -m bench.mutants [KIND ...]  a sample over all formats of all kinds, or of those named; `--all` takes
-                                        every mutant (hours)
+    python -m bench.mutants [KIND ...]  a sample over all formats of all kinds, or of those named; `--seed N` draws
+                                        another sample, `--all` takes every mutant (hours)
 
 A fault is a changed constant (one unit in the last place, one percent, sign), shift, operator, comparison, operand
 order, limit, type, store or status bit. A mutant that survives is shown equivalent by z3, see `bench/equivalence.py`,
@@ -10,6 +10,7 @@ or run again on four times the steps from two other seeds; what then still agree
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from collections.abc import Iterator
@@ -158,11 +159,12 @@ def bench(law: Law, arithmetic: str, steps: int, seed: int) -> Bench:
     )
 
 
-def chosen(found: list[Mutant], count: int) -> list[Mutant]:
-    """Return `count` of them, evenly spread over the text, of every sort of fault."""
+def chosen(found: list[Mutant], count: int, seed: int | None = None) -> list[Mutant]:
+    """Return `count` of them, evenly spread over the text, of every sort of fault; a seed draws others at random."""
+    order = np.arange(len(found)) if seed is None else np.random.default_rng(seed).permutation(len(found))
     sorts: dict[str, list[Mutant]] = {}
-    for mutant in found:
-        sorts.setdefault(sort_of(mutant), []).append(mutant)
+    for k in order:
+        sorts.setdefault(sort_of(found[k]), []).append(found[k])
     picked: list[Mutant] = []
     rank = 0
     while len(picked) < min(count, len(found)):
@@ -201,12 +203,16 @@ def laws() -> dict[str, Law]:
 
 def main() -> int:
     """Print the table; the exit status is 1 when a mutant survives that is not shown to be equivalent."""
-    every, named = "--all" in sys.argv, [word for word in sys.argv[1:] if word != "--all"]
+    asked = argparse.ArgumentParser()
+    asked.add_argument("kinds", nargs="*")
+    asked.add_argument("--all", action="store_true")
+    asked.add_argument("--seed", type=int)
+    args = asked.parse_args()
     print(f"{'kind':18} {'format':9} {'mutants':>8} {'refused':>8} {'differs':>8} {'equivalent':>10} {'survive':>8}")
     survivors: list[str] = []
     total = dict.fromkeys(("mutants", "refused", "differs", "equivalent", "survive"), 0)
     for name, law in laws().items():
-        for arithmetic in ARITHMETICS if not named or name in named else ():
+        for arithmetic in ARITHMETICS if not args.kinds or name in args.kinds else ():
             try:
                 first = bench(law, arithmetic, STEPS, 1)
             except QuantizeError as error:
@@ -215,7 +221,7 @@ def main() -> int:
             more: list[Bench] = []
             found = mutants(first.bundle)
             counts = dict.fromkeys(total, 0)
-            for mutant in found if every else chosen(found, SAMPLE):
+            for mutant in found if args.all else chosen(found, SAMPLE, args.seed):
                 text = planted(first.bundle, mutant)
                 result = first.outcome(text)
                 why = equivalent(first.program, mutant) if result == "agrees" else None

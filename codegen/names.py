@@ -29,13 +29,16 @@ def check_identifier(name: str, what: str) -> str:
     Raises
     ------
     CodegenError
-        when it is not lower case letters, digits and single underscores starting with a letter, is longer than 31
-        characters, or is taken by C, C++ or the generated code. `what` says what the name names.
+        when it is not letters, digits and single underscores starting with a lower case letter, is longer than 31
+        characters, or is taken by C, C++ or the generated code. `what` says what the name names: capitals may stand in
+        that of a signal, behind an underscore, for units have them (current_A).
     """
-    if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name, flags=re.ASCII):
+    capitals = "A-Z" if what == "signal" else ""
+    if not re.fullmatch(rf"[a-z][a-z0-9]*(_[a-z0-9{capitals}]+)*", name, flags=re.ASCII):
+        ends = "or a unit behind an underscore, such as 'current_A'" if capitals else "such as 'wheel_speed'"
         raise CodegenError(
             f"{what} {name!r} cannot be a C name: use lower case letters, digits and single underscores, "
-            "starting with a letter, such as 'wheel_speed'"
+            f"starting with a letter, {ends}"
         )
     if len(name) > LONGEST:
         raise CodegenError(f"{what} {name!r} has {len(name)} characters; C guarantees {LONGEST}: choose a shorter one")

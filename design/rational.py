@@ -154,8 +154,14 @@ def _ratio(above: Array, below: Array) -> float:
 def _roots_of_z(coefficients: Array) -> Roots:
     """Return the roots as delta, from powers of delta unless they are far better known from powers of z.
 
-    Of a high order with roots all around the circle, such as z^30 - 0.5, powers of delta keep no places.
+    Of a high order with roots all around the circle, such as z^30 - 0.5, powers of delta keep no places. Roots at z = 0
+    are told by the last coefficients, and known exactly.
     """
+    moving = np.trim_zeros(coefficients, "b")
+    return np.concatenate([_moving_roots(moving), np.full(len(coefficients) - len(moving), -1.0 + 0j)])
+
+
+def _moving_roots(coefficients: Array) -> Roots:
     shifted = _shifted(coefficients)
     by_delta, by_z = _roots(shifted), _roots(coefficients)
     return by_z - 1 if FAR * _doubt(coefficients, by_z) < _doubt(shifted, by_delta) else by_delta

@@ -36,12 +36,14 @@ def sampled(request: Request, numerator: list[float], denominator: list[float], 
 
 
 def below_nyquist(request: Request, key: str, frequency: float) -> None:
-    """Refuse a frequency (rad/s) at or above half the sample rate."""
+    """Refuse a frequency (rad/s) at or above half the sample rate; it is told in the unit that the key ends in."""
     nyquist = math.pi / request.period
     if frequency >= nyquist:
+        in_hertz = key.endswith("_hz")
+        unit, half, scale = ("Hz", "1/(2 period_s)", 2 * math.pi) if in_hertz else ("rad/s", "pi/period_s", 1.0)
         raise DesignError(
-            f"controller.{key} = {frequency:g} rad/s is not below Nyquist's frequency pi/period_s = {nyquist:g} rad/s; "
-            f"sample faster (period_s below {math.pi / frequency:.3g}) or lower it"
+            f"controller.{key} = {frequency / scale:g} {unit} is not below Nyquist's frequency {half} = "
+            f"{nyquist / scale:g} {unit}; sample faster (period_s below {math.pi / frequency:.3g}) or lower it"
         )
 
 

@@ -82,8 +82,10 @@ def numbers(table: Mapping[str, object], key: str, default: Sequence[float] | No
     if key not in table:
         raise DesignError(f"controller.{key} is missing; give it as a list of numbers, such as {key} = [1.0, 0.5]")
     value = table[key]
-    if not isinstance(value, list | tuple) or not value:
+    if not isinstance(value, list | tuple):
         raise DesignError(f"controller.{key} = {value!r} is not a list of numbers; write it like {key} = [1.0, 0.5]")
+    if not value:
+        raise DesignError(f"controller.{key} is an empty list of numbers; give at least one")
     return tuple(real({key: entry}, key, None) for entry in value)
 
 
@@ -95,11 +97,13 @@ def matrix(table: Mapping[str, object], key: str, rows: int | None, columns: int
     nested = isinstance(value, list | tuple) and all(isinstance(row, list | tuple) for row in value)
     if not nested or not isinstance(value, list | tuple):
         raise DesignError(f"controller.{key} is not a list of rows; write it like {key} = [[1.0, 0.0], [0.0, 1.0]]")
+    if not value:
+        raise DesignError(f"controller.{key} has no rows; give at least one")
     widths = {len(row) for row in value}
     if len(widths) > 1:
         raise DesignError(f"controller.{key} has rows of {sorted(widths)} numbers; give every row the same length")
     found = np.array([[real({key: entry}, key, None) for entry in row] for row in value], dtype=np.float64)
-    found = found.reshape(len(value), widths.pop() if widths else 0)
+    found = found.reshape(len(value), widths.pop())
     wanted = found.shape[0] if rows is None else rows, found.shape[1] if columns is None else columns
     if found.shape != wanted:
         raise DesignError(
@@ -117,7 +121,7 @@ def limits(table: Mapping[str, object], wires: Sequence[Signal]) -> tuple[tuple[
         if not wire.low <= least < most <= wire.high:
             raise DesignError(
                 f"controller.u_min = {least:g} and u_max = {most:g} of signals.{wire.name} are out of order or range; "
-                f"both must be from {wire.low:g} to {wire.high:g}, u_min below u_max"
+                f"both must be from {wire.low:g} to {wire.high:g}, u_min below u_max: correct these or the signal"
             )
     return low, high
 

@@ -91,7 +91,7 @@ class Project:
         """The controller's outputs in the order that `controller.outputs` gives."""
         outputs = self.controller.outputs if self.controller else ()
         by_name = {signal.name: signal for signal in self.signals}
-        return tuple(by_name[name] for name in outputs)
+        return tuple(by_name[name] for name in outputs if name in by_name)  # a project may hold no signals at all
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,6 +296,9 @@ def _signals(table: Table) -> tuple[Signal, ...]:
         low, high = entry.number("low", "low = -12"), entry.number("high", "high = 12")
         if not low < high:
             raise entry.wrong("low", f"must be less than high = {high:g}")
+        same = [signal.name for signal in signals if signal.name.lower() == name.lower()]
+        if same:
+            raise table.remark(name, f"signal {name!r} differs from {same[0]!r} in capitals alone: choose another name")
         signals.append(Signal(name, unit, low, high))
     return tuple(signals)
 

@@ -97,7 +97,12 @@ class FixedBuilder:
 
     def total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
         """Return the sum of weight times value, and of `constant`, at fraction `q`."""
-        parts = [p for pair in self._differences(split(parts, q)) for p in pair]
+        kept, left_out = split(parts, q)
+        found = self._total(kept, constant, q)
+        return replace(found, error=found.error + left_out) if left_out and isinstance(found, Term) else found
+
+    def _total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
+        parts = [p for pair in self._differences(parts) for p in pair]
         plain = all(abs(weight) == 1 for weight, _ in parts)
         if plain and len(parts) == 1 and constant and near(constant, q) == 0:
             raise QuantizeError(
@@ -111,8 +116,8 @@ class FixedBuilder:
         if not whole and not constant and len(products) == 1:
             return self._product(products[0][1], Constant(float(products[0][0])), q)
         wish, self.ops.wish = self.ops.wish, ("", "")
-        moved = [self._moved(term, abs(float(weight)), q) for weight, term in products if exactly(weight, term, q)]
-        if len(moved) == len(products):
+        if all(exactly(weight, term, q) for weight, term in products):
+            moved = [self._moved(term, abs(float(weight)), q) for weight, term in products]
             signs = [Fraction(1 if weight > 0 else -1) for weight, _ in products]
             whole, products = [*whole, *((s, t) for s, t in zip(signs, moved, strict=True) if t is not None)], []
         if not products:

@@ -131,9 +131,8 @@ class _Choice:
                 self.groups.join(k, node.arguments[0])
         for k, total in sums.items():
             plain = [a for a, weight in total.terms.items() if abs(weight) == 1]
-            if len(plain) < len(total.terms):  # a sum of products takes what is small in it as one more product
-                least = max(map(abs, spans[k])) / SMALL
-                plain = [a for a in plain if max(map(abs, spans[a])) > least]
+            least = max(map(abs, spans[k])) / SMALL
+            plain = [a for a in plain if max(map(abs, spans[a])) > least]
             self.groups.join(k, *(a for a in plain if not self._input(a)))
         places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
         for j, following in enumerate(graph.results[0]):

@@ -12,6 +12,7 @@ from quantize.sums import near_one
 
 WORD = 2**31 - 1
 HIGH = 32  # shift of a sum that stands in the upper of two words
+NOTHING = Fraction(1, 2**40)  # how far from 1 a weight is 1: a sum in 32 bits would have to run 2^8 times to see it
 Part = tuple[Fraction, Term]
 
 
@@ -20,15 +21,24 @@ def near(value: float | Fraction, fraction: int) -> int:
     return math.floor(Fraction(value) * Fraction(2) ** fraction + Fraction(1, 2))
 
 
-def split(parts: Sequence[Part], q: int) -> list[Part]:
-    """Write weights near 1 as 1 and the rest, where the 1 costs nothing."""
+def split(parts: Sequence[Part], q: int) -> tuple[list[Part], float]:
+    """Write weights near 1 as 1 and the rest, where the 1 costs nothing; return what rests left out can amount to.
+
+    A rest of no more than NOTHING is left out: that is what rounding leaves of a coefficient meant to be 1, such as the
+    last one of two zeros on the unit circle.
+    """
     found: list[Part] = []
+    left_out = 0.0
     for weight, term in parts:
         if len(parts) > 1 and near_one(weight) and term.number.fraction == q:
-            found += [(Fraction(1), term), (weight - 1, term)]
+            found.append((Fraction(1), term))
+            if abs(weight - 1) > NOTHING:
+                found.append((weight - 1, term))
+            else:
+                left_out += float(abs(weight - 1)) * max(-term.low, term.high) * 2.0**-q
         else:
             found.append((weight, term))
-    return found
+    return found, left_out
 
 
 def exactly(weight: Fraction, term: Term, q: int) -> bool:

@@ -86,7 +86,8 @@ def _measured_by(model: Model, names: list[str]) -> Model:
             f"output(s) ({', '.join(model.outputs)}); correct [signals] or the model's outputs"
         )
     by_name = {output.lower(): k for k, output in enumerate(model.outputs)}
-    rows = [by_name[name] for name in names] if all(name in by_name for name in names) else list(range(len(names)))
+    plain = [name.lower() for name in names]
+    rows = [by_name[name] for name in plain] if all(name in by_name for name in plain) else list(range(len(names)))
     outputs = tuple(model.outputs[k] for k in rows)
     return Model(model.a, model.b, model.c[rows], model.order, model.names, model.units, outputs)
 

@@ -56,7 +56,7 @@ from design.kinds.pid_tunable import pid_parameters, tunable_law
 from design.kinds.pid_write import Wires, factors, write
 from design.law import DesignError
 from design.roles import check_meeting, reference_and_measurement
-from design.table import check_keys, choice, positive, real
+from design.table import check_keys, choice, limits, positive, real
 from design.tunable import KEYS as TUNABLE_KEYS
 from design.tuning import Gains, rules
 from identify.linear import linearize
@@ -197,10 +197,7 @@ def read_pid(table: Mapping[str, object], period: float, wires: Wires, gains: Ga
     output = wires.output
     form = "tustin" if choice(table, "form", "default", FORMS) == "tustin" else "default"
     anti_windup = choice(table, "anti_windup", "back_calculation", ANTI_WINDUP)
-    u_min = real(table, "u_min", output.low, output.low, output.high)
-    u_max = real(table, "u_max", output.high, output.low, output.high)
-    if u_min >= u_max:
-        raise DesignError(f"controller.u_min = {u_min:g} is not below u_max = {u_max:g}; exchange or correct them")
+    (u_min,), (u_max,) = limits(table, (output,))
     rate = positive(table, "rate_limit_per_s", None) if "rate_limit_per_s" in table else math.inf
     pid = Pid(
         period=period,

@@ -92,6 +92,16 @@ def test_names_that_are_not_c_are_refused(name: str) -> None:
         emit(replace(lower(pid(FULL), "fixed32"), name=name), COMMAND)
 
 
+def test_a_signal_may_end_in_its_unit() -> None:
+    law = pid(FULL)
+    named = replace(law, outputs=(Signal("voltage_V", "V", -12.0, 12.0),))
+    bundle = emit(lower(named, "fixed32"), COMMAND)
+    assert "out->voltage_V = " in bundle.files["motor_pid.c"] and "MOTOR_PID_VOLTAGE_V_Q" in bundle.files["motor_pid.h"]
+    for name in ("Voltage", "voltageV", "voltage_V_", "voltage-V"):
+        with pytest.raises(CodegenError, match="cannot be a C name"):
+            check_identifier(name, "signal")
+
+
 def test_signals_that_clash_with_generated_names_are_refused() -> None:
     law = pid(FULL)
     clash = replace(law, inputs=(Signal("motor_pid_step", "rad/s", -1.0, 1.0), law.inputs[1]))

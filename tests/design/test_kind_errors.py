@@ -40,7 +40,7 @@ def raised(kind: str, table: dict[str, object], inputs=(R, Y), outputs=(U,)) -> 
     ("table", "words"),
     [
         ({}, ["numerator", "missing", "list"]),
-        ({"numerator": [], "denominator": [1.0]}, ["numerator", "list of numbers"]),
+        ({"numerator": [], "denominator": [1.0]}, ["numerator", "empty list of numbers"]),
         ({"numerator": 3.0, "denominator": [1.0]}, ["numerator", "list of numbers"]),
         ({"numerator": [0.0], "denominator": [1.0]}, ["numerator", "zero"]),
         ({"numerator": [1.0], "denominator": [0, 0.0]}, ["denominator", "zero"]),
@@ -74,7 +74,11 @@ def test_transfer_function(table, words):
 @pytest.mark.parametrize(
     ("kind", "table", "words"),
     [
-        ("notch", {"frequency_hz": 50.0}, ["frequency_hz", "Nyquist", "period_s below"]),
+        ("notch", {"frequency_hz": 50.0}, ["frequency_hz = 50 Hz", "Nyquist", "= 50 Hz", "period_s below"]),
+        ("notch", {"frequency_rad_s": 400.0}, ["frequency_rad_s = 400 rad/s", "Nyquist", "= 314.159 rad/s"]),
+        ("state_space", {"A": [], "B": [], "C": []}, ["controller.A has no rows"]),
+        ("pid", {"kp": 1.0, "u_max": 24.0}, ["u_max = 24", "signals.output", "from -12 to 12"]),
+        ("pid", {"kp": 1.0, "u_min": 5.0, "u_max": -5.0}, ["u_min = 5", "u_max = -5", "u_min below u_max"]),
         ("notch", {"frequency_hz": 90.0}, ["Nyquist"]),
         ("notch", {"frequency_hz": 1.0, "frequency_rad_s": 6.0}, ["both"]),
         ("notch", {"frequency_rad_s": 20.0, "depth": 1.5}, ["depth", "0 to 1"]),

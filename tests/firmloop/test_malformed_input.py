@@ -67,6 +67,13 @@ PROJECTS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "unit that injects": ('unit = "V"', 'unit = "*/ int evil; /*"', "generate", (":27:", "unit")),
     "unit with a newline": ('unit = "V"', 'unit = "V\\n"', "generate", (":27:", "unit")),
     "signal that injects": ("reference = {", '"reference; int x" = {', "generate", (":25:", "cannot be a C name")),
+    "signals that differ in capitals": (
+        'unit = "V", low = -12, high = 12 }',
+        'unit = "V", low = -12, high = 12 }\nflow_l = { unit = "1", low = 0, high = 1 }\n'
+        'flow_L = { unit = "1", low = 0, high = 1 }',
+        "generate",
+        (":29:", "'flow_L'", "'flow_l'", "capitals"),
+    ),
     "output unit mismatch": ('unit = "V"', 'unit = "mV"', "run", (":27:", "'mV'", "voltage_V")),
     "measurement unit mismatch": (
         'measurement = { unit = "degC"',
@@ -216,3 +223,13 @@ def test_broken_binary_recording(name: str, project: Path, tmp_path: Path, capsy
     assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 2
     assert name in _complaint(capsys)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_project_without_signals_is_told_so(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = project.read_text()
+    first, _, rest = text.partition("[signals]")
+    project.write_text(first + "[arithmetic]" + rest.partition("[arithmetic]")[2])
+    assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 2
+    assert "[signals]" in _complaint(capsys)
