@@ -16,10 +16,8 @@ from quantize.program import Program
 from verify.edges import Array, Convert, Edge, after, limits, nearest, row, short, to_an_edge
 from verify.reference import Machine, Raw, start_state, working_type
 
-TRIED, TRIED_SHORT = (
-    512,
-    8192,
-)  # lanes for each limit; many where a unit of an input moves a value by hundreds of its own
+TRIED = 512  # lanes for each limit
+TRIED_SHORT = 8192  # where a unit of an input moves a value by hundreds of its own
 VARIED = 2  # samples before the edge that differ from lane to lane,
 AMOUNT = 0.01  # by so much of an input's range
 WAIT = 3  # samples that the last input which moves a value may lie before it
