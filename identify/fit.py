@@ -277,7 +277,9 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
     said = []
     names = [plant.parameters[free[k]].name for k in found.blind]
     if len(names) == 1:
-        said.append(f"{names[0]} leaves no trace in these recordings; it stays as given: fix it with free = false")
+        said.append(
+            f"{names[0]} leaves no trace in these recordings, so that its value means nothing; fix it with free = false"
+        )
     elif names:
         said.append(
             f"{', '.join(names)} cannot be told apart from these recordings: {found.combinations} combination(s) of "
