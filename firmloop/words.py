@@ -51,7 +51,7 @@ def estimate(parameter: Parameter) -> tuple[str, str, str]:
     if not parameter.free:
         return f"{parameter.value:.6g}", "given", parameter.unit
     if parameter.deviation is None or not math.isfinite(parameter.deviation) or parameter.deviation == 0:
-        return f"{parameter.value:.4g}", "interval unknown", parameter.unit
+        return f"{parameter.value:#.2g}".rstrip("."), "interval unknown", parameter.unit
     half = NORMAL_95 * parameter.deviation
     return rounded_to(parameter.value, half), f"± {half:.2g}", parameter.unit
 

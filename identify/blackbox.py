@@ -173,11 +173,11 @@ def check_records(records: Sequence[Record], order: int, late: int) -> None:
 def check_answer(records: Sequence[Record], model: Sampled) -> None:
     """Refuse recordings of which neither the model nor output error explains more than it would of white noise.
 
-    Off white noise, least squares with as many coefficients as the model and its starts have take about as many times
-    its variance (chi-squared).
+    Off white noise, least squares take as many times its variance as the model has coefficients, and one for its start
+    (chi-squared).
     """
     order, rows = len(model.a), sum(len(record.output) for record in records)
-    enough = float(scipy.stats.chi2.ppf(CERTAIN, 4 * order)) / rows
+    enough = float(scipy.stats.chi2.ppf(CERTAIN, 2 * order + 1)) / rows
     explained = _explained(_plain(model), records)
     if not explained > enough:
         explained = _explained(fit_oe(records, order, model.late), records)

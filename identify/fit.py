@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.alignment import lag_slopes, lag_steps
 from identify.condition import Conditioning
 from identify.course import Engine
 from identify.covariance import Uncertainty, uncertainty
@@ -34,6 +35,7 @@ _FINAL_STEPS = 200
 _KINKED_STEPS = 30  # where a friction sticks the cost has kinks, and what comes after is worth less than 1e-6 of it
 _PASSES = 6  # of weighting; two or three settle
 _TURNS = 30  # of aligning clocks; each about halves what is left
+_JOINT_TURNS = 8  # of aligning them together with the parameters; two or three settle
 _CLOSE = 0.01  # rows; clocks closer than this are aligned
 _SMALLEST_SHARE = 1e-9  # of a signal's spread: noise below it is rounding
 
@@ -185,6 +187,26 @@ def _align(problem: Problem, begin: Point, report: Progress) -> tuple[Point, Pro
         point, problem = _settle(problem, point, _silent, 0.0)
         if change < _CLOSE:
             break
+    return _realigned(problem, point)
+
+
+def _realigned(problem: Problem, begin: Point) -> tuple[Point, Problem]:
+    """Take lags and parameters to their common minimum: in turns they come near it ever more slowly."""
+    point, members = begin, _by_recording(problem, list(range(len(problem.experiments))))
+    for _ in range(_JOINT_TURNS):
+        steps = lag_steps(problem, point, members)
+        shifted: list[Experiment] = []
+        for parts, step in zip(_by_recording(problem, problem.experiments), steps, strict=True):
+            longest = parts[0].conditioning.align_max_lag_s
+            lags = {
+                name: float(np.clip(late + more, -longest, longest))
+                for (name, late), more in zip(parts[0].lags.items(), step, strict=True)
+            }
+            shifted += [replace(made, lags=lags) for made in parts]
+        problem = replace(problem, experiments=tuple(shifted))
+        point, problem = _settle(problem, point, _silent, 0.0)
+        if all(np.all(np.abs(step) < _CLOSE * shifted[0].course.step) for step in steps):
+            break
     return point, problem
 
 
@@ -220,7 +242,11 @@ def _result(
     values = best.constants[list(problem.free)]
     inner = np.where(problem.logarithmic, values, 1.0)
     natural = np.where(problem.logarithmic, 1.0, np.abs(values))
-    found = uncertainty(problem.windows, residuals, [slopes for _, slopes in pairs], natural)
+    # An aligned clock is one more unknown of its own, as an initial state is.
+    whole = [
+        np.concatenate([slopes, own], axis=2) for (_, slopes), own in zip(pairs, lag_slopes(problem, best), strict=True)
+    ]
+    found = uncertainty(problem.windows, residuals, whole, natural)
     covariance = found.covariance * np.outer(inner, inner)
     covariance[list(found.blind), :] = math.nan
     covariance[:, list(found.blind)] = math.nan
@@ -277,7 +303,9 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
     said = []
     names = [plant.parameters[free[k]].name for k in found.blind]
     if len(names) == 1:
-        said.append(f"{names[0]} leaves no trace in these recordings; it stays as given: fix it with free = false")
+        said.append(
+            f"{names[0]} leaves no trace in these recordings, so that its value means nothing; fix it with free = false"
+        )
     elif names:
         said.append(
             f"{', '.join(names)} cannot be told apart from these recordings: {found.combinations} combination(s) of "

@@ -105,13 +105,13 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
     if swing > 0.1 * abs(change) + extremes * noise:
         raise IdentifyError(
             f"{where}the response never settles: in its last {tail_time[-1] - tail_time[0]:.3g} s {output} still "
-            f"swings by {swing:.2g} {unit}, {100 * swing / abs(change):.2g} % of its change; record longer"
+            f"swings by {swing:.2g} {unit}, {100 * swing / abs(change):.0f} % of its change; record longer"
         )
     unsure = 2.0 * math.sqrt(12.0 / last) * noise / abs(change)  # of a straight line through the last rows
     if unsure > CLEAR:
         raise IdentifyError(
             f"{where}{len(response)} rows after the step are too short to tell whether {output} has settled: what it "
-            f"drifts in the last {last} of them is known to {100 * unsure:.2g} % of its change, at most "
+            f"drifts in the last {last} of them is known to {100 * unsure:.0f} % of its change, at most "
             f"{100 * CLEAR:.0f} % would do; record longer, or with less noise"
         )
     drift = float(fitted.slope) * float(tail_time[-1] - tail_time[0])
@@ -121,7 +121,7 @@ def step_response(recording: Recording, drive: str, output: str) -> StepResponse
     if clear and abs(drift) > 0.02 * abs(change):
         raise IdentifyError(
             f"{where}the response never settles: in its last {tail_time[-1] - tail_time[0]:.3g} s {output} still moves "
-            f"by {abs(drift):.2g} {unit}, {100 * abs(drift / change):.2g} % of its change; record longer, or fit a "
+            f"by {abs(drift):.2g} {unit}, {100 * abs(drift / change):.0f} % of its change; record longer, or fit a "
             "plant that integrates"
         )
     return StepResponse(

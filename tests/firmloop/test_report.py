@@ -185,9 +185,9 @@ def test_long_recordings_stay_small() -> None:
         (8.01234, 0.0123, ("8.012", "± 0.024", "ohm")),
         (123456.0, 1000.0, ("1.235e+05", "± 2e+03", "ohm")),
         (1.23456e-6, 2e-9, ("1.2346e-06", "± 3.9e-09", "ohm")),
-        (0.001, 5.0, ("0.001", "± 9.8", "ohm")),
+        (0.001, 5.0, ("0", "± 9.8", "ohm")),
         (0.0, 1.0, ("0", "± 2", "ohm")),
-        (8.01234, None, ("8.012", "interval unknown", "ohm")),
+        (8.01234, None, ("8.0", "interval unknown", "ohm")),
     ],
 )
 def test_no_more_digits_than_the_interval_allows(

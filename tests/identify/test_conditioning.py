@@ -161,3 +161,26 @@ def test_smoothing_uneven_rows_asks_for_resampling() -> None:
     recording = make_recording(time, dict(raw.columns), "uneven", "")
     with pytest.raises(IdentifyError, match="add resample_s"):
         fitted(recording, Conditioning(savgol_window=11))
+
+
+def test_an_aligned_clock_moves_no_parameter_and_widens_its_interval() -> None:
+    """Clocks that agree: in turns, a lag of a third of a row would be left, and be taken out of the time constant."""
+    time = np.arange(1000) * 2e-3
+    drive = np.where(time >= 0.1, 10.0, 0.0)
+    clean = np.where(time >= 0.1, 20.0 * (1.0 - np.exp(-np.clip(time - 0.1, 0.0, None) / 0.2)), 0.0)
+    fixed = {"value": 0.0, "free": False}
+    plant = make_plant("first_order", "u", ["y"], {"gain": 1.0, "time_constant_s": 0.1, "delay_s": fixed})
+    off, known, lags = [], [], []
+    for seed in range(6):
+        noisy = clean + np.random.default_rng(seed).normal(0.0, 0.2, len(time))
+        made = make_recording(time, {"u": drive, "y": noisy}, "", "")
+        found = fit(plant, [made], [], Conditioning(align=("y",), align_max_lag_s=0.01))
+        lag = found.plant.parameters[1]
+        assert lag.deviation is not None
+        off.append((lag.value - 0.2) / lag.deviation)
+        lags.append(found.train[0].lags["y"])
+        alone = fit(plant, [made], [], NONE).plant.parameters[1]
+        known.append(lag.deviation / (alone.deviation or np.inf))
+    assert abs(np.mean(off)) < 0.9 and np.max(np.abs(off)) < 2.5, off
+    assert abs(np.mean(lags)) < 4e-4, lags
+    assert np.min(known) > 1.1
