@@ -22,6 +22,7 @@ from identify.attach import parameters_of
 from identify.condition import NONE
 from identify.fit import fit
 from identify.kinds import make_plant
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError, Plant
 from identify.plant_table import plant_from_table
 from identify.recording import Recording, make_recording, read_recording
@@ -95,7 +96,7 @@ def main() -> int:
         words = []
         for key, values in found.items():
             pairs = list(itertools.combinations(values, 2))
-            held = sum(abs(a - b) < 1.96 * np.hypot(s, t) for (a, s), (b, t) in pairs)
+            held = sum(abs(a - b) < NORMAL_95 * np.hypot(s, t) for (a, s), (b, t) in pairs)
             spread = np.std([value for value, _ in values], ddof=1) / np.median([size for _, size in values])
             middle = np.median([value for value, _ in values])
             words.append(f"{key} {middle:.3g}: {held} of {len(pairs)}, spread {spread:.2g} deviations")

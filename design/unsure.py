@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from identify.linear import Linear, linearize
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError, Plant
 
-NORMAL_95 = 1.959963984540054
 _MOST = 12  # parameters: each costs the figures once more
 
 Figures = Callable[[Linear], Mapping[str, float]]

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from diagnose.cut import Blame, Cut
 from diagnose.finding import Alternative, Estimate, Finding, Location, Named
+from identify.normal import NORMAL_95
 
-NORMAL_95 = 1.959963984540054
 _TIED = 0.5  # probability of a fault that another explains as well
 _SURE = 0.99
 

@@ -23,11 +23,11 @@ from diagnose.shape import Shape
 from identify.attach import label_of, parameters_of, values_of, with_effects
 from identify.effect import EffectParameter
 from identify.effects import find_effect
+from identify.normal import NORMAL_95
 from identify.plant import EffectUse, Parameter, Plant
 
 Array = NDArray[np.float64]
 
-NORMAL_95 = 1.959963984540054
 SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right

@@ -20,6 +20,7 @@ from firmloop.words import in_unit, rounded_to
 from identify.datasheets import Contradiction, Reading, Sheet, read_sheet, sheets
 from identify.graphical import one_point
 from identify.motor_forms import MotorForm, motor_forms
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError
 from identify.quantity import in_si
 from identify.recording import Recording, column, read_recording
@@ -188,7 +189,7 @@ def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mappin
             entry: dict[str, object] = {"value": found[name].value, "free": found[name].value > 0.0}
             deviation = found[name].deviation
             if deviation:
-                reach = 1.959963984540054 * deviation
+                reach = NORMAL_95 * deviation
                 entry["ci95"] = [float(f"{found[name].value + sign * reach:.6g}") for sign in (-1, 1)]
             entries[name] = entry
     table: dict[str, object] = {
@@ -234,7 +235,7 @@ def _ways(sheet: Sheet, name: str) -> str:
 
 
 def _figure(name: str, one: Found) -> str:
-    half = 1.96 * (one.deviation or 0.0) or one.tolerance
+    half = NORMAL_95 * (one.deviation or 0.0) or one.tolerance
     figure = f"{rounded_to(one.value, half)} ± {half:.2g}" if half and one.value else f"{one.value:.4g}"
     return in_unit(figure, unit_of(name))
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from diagnose.cut import Cut
 from diagnose.finding import Finding
 from diagnose.hypothesis import Point, full_start, outputs_of
-from diagnose.judge import NORMAL_95
 from diagnose.locate import Latent, latent, nominal_plant
 from diagnose.refit import fit_starts, residual_of
 from diagnose.run import Diagnosis
@@ -25,6 +24,7 @@ from diagnose.shape import Shape
 from firmloop.figures import DATA, DRIVE, INK, LIMIT, MODEL, thinned
 from firmloop.figures import STYLE as FIGURE_STYLE
 from firmloop.report import STYLE
+from identify.normal import NORMAL_95
 from identify.plant import Plant
 
 Array = NDArray[np.float64]

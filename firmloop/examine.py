@@ -21,6 +21,7 @@ from firmloop.saturation import refuse_saturated
 from firmloop.words import about_fit, in_unit, rounded_to
 from identify.condition import NONE
 from identify.fit import Fit, fit, interval95
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError, Parameter
 from identify.recording import column
 from identify.redraw import Redrawn, blocks, left_over, redraw, white
@@ -173,7 +174,7 @@ def _pairs(one: Fit, other: Fit) -> Sequence[tuple[Parameter, Parameter]]:
 
 
 def _estimate(parameter: Parameter) -> str:
-    half = 1.96 * (parameter.deviation or 0.0)
+    half = NORMAL_95 * (parameter.deviation or 0.0)
     return f"{rounded_to(parameter.value, half)} ± {half:.2g}" if half else f"{parameter.value:.4g}"
 
 

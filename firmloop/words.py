@@ -13,10 +13,10 @@ from firmloop.console import table
 from firmloop.pipeline import Loop, Outcome
 from firmloop.tracking import Tracking
 from identify.fit import Fit
+from identify.normal import NORMAL_95
 from identify.plant import Parameter
 from verify.verdict import Verdict
 
-NORMAL_95 = 1.96  # half width of a 95 % interval in standard deviations
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),
     ("phase margin", "phase_margin_deg", "deg"),

@@ -17,6 +17,7 @@ from identify.course import Engine
 from identify.covariance import Uncertainty, uncertainty
 from identify.enough import check_answer, check_rows, check_span, check_step
 from identify.experiment import Experiment, aligned, best_start, check_moving, conditioned, delayed, experiments
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
 from identify.recording import Recording
@@ -29,7 +30,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 _T = TypeVar("_T")
 
-_NORMAL_95 = 1.959963984540054  # 97.5 % point of the standard normal distribution
 _TRIAL_STEPS = 25  # per start; enough to see which basin it is in
 _FINAL_STEPS = 200
 _KINKED_STEPS = 30  # where a friction sticks the cost has kinks, and what comes after is worth less than 1e-6 of it
@@ -74,7 +74,7 @@ def interval95(parameter: Parameter) -> tuple[float, float] | None:
     """95 % confidence interval of a fitted parameter, within its physical bounds; None where it was not estimated."""
     if parameter.deviation is None:
         return None
-    reach = _NORMAL_95 * parameter.deviation
+    reach = NORMAL_95 * parameter.deviation
     return max(parameter.value - reach, parameter.low), min(parameter.value + reach, parameter.high)
 
 

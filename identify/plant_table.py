@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from identify.attach import label_of, parameters_of, with_effects
 from identify.kinds import deviation_of, make_plant
+from identify.normal import NORMAL_95
 from identify.ode import make_ode
 from identify.plant import EffectUse, IdentifyError, Parameter, Plant
 
@@ -61,7 +62,7 @@ def _entry(parameter: Parameter) -> object:
         return parameter.value
     entry: dict[str, object] = {"value": parameter.value, "free": parameter.free}
     if parameter.deviation is not None:
-        reach = 1.959963984540054 * parameter.deviation
+        reach = NORMAL_95 * parameter.deviation
         ends = (max(parameter.value - reach, parameter.low), min(parameter.value + reach, parameter.high))
         entry["ci95"] = [float(f"{end:.6g}") for end in ends]
     return entry

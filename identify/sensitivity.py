@@ -19,6 +19,7 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from identify.linear import linearize
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError, Plant
 from identify.recording import make_recording
 from identify.simulate import constants_of, course_of, rest_start, simulator
@@ -97,7 +98,7 @@ def _range(plant: Plant, name: str) -> tuple[float, float]:
     parameter = next(p for p in plant.parameters if p.name == name)
     half = TOLERANCE * abs(parameter.value)
     if parameter.deviation:
-        half = 1.959963984540054 * parameter.deviation
+        half = NORMAL_95 * parameter.deviation
     return max(parameter.value - half, parameter.low), min(parameter.value + half, parameter.high)
 
 

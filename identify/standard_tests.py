@@ -15,12 +15,12 @@ import scipy.optimize
 import scipy.stats
 from numpy.typing import NDArray
 
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError
 
 Array = NDArray[np.float64]
 
 APART = 0.2  # of the largest reading: readings closer together are repeats of one point and tell no slope
-_NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ def _mean(values: Sequence[float]) -> Measured:
 
 
 def _widened(deviation: float, freedom: int) -> float:
-    return deviation * float(scipy.stats.t.ppf(0.975, freedom)) / _NORMAL_95
+    return deviation * float(scipy.stats.t.ppf(0.975, freedom)) / NORMAL_95
 
 
 def _doubted(one: Measured, more: float) -> Measured:

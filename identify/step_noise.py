@@ -12,13 +12,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError
 from identify.step_response import StepResponse, redrawn
 
 Reader = Callable[[StepResponse], Mapping[str, float]]
 
 DRAWS, SEED = 200, 1  # 200 tell a deviation to 5 %
-_NORMAL_95 = 1.959963984540054
 
 
 def noise_halves(response: StepResponse, readers: Mapping[str, Reader], draws: int) -> dict[str, dict[str, float]]:
@@ -42,4 +42,4 @@ def noise_halves(response: StepResponse, readers: Mapping[str, Reader], draws: i
 
 
 def _half(values: list[float]) -> float:
-    return _NORMAL_95 * float(np.std(values)) if all(map(math.isfinite, values)) else math.nan
+    return NORMAL_95 * float(np.std(values)) if all(map(math.isfinite, values)) else math.nan

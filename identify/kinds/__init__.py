@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 
 from identify.kind import Constant, Kind
+from identify.normal import NORMAL_95
 from identify.plant import IdentifyError, Parameter, Plant
 from identify.signal import Signal
 from identify.units import unit_of
 
 _ENTRY_KEYS = ("value", "free", "low", "high", "ci95")
-_NORMAL_95 = 1.959963984540054  # 97.5 % point of the standard normal distribution
 
 
 @cache
@@ -123,4 +123,4 @@ def deviation_of(key: str, interval: object) -> float | None:
     low, high = (_number(f"{key}.ci95", bound) for bound in interval)
     if low > high:
         raise IdentifyError(f"{key}.ci95 is [{low:g}, {high:g}]; its first bound must be the smaller one")
-    return (high - low) / (2.0 * _NORMAL_95)
+    return (high - low) / (2.0 * NORMAL_95)
