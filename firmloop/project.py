@@ -285,7 +285,7 @@ def _controller(table: Table) -> ControllerPart:
 
 
 def _signals(table: Table) -> tuple[Signal, ...]:
-    signals = []
+    signals: list[Signal] = []
     for name in table.values:
         _identifier(table, name, name, "signal")
         entry = table.table(name)
