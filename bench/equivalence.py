@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import z3
 
-from bench.meaning import TIMEOUT, Meaning
+from bench.meaning import EFFORT, Meaning, limited
 from codegen.view import statement
 from quantize.program import Op, Program
 from verify.reference import run
@@ -84,7 +84,8 @@ def _same_line(program: Program, meaning: Meaning, name: str, before: str, after
     if stored:
         return None
     fresh = Meaning(program, meaning.grids)
-    if _same_step(program, fresh, *_where_apart(meaning, name, old, new)) or _same_step(
+    cases = _where_apart(meaning, name, old, new)
+    if all(_same_step(program, fresh, *case) for case in cases) or _same_step(
         program, meaning, {name: old}, {name: new}
     ):
         return "outputs, status and state after the step are the same on the proven ranges, by z3"
@@ -107,23 +108,27 @@ def _turned(program: Program, meaning: Meaning, name: str, after: str) -> str | 
             continue
         place = f"self.{turned.target}"
         negated, negations = {place}, {}  # what has the other sign; and what only is the negative of another value
+        turned_truths: set[str] = set()
         for op in program.body:
             called, text = op.result.name, statement(op, program).partition(" = ")[2]
             if op.function == "neg" and op.arguments[0] not in negated:
                 negations[called] = meaning.value(text, {})
             if _symmetric(program, op, place, meaning):
                 negated.add(called)
-            elif called == name or negated & set(op.arguments):
+            elif called == name or (negated | turned_truths) & set(op.arguments):
                 one = meaning.value(text, negations)
                 mirrored = {a: -meaning.symbol(a) for a in negated}
+                mirrored |= {a: meaning.number("1") - meaning.symbol(a) for a in turned_truths}
                 other = meaning.value(after if called == name else text, negations | mirrored)
                 if meaning.same(one + other, meaning.number("0")):
                     negated.add(called)
+                elif called in meaning.truths and meaning.same(one + other, meaning.number("1")):
+                    turned_truths.add(called)
                 elif not meaning.same(one, other):
                     break
         else:
             shown = {a.source for a in (*program.results, *program.next_state, *program.status) if a is not turned}
-            if turned.source in negated and not shown & negated:
+            if turned.source in negated and not shown & (negated | turned_truths):
                 return f"{turned.target} has the other sign, which nothing shows, by z3"
     return None
 
@@ -176,23 +181,33 @@ def _fits(program: Program, name: str, kind: str) -> str | None:
     return "its proven range fits the other type" if -half <= result.low and result.high < half else None
 
 
-def _where_apart(meaning: Meaning, name: str, old: Any, new: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def _where_apart(meaning: Meaning, name: str, old: Any, new: Any) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """Return the value `name` has in both, and with it the operands that have one value wherever both differ.
 
-    Which of these have but one value then is seen, and its number put in its place.
+    Which of these have but one value then is seen, and its number put in its place; 0 of a float is two cases.
     """
-    one, other = {name: old}, {name: new}
-    solver = z3.Solver()
-    solver.set("timeout", TIMEOUT)
+    cases: list[tuple[dict[str, Any], dict[str, Any]]] = [({name: old}, {name: new})]
+    solver = limited(z3.Solver(), EFFORT)
     solver.add(*meaning.assumed, old != new)
-    if solver.check() == z3.sat:
-        model = solver.model()
-        places = [(one, name, old), (other, name, new)]
-        places += [(given, *item) for given in (one, other) for item in meaning.symbols.items()]
-        for given, place, term in places:
-            value = model.eval(term, model_completion=True)
-            if solver.check(term != value) == z3.unsat:
-                given[place] = value
+    if solver.check() != z3.sat:
+        return cases
+    model = solver.model()
+    places = [((0,), name, old), ((1,), name, new), *(((0, 1), *item) for item in meaning.symbols.items())]
+    for which, place, term in places:
+        value = model.eval(term, model_completion=True)
+        numbers = [value]
+        if z3.is_fp(term) and model.eval(z3.fpIsZero(term), model_completion=True):
+            numbers = [z3.fpPlusZero(term.sort()), z3.fpMinusZero(term.sort())]
+        if solver.check(*(term != number for number in numbers)) == z3.unsat:
+            put = [number for number in numbers if solver.check(term == number) != z3.unsat]
+            cases = [_with(case, which, place, number) for case in cases for number in put]
+    return cases
+
+
+def _with(
+    case: tuple[dict[str, Any], dict[str, Any]], which: tuple[int, ...], place: str, value: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    one, other = ({**given, place: value} if k in which else given for k, given in enumerate(case))
     return one, other
 
 

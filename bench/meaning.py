@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import z3
 
+from bench.zeros import never_minus_zero
 from codegen.view import statement
 from quantize.ops import EVERY, LARGE
 from quantize.program import Op, Program
 
 WIDE = 64
-TIMEOUT = 10_000  # ms
+EFFORT = 12_000_000  # z3's own count of its work, the same on a busy machine: some 10 s
+TIMEOUT = 120_000  # ms, for what it does not count
 ROOM = 0.005  # of a state's range, that it provably keeps from its limits
 PRODUCTS = ("mul", "wide", "mac", "mul_shift", "mul_down")
 FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
@@ -43,6 +45,7 @@ class Meaning:
         self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
         self.only: dict[str, tuple[float, ...]] = {}  # state that is what init() set, or one constant
         self._narrow_states(program)
+        self.signed = frozenset() if self.fixed else never_minus_zero(program)
         self.assumed: list[Any] = []
         self.symbols: dict[str, Any] = {}
 
@@ -69,7 +72,7 @@ class Meaning:
         """Return the term of a C expression; `given` puts terms in place of names."""
         text = re.sub(r"\b(in|self)->(\w+)", r"\1_dot_\2", text.strip())
         text = re.sub(r"^\(?(.*?)\)? \? (.*) : (.*)$", r"ite(\1, \2, \3)", text)
-        text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?(?:e[+-]?\d+)?)[UF]?\b", r"number('\1')", text)
+        text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?(?:e[+-]?\d+)?)([UF]?)\b", _literal, text)
         names = set(re.findall(r"[A-Za-z_]\w*", re.sub(r"'[^']*'", "", text)))
         scope: dict[str, Any] = dict(self._functions())
         for name in names - set(scope):
@@ -90,6 +93,8 @@ class Meaning:
                 x = z3.FP(called, self.sort)
                 if math.isfinite(low) and math.isfinite(high):
                     self.assumed += [z3.fpLEQ(self.number(repr(low)), x), z3.fpLEQ(x, self.number(repr(high)))]
+                if name.removeprefix("self.") in self.signed and name.startswith("self."):
+                    self.assumed.append(z3.Not(z3.And(z3.fpIsZero(x), z3.fpIsNegative(x))))
                 self.symbols[called] = x
             if name in self.only:
                 self.assumed.append(z3.Or([self.symbols[called] == self.number(repr(x)) for x in self.only[name]]))
@@ -117,11 +122,17 @@ class Meaning:
         return (value - int(start)) & (self.grids[state] - 1) == 0
 
     def holds(self, condition: Any) -> bool:
-        """Whether a condition follows from the assumptions, or from fewer of them, which can be easier to see."""
-        for assumed in ((), self.assumed):
-            solver = z3.Solver()
-            solver.set("timeout", TIMEOUT if assumed else TIMEOUT // 5)
-            solver.add(*assumed, z3.Not(condition))
+        """Whether a condition follows from the assumptions, or from fewer of them, which can be easier to see.
+
+        Bit by bit a short chain of additions and choices is seen at once, which z3 may miss by itself.
+        """
+        bitwise = z3.Then("simplify", *([] if self.fixed else ["fpa2bv", "simplify"]), "solve-eqs", "bit-blast", "sat")
+        for solver, assumed, effort in (
+            (bitwise.solver(), self.assumed, EFFORT // 5),
+            (z3.Solver(), (), EFFORT // 5),
+            (z3.Solver(), self.assumed, EFFORT),
+        ):
+            limited(solver, effort).add(*assumed, z3.Not(condition))
             if solver.check() == z3.unsat:
                 return True
         return False
@@ -149,7 +160,10 @@ class Meaning:
         def ite(condition: Any, a: Any, b: Any) -> Any:
             return z3.If(condition if z3.is_bool(condition) else condition != 0, a, b)
 
-        found: dict[str, Any] = {"number": self.number, "ite": ite}
+        def whole(text: str) -> Any:
+            return z3.BitVecVal(int(text), WIDE)
+
+        found: dict[str, Any] = {"number": self.number, "whole": whole, "ite": ite}
         found["fl_shl_i32"] = lambda a, s: a << s
         found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
         found["fl_asr_i32"] = lambda a, s: a >> s
@@ -171,6 +185,18 @@ class Meaning:
             found[f"fl_clamp_{end}"] = lambda x, low, high: least(most(x, low), high)
             found[f"fl_abs_{end}"] = lambda a: z3.If(a < 0, -a, a)
         return found
+
+
+def _literal(found: re.Match[str]) -> str:
+    """Write a literal of C as one of ours; without a point, an exponent or an F it is an integer, such as a truth."""
+    return f"{'number' if found[2] == 'F' or set(found[1]) & set('.e') else 'whole'}('{found[1]}')"
+
+
+def limited(solver: Any, effort: int) -> Any:
+    """Let a solver give up after so much work."""
+    solver.set("rlimit", effort)
+    solver.set("timeout", TIMEOUT)
+    return solver
 
 
 def _literals(op: Op) -> tuple[float, ...]:

@@ -195,16 +195,21 @@ def feedforward(
     own = table["feedforward"]
     if not isinstance(own, Mapping):
         raise DesignError('controller.feedforward is not a table; write [controller.feedforward] with from = "effects"')
-    check_keys(own, ("from", "smooth", "soft", "position"), "controller.feedforward")
-    choice(own, "from", None, ("effects",))
+    reference, output = wires
+    most = max(abs(output.low), abs(output.high))
+    try:
+        check_keys(own, ("from", "smooth", "soft", "position"), "it")
+        choice(own, "from", None, ("effects",))
+        smooth = positive(own, "smooth", max(abs(reference.low), abs(reference.high)) / 100)
+        soft = positive(own, "soft", most / 100)
+        if "position" in own:
+            choice(own, "position", None, [signal.name for signal in inputs])
+    except DesignError as error:  # these speak of the controller's own keys
+        raise DesignError(str(error).replace("controller.", "controller.feedforward.", 1)) from None
     if plant is None or not plant.effects:
         raise DesignError(
             "controller.feedforward has nothing to work from; add [[plant.effects]], or let diagnose find them"
         )
-    reference, output = wires
-    smooth = positive(own, "smooth", max(abs(reference.low), abs(reference.high)) / 100)
-    most = max(abs(output.low), abs(output.high))
-    soft = positive(own, "soft", most / 100)
     carried = _carried(own, plant, reference, inputs)
     parts, dead, missed = [], 0.0, {}
     for effect, site, at in placed(plant):
@@ -236,7 +241,7 @@ def _carried(
     follows = _followed(plant)
     if "position" in own:
         named = {signal.name: signal for signal in inputs}
-        found = named[choice(own, "position", None, named)]
+        found = named[str(own["position"])]
         unit = "rad" if any(balance.kind == "torque" for balance in plant.balances) else "m"
         if found.unit != unit:
             raise DesignError(

@@ -102,15 +102,21 @@ def check_baseline(baseline: Path, targets: Sequence[str]) -> None:
 
 def _read(path: Path) -> Mapping[str, object]:
     """Return the targets of an old cost.json, or the one of an old verdict.json."""
+    wanted = "name the cost.json or verdict.json of an earlier run"
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ProjectError(f"--baseline {path}: cannot be read: {error}") from None
+    except OSError as error:
+        raise ProjectError(f"--baseline {path}: cannot be read: {error.strerror}; {wanted}") from None
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise ProjectError(f"--baseline {path}: is not JSON from {where} on; {wanted}") from None
+    except (UnicodeDecodeError, RecursionError):
+        raise ProjectError(f"--baseline {path}: is not JSON; {wanted}") from None
     if isinstance(document, dict):
         one = {str(document["target"]): document} if "target" in document else document.get("targets")
         if isinstance(one, dict) and one and all(_has_cost(target) for target in one.values()):
             return one
-    raise ProjectError(f"--baseline {path}: is no cost.json nor verdict.json of an earlier run")
+    raise ProjectError(f"--baseline {path}: holds no costs; {wanted}")
 
 
 def _has_cost(target: object) -> bool:

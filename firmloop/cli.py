@@ -9,7 +9,9 @@ What a verb needs is imported when it is called, so that help, `targets` and a t
 from __future__ import annotations
 
 import argparse
+import difflib
 import os
+import re
 import signal
 import sys
 import threading
@@ -174,7 +176,10 @@ class _Parser(argparse.ArgumentParser):
     """A parser whose complaint is one line."""
 
     def error(self, message: str) -> NoReturn:
-        complain(f"{message}; see: {self.prog} --help")
+        asked, _, offered = message.partition("(choose from ")
+        near = difflib.get_close_matches(asked.split("'")[-2], re.findall(r"[\w-]+", offered), n=1) if offered else []
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        complain(f"{message}{hint}; see: {self.prog} --help")
         raise SystemExit(WRONG_FILE)
 
 

@@ -233,3 +233,32 @@ def test_a_project_without_signals_is_told_so(
     project.write_text(first + "[arithmetic]" + rest.partition("[arithmetic]")[2])
     assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 2
     assert "[signals]" in _complaint(capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"{", "not JSON from line 1"),
+        (b"", "not JSON"),
+        (b"\xff\xfe", "not JSON"),
+        (b"[" * 99999, "not JSON"),
+        (b"{}", "no costs"),
+    ],
+)
+def test_a_baseline_that_is_none(
+    content: bytes, named: str, project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "old.json").write_bytes(content)
+    before = set(tmp_path.rglob("*"))
+    rest = ["--out", str(tmp_path / "out"), "--steps", "10", "--baseline", str(tmp_path / "old.json")]
+    assert main(["verify", str(project), *rest]) == 2
+    said = _complaint(capsys)
+    assert named in said and "old.json" in said and "cost.json or verdict.json" in said
+    _nothing_but(tmp_path, before)
+
+
+def test_a_verb_that_is_misspelt_is_told_its_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["genrate", "x.toml", "--out", "x"])
+    assert caught.value.code == 2
+    assert "did you mean 'generate'?" in _complaint(capsys)

@@ -104,7 +104,7 @@ def test_growth_is_status_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert told.out == "" and "is of target qemu_microbit, but what is to run is qemu_mps2_an385" in told.err
     old.write_text("[]")
     assert main([*command, "--baseline", str(old)]) == 2
-    assert "is no cost.json nor verdict.json of an earlier run" in capsys.readouterr().err
+    assert "holds no costs; name the cost.json or verdict.json of an earlier run" in capsys.readouterr().err
 
 
 def test_the_cost_table_holds_every_function_and_is_a_baseline(
