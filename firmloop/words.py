@@ -188,13 +188,11 @@ def search_rows(verdict: Verdict) -> list[tuple[str, str]]:
     if found is None or worst is None:
         return []
     share = f"{found.instructions_bound / worst:.2f} of the worst seen"
+    without = f"{found.capped:,} cut short, {found.infeasible:,} with no moves that keep every limit"
     return [
         ("search", f"work {found.work_max:,} at most, cut short at {found.budget:,}"),
         ("bound of a step", f"{found.instructions_bound:,} instructions with the whole budget taken, {share}"),
-        (
-            "steps without answer",
-            f"{found.capped:,} cut short, {found.infeasible:,} with no moves that keep every limit",
-        ),
+        ("steps without answer", f"{without}; {found.within:,} of them with every input in its range"),
     ]
 
 

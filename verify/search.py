@@ -36,6 +36,11 @@ def searches(
     state = np.concatenate([trace.state.reshape(-1, len(program.state)) for trace in traces])
     status = np.concatenate([trace.status.ravel() for trace in traces])
     bits = {bit.name: bit.bit for bit in program.status}
+    capped, infeasible = (
+        status >> bits[name] & 1 if name in bits else np.zeros_like(status) for name in ("capped", "infeasible")
+    )
+    low, high = (np.array([getattr(value, end) for value in program.inputs]) for end in ("low", "high"))
+    within = np.all((inputs >= low) & (inputs <= high), axis=1)
     worst = int(counts.argmax())
     shown = _around(worst, blocks)
     chosen = np.concatenate([shown, np.argsort(-counts, kind="stable")[:HARDEST], [int(counts.argmin())]])
@@ -53,8 +58,9 @@ def searches(
         budget=rows.budget,
         work_max=int(solution.work.max(initial=0)),
         instructions_bound=int(np.ceil(least + unit * rows.longest)),
-        capped=int(np.count_nonzero(status >> bits["capped"] & 1)) if "capped" in bits else 0,
-        infeasible=int(np.count_nonzero(status >> bits["infeasible"] & 1)) if "infeasible" in bits else 0,
+        capped=int(np.count_nonzero(capped)),
+        infeasible=int(np.count_nonzero(infeasible)),
+        within=int(np.count_nonzero(within & ((capped | infeasible) > 0))),
     )
 
 

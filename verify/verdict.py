@@ -79,7 +79,9 @@ class Searches:
     """What the searches of a predictive controller did around the step that took longest, and what bounds them.
 
     `side` has a row a step and a place a limit: -1 where the low one is active, 1 the high one, else 0. `work` and
-    `budget` are counted as `design/active_set.py` says; `capped` and `infeasible` are steps of the whole run.
+    `budget` are counted as `design/active_set.py` says; `capped` and `infeasible` are steps of the whole run, `within`
+    are those of both that read nothing beyond its range. No search takes more work than its budget, by construction;
+    `instructions_bound` takes it at the most that a unit of work was seen to take.
     """
 
     begins: int  # step of the run that the first row is of
@@ -91,6 +93,7 @@ class Searches:
     instructions_bound: int  # of one step, with the whole budget taken
     capped: int
     infeasible: int
+    within: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +190,7 @@ class Verdict:
                 "instructions_bound": self.searches.instructions_bound,
                 "capped_steps": self.searches.capped,
                 "infeasible_steps": self.searches.infeasible,
+                "within_ranges_steps": self.searches.within,
             },
             "verdict": "agrees" if self.agrees else "differs",
         }

@@ -121,18 +121,19 @@ def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk) -
 
 
 def test_what_a_search_did_stands_beside_its_cost(walk: Walk) -> None:
-    found = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_400, 3, 4)
+    found = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_400, 3, 4, 5)
     searched = dataclasses.replace(VERDICT, searches=found)
     page = report(dataclasses.replace(walk, outcomes=(Outcome("board", searched, ""),)))
     for word in (
         "work 20 at most, cut short at 60",
         "2,400 instructions with the whole budget taken, 20.00 of the worst seen",
-        "3 cut short, 4 with no moves that keep every limit",
+        "3 cut short, 4 with no moves that keep every limit; 5 of them with every input in its range",
         "at its high limit",
     ):
         assert word in page and word not in report(walk), word
     assert searched.as_dict()["search"] == {
         "budget": 60, "work_max": 20, "instructions_bound": 2_400, "capped_steps": 3, "infeasible_steps": 4,
+        "within_ranges_steps": 5,
     }  # fmt: skip
 
 
@@ -156,7 +157,7 @@ def _comparison(rows: int) -> Comparison:
 
 def test_figures_escape_and_repeat() -> None:
     step = Step(np.arange(9.0), np.ones(9), np.ones(9), np.ones(9), "rad/s", "V", (-1e9, 1e9))
-    searches = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_000, 3, 4)
+    searches = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_000, 3, 4, 5)
     for make in (
         lambda: comparison_figure(_comparison(50)),
         lambda: search_figure(searches),

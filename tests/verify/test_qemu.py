@@ -100,11 +100,11 @@ def test_instruction_count_is_that_of_the_listing(tmp_path: Path) -> None:
 def test_a_stack_that_cannot_suffice_is_refused_when_built(tmp_path: Path) -> None:
     source = SOURCE.format(gain="2.0F").replace(
         "self->total = self->total + in->a;",
-        "volatile uint8_t much[16000]; much[0] = 1U; self->total = (float)much[0];",
+        "volatile uint8_t much[262000]; much[0] = 1U; self->total = (float)much[0];",
     )
     files = firmware(PROGRAM, tiny_bundle(PROGRAM, source), TARGET, "semihosting")
     with pytest.raises(
-        CodegenError, match=r"qemu_mps2_an386: step\(\) needs 160\d\d bytes of stack .* stack_bytes = 16384"
+        CodegenError, match=r"qemu_mps2_an386: step\(\) needs 262\d\d\d bytes of stack .* stack_bytes = 262144"
     ):
         build_image(files, TARGET, tmp_path)
 
@@ -300,7 +300,7 @@ def test_sizes_and_flags(images: dict[str, Image]) -> None:
     assert 40 <= image.controller.text_bytes <= 100
     assert (image.controller.data_bytes, image.controller.bss_bytes) == (0, 0)
     assert image.whole.text_bytes > image.controller.text_bytes
-    assert image.whole.bss_bytes > 16_384  # the stack is in it
+    assert image.whole.bss_bytes > 262_144  # the stack is in it
     assert "-ffp-contract=off" in image.flags and "-fno-move-loop-stores" in image.flags
     assert image.compiler.startswith("arm-none-eabi-gcc")
     assert image.double_helpers == ()
