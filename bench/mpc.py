@@ -35,9 +35,9 @@ from codegen.emit import emit
 from codegen.firmware import firmware
 from codegen.target import load_target
 from design.active_set import Solution, solve
-from design.dual_search import COLUMN
 from design.kinds import design
 from design.law import Law
+from design.outcome import COLUMN
 from identify.signal import Signal
 from quantize.lower import lower
 from quantize.program import Program

@@ -23,9 +23,9 @@ import numpy as np
 import scipy.linalg
 
 from design.active_set import exact, solve, tolerance_of
-from design.dual_search import INFEASIBLE, SOLVED
 from design.kinds import design
 from design.law import DesignError, Law
+from design.outcome import INFEASIBLE, SOLVED
 from design.region import drawn_parameters
 from identify.signal import Signal
 from quantize.budget import budget_of

@@ -36,8 +36,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.dual_search import COLUMN, Problem, Search, search_all
 from design.law import Quadratic
+from design.outcome import COLUMN
 
 Raw = NDArray[Any]
 
@@ -113,6 +113,8 @@ def tolerance_of(problem: Quadratic) -> float:
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
     """Solve for every row of `parameters` (lanes, p), in the element type of `rows`."""
+    from design.dual_search import Problem, Search, search_all  # half a second, which only a search should cost
+
     kind, count, lanes = rows.gram.dtype, len(rows.low), len(parameters)
 
     def typed(values: Raw) -> Raw:

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numba
 from numpy.typing import NDArray
 
+from design.outcome import CAPPED, COLUMN, INFEASIBLE, SOLVED
+
 Raw = NDArray[Any]
 
-SOLVED, CAPPED, INFEASIBLE = 0, 1, 2
-COLUMN = 6  # work of one column beside 1 for each active row, in the proportion of instructions
 LENGTH, WORK, FRESH, HARD = range(4)  # places of `Search.counts`
 
 WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # only compiled code calls it

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from design.active_set import Solution
-from design.dual_search import INFEASIBLE, SOLVED
 from design.law import Tree
+from design.outcome import INFEASIBLE, SOLVED
 
 Array = npt.NDArray[np.float64]
 

@@ -18,8 +18,8 @@ import scipy.linalg
 import scipy.optimize
 
 from design.discretize import Sampled, state_space, zero_order_hold
-from design.dual_search import CAPPED, INFEASIBLE
 from design.law import DesignError, Law, Solve
+from design.outcome import CAPPED, INFEASIBLE
 from design.roles import reference_and_measurement
 from design.small_signal import LinearLaw, linearize_law
 from design.solver import solver

@@ -19,8 +19,8 @@ import scipy.optimize
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from design.active_set import Rows, exact, solve
-from design.dual_search import INFEASIBLE, SOLVED
 from design.law import DesignError, Quadratic
+from design.outcome import INFEASIBLE, SOLVED
 
 Array = npt.NDArray[np.float64]
 

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from design.active_set import Solution, exact, solve
-from design.dual_search import CAPPED, SOLVED
 from design.law import DesignError, Law, Quadratic, Sweeps
+from design.outcome import CAPPED, SOLVED
 from design.region import drawn_parameters
 
 Array = npt.NDArray[np.float64]

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from design.active_set import exact, solve
-from design.dual_search import SOLVED
 from design.law import DesignError, Law, Quadratic, Tree
 from design.located import located
+from design.outcome import SOLVED
 from design.partition import SAME, THIN, Region, partition
 from design.region import box_of, drawn_parameters
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
+from diagnose.given import afresh, from_given, runaways
+from diagnose.hypothesis import Point, Scene, first_point
 from diagnose.noise import white
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, noises_of, residual_of
-from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, joined, larger, rated, simplest
+from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, extended, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import enriched, merged, reduced, swapped
 
@@ -45,10 +46,6 @@ _SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one 
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
-_MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
-_FAR_OFF = 1.5  # factor on a nominal parameter that has run away
-_FOLD = 0.03  # of the largest reading: noise of one that is never negative
-_GIVEN = 3  # causes tried beside the parameters as given
 _SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
@@ -84,7 +81,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         # Where noise alone is left, no cause gains more than it promises; where not, a soaked one hides another.
         whole = all(len(noise.coefficients) == 0 for noise in best.noises)
         worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
-        rivals = _round(scene, best, table, _from_given(scene, nominal) if turn == 0 else (), worth)
+        rivals = _round(scene, best, table, from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
             break
         base = best
@@ -182,24 +179,15 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     slowest output, which leads out. A nominal parameter that ran away in such a trap begins where it was given.
     """
     fitted = rival.fitted
-    runaways = _runaways(scene, fitted)
+    given = runaways(scene, fitted)
     found = [rival]
-    if runaways or any(len(noise.coefficients) for noise in rival.noises):
+    if given or any(len(noise.coefficients) for noise in rival.noises):
         flat = [white(noise.scale) for noise in rival.noises]
         plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, _LONG)
         noises = noises_of(scene, plain.residuals)
-        begin = Point({**plain.point.values, **runaways}, plain.point.starts)
+        begin = Point({**plain.point.values, **given}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, _LONG)))
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
-
-
-def _runaways(scene: Scene, fitted: Fitted) -> dict[str, float]:
-    """Return the values as given of free nominal parameters that a fit has moved far from there."""
-    return {
-        p.name: p.value
-        for p in scene.plant.parameters
-        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < fitted.point.values[p.name] / p.value < _FAR_OFF
-    }
 
 
 def _bar(scene: Scene, rival: Rival) -> float:
@@ -269,50 +257,6 @@ def _gain(screened: Screened | None) -> float:
     return -1.0 if screened is None else screened.gain
 
 
-def _from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
-    """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
-    folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
-    calm = all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal)
-    if calm and not folded:
-        return ()
-    flat = [white(noise.rms) for noise in nominal.noises]
-    begin = first_point(scene, scene.train)
-    given = fit(scene, scene.train, (), begin, flat, 0)
-    under = [ground(scene, scene.train, given, flat)]
-    (screened,) = screen(scene, scene.train, given, scene.causes, under, best_orders(scene, given, under))
-    found = []
-    for each in [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]:
-        causes, point = _extended(given, each, each.start)
-        found.append(fit(scene, scene.train, causes, point, flat, 2 * _SHORT))
-    return tuple(found)
-
-
-def _folded(scene: Scene, cause: Cause) -> bool:
-    """Tell whether a reading is never negative where the plant as given would go both ways."""
-    if cause.effect.name != "sensor_rectified" or cause.output is None:
-        return False
-    index = [signal.name for signal in scene.plant.outputs].index(cause.output)
-    begin = first_point(scene, scene.train)
-    for k, recording in enumerate(scene.train):
-        values = recording.columns[cause.output]
-        ours = values - residual_of(scene, recording, begin, k)[:, index]
-        top = float(values.max())
-        if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
-            return False
-    return True
-
-
-def _ran_away(scene: Scene, nominal: Rival) -> bool:
-    """Tell whether a refit has moved a parameter that the recordings determine well far from where it was given."""
-    given = {p.name: p.value for p in scene.plant.parameters}
-    sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
-    for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
-        if each.logarithmic and size * _FIRM**2 > 1.0:
-            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > _MOVED:
-                return True
-    return False
-
-
 def _round(
     scene: Scene, best: Rival, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
 ) -> tuple[Rival, ...]:
@@ -324,13 +268,13 @@ def _round(
     more = [each for each in screened if each.cause.effect.name in related and each not in picked]
     trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
     begun = time.process_time()
-    away = bool(best.fitted.causes) and bool(_runaways(scene, best.fitted))
+    away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))
     for each in [*picked, *more]:
         if trials and time.process_time() - begun > _ROUND:
             break
-        begins = [_extended(best.fitted, each, start) for start in _starts(scene, each)]
+        begins = [extended(best.fitted, each.cause, start) for start in _starts(scene, each)]
         if away:
-            begins.append(_afresh(scene, best.fitted, each))
+            begins.append(afresh(scene, best.fitted, each))
         for causes, begin in begins:
             fitted = fit(scene, scene.train, causes, begin, best.noises, _SHORT)
             if not _too_large(fitted):
@@ -365,23 +309,6 @@ def _too_large(fitted: Fitted) -> bool:
     newest = fitted.causes[-1]
     sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
     return any(each.default is None and fitted.point.values[key] > _WHOLE * each.high for key, each in sizes)
-
-
-def _extended(base: Fitted, screened: Screened, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
-    """Add a cause to a hypothesis; a simpler one that it contains gives way."""
-    causes, values = joined(base, screened.cause)
-    return causes, Point(entered(values, screened.cause, start), base.point.starts)
-
-
-def _afresh(scene: Scene, base: Fitted, screened: Screened) -> tuple[tuple[Cause, ...], Point]:
-    """Add a cause, all of them from their grids and the plant as given: what ran away without it may not come back."""
-    causes, _ = joined(base, screened.cause)
-    begin = first_point(scene, scene.train)
-    values: Mapping[str, float] = begin.values
-    for cause in causes:
-        grid = scene.starts[cause.label]
-        values = entered(values, cause, grid[len(grid) // 2] if grid else {})
-    return causes, Point(values, begin.starts)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, Scene, full_start
+from diagnose.hypothesis import Cause, Point, Scene, entered, full_start
 from diagnose.noise import Noise, memory
 from diagnose.refit import Fitted, evidence, fit_starts, noises_of, residual_of
 
@@ -94,6 +94,12 @@ def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, flo
     gone = {key for each in base.causes if each not in kept for key in each.keys}
     values = {key: value for key, value in base.point.values.items() if key not in gone}
     return (*kept, cause), values
+
+
+def extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
+    """Add a cause at its start to a hypothesis; a simpler one that it contains gives way."""
+    causes, values = joined(base, cause)
+    return causes, Point(entered(values, cause, start), base.point.starts)
 
 
 def containing(name: str) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.active_set import Raw, Solution, exact, solve
-from design.dual_search import CAPPED, SOLVED
 from design.law import Law, Quadratic
+from design.outcome import CAPPED, SOLVED
 from design.region import drawn_parameters
 from quantize.quadratic import rows_of, table_of
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.course import course_of
-from design.dual_search import CAPPED, INFEASIBLE
 from design.law import Horizon, Law, Solve
+from design.outcome import CAPPED, INFEASIBLE
 from design.real_time import improve
 from design.solver import solver as quadratic_solver
 from quantize.program import QuantizeError

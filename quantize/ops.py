@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from design.active_set import Rows, solve
 from design.course import Course
-from design.dual_search import CAPPED, INFEASIBLE
+from design.outcome import CAPPED, INFEASIBLE
 from design.real_time import Model, improve
 from quantize import sweeps, trees
 from quantize.course import course_from

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from design.active_set import FAR, Raw, Rows, tolerance_of
-from design.dual_search import COLUMN
 from design.law import Quadratic
+from design.outcome import COLUMN
 from quantize.program import Table
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated

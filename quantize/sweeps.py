@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.dual_search import CAPPED, SOLVED
+from design.outcome import CAPPED, SOLVED
 from design.splitting import STEP
 from quantize.program import Table
 

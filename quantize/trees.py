@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.dual_search import INFEASIBLE, SOLVED
+from design.outcome import INFEASIBLE, SOLVED
 from quantize.program import Table
 
 Raw = NDArray[Any]

@@ -81,6 +81,8 @@ def test_source(path: Path) -> None:
 def test_imports_stand_at_the_top(path: Path) -> None:
     if path == ROOT / "firmloop" / "cli.py":
         pytest.skip("a command imports what it needs when it is called, so that help answers at once")
+    if path == ROOT / "design" / "active_set.py":
+        pytest.skip("only a search waits half a second for the compiler of its loops")
     top = set(_tree(path).body)
     late = [node for node in ast.walk(_tree(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
     assert len(late) == sum(isinstance(node, ast.Import | ast.ImportFrom) for node in top)

@@ -12,9 +12,9 @@ from bench.mpc_random import law_of as random_law
 from codegen.emit import emit
 from codegen.target import load_target
 from design.active_set import exact, solve
-from design.dual_search import CAPPED, INFEASIBLE, SOLVED
 from design.kinds.mpc import design
 from design.law import Law
+from design.outcome import CAPPED, INFEASIBLE, SOLVED
 from design.region import drawn_parameters
 from identify.signal import Signal
 from quantize.budget import budget_of

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from design.active_set import exact, solve
-from design.dual_search import CAPPED, INFEASIBLE, SOLVED
 from design.law import DesignError, Law
+from design.outcome import CAPPED, INFEASIBLE, SOLVED
 from design.solver import solver
 from identify.signal import Signal
 from quantize.lower import lower

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from design.active_set import exact, solve
-from design.dual_search import INFEASIBLE, SOLVED
 from design.kinds.mpc import design
 from design.law import DesignError, Law, Tree
+from design.outcome import INFEASIBLE, SOLVED
 from design.solver import solver
 from identify.signal import Signal
 from quantize.lower import lower

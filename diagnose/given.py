@@ -1,0 +1,84 @@
+"""Begin where the plant was given: a refit may have run far away to hide what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
+from diagnose.noise import white
+from diagnose.orders import best_orders
+from diagnose.refit import Fitted, fit, residual_of
+from diagnose.rival import Rival, extended, joined
+from diagnose.screen import Screened, ground, screen
+
+_STEPS = 6  # of a trial
+_MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
+_FAR_OFF = 1.5  # factor on a nominal parameter that has run away
+_FOLD = 0.03  # of the largest reading: noise of one that is never negative
+_GIVEN = 3  # causes tried beside the parameters as given
+
+
+def from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
+    """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
+    folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
+    calm = all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal)
+    if calm and not folded:
+        return ()
+    flat = [white(noise.rms) for noise in nominal.noises]
+    begin = first_point(scene, scene.train)
+    given = fit(scene, scene.train, (), begin, flat, 0)
+    under = [ground(scene, scene.train, given, flat)]
+    (screened,) = screen(scene, scene.train, given, scene.causes, under, best_orders(scene, given, under))
+    found = []
+    for each in [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]:
+        causes, point = extended(given, each.cause, each.start)
+        found.append(fit(scene, scene.train, causes, point, flat, _STEPS))
+    return tuple(found)
+
+
+def _folded(scene: Scene, cause: Cause) -> bool:
+    """Tell whether a reading is never negative where the plant as given would go both ways."""
+    if cause.effect.name != "sensor_rectified" or cause.output is None:
+        return False
+    index = [signal.name for signal in scene.plant.outputs].index(cause.output)
+    begin = first_point(scene, scene.train)
+    for k, recording in enumerate(scene.train):
+        values = recording.columns[cause.output]
+        ours = values - residual_of(scene, recording, begin, k)[:, index]
+        top = float(values.max())
+        if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
+            return False
+    return True
+
+
+def _ran_away(scene: Scene, nominal: Rival) -> bool:
+    """Tell whether a refit has moved a parameter that the recordings determine well far from where it was given."""
+    given = {p.name: p.value for p in scene.plant.parameters}
+    sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
+    for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
+        if each.logarithmic and size * _FIRM**2 > 1.0:
+            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > _MOVED:
+                return True
+    return False
+
+
+def runaways(scene: Scene, fitted: Fitted) -> dict[str, float]:
+    """Return the values as given of free nominal parameters that a fit has moved far from there."""
+    return {
+        p.name: p.value
+        for p in scene.plant.parameters
+        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < fitted.point.values[p.name] / p.value < _FAR_OFF
+    }
+
+
+def afresh(scene: Scene, base: Fitted, screened: Screened) -> tuple[tuple[Cause, ...], Point]:
+    """Add a cause, all of them from their grids and the plant as given: what ran away without it may not come back."""
+    causes, _ = joined(base, screened.cause)
+    begin = first_point(scene, scene.train)
+    values: Mapping[str, float] = begin.values
+    for cause in causes:
+        grid = scene.starts[cause.label]
+        values = entered(values, cause, grid[len(grid) // 2] if grid else {})
+    return causes, Point(values, begin.starts)
