@@ -149,3 +149,14 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
     status, work, side = np.zeros(lanes, np.int64), np.zeros(lanes, np.int64), np.zeros((lanes, count), np.int64)
     search_all(problem, search, typed(parameters), moves, status, work, side)
     return Solution(moves * typed(rows.scale), status, work, side)
+
+
+def compile_search() -> None:
+    """Compile the search for both element types: the first search on a machine waits for that, some ten seconds each."""
+    none, one = np.zeros((0, 0)), np.ones(1)
+    for kind in (np.float32, np.float64):
+        gram = np.ones((1, 1), kind)
+        solve(
+            Rows(gram, -one, one, gram, one, 0.0, 0.0, 0.0, FAR, 0.0, 0.0, 1, 0, 0, none, none, np.zeros(0)),
+            np.zeros((1, 1)),
+        )
