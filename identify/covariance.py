@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from identify.least_squares import triangle
 
@@ -16,6 +18,8 @@ Array = NDArray[np.float64]
 # Parallel to 1e-6 of their length: far above the rounding of exact sensitivities (1e-10), far below any real data.
 _PARALLEL = 1e-6
 _MOST_LAGS = 2000
+_MOST_ORDER = 20  # of an autoregression of residuals
+_ROWS_PER_ORDER = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +46,9 @@ def uncertainty(
     The estimator is the sandwich H^-1 S H^-1 with H = sum J'J and S the long-run covariance of the scores J'e, by
     Bartlett weights and Andrews' automatic bandwidth (Newey & West 1987, Andrews 1991): right for white and for
     autocorrelated residuals, as long as their memory is short against the recording. Where a few rows decide alone, a
-    delay's at the edge of a step, S has little to go by and comes out small: then the variances are those of white
-    residuals, sigma^2 H^-1, the larger of the two each time.
+    delay's at the edge of a step, S has little to go by and comes out small: then the variances are those of stationary
+    residuals, H^-1 (sum J'C J) H^-1 with C the covariance of the autoregression that the residuals of each output tell
+    (white ones: sigma^2 H^-1), the larger of the two each time.
     """
     parameters = len(natural)
     pure = [_without_start(block.reshape(-1, block.shape[2]), parameters) for block in slopes]
@@ -68,13 +73,12 @@ def uncertainty(
         meat += _long_run(np.concatenate(scores[first:end]))
     rows = sum(residual.size for residual in residuals)
     unknowns = parameters + sum(block.shape[2] - parameters for block in slopes)
-    white = np.zeros_like(inverse)
-    sizes_left = np.mean(np.concatenate(residuals) ** 2, axis=0)
-    for residual, block in zip(residuals, pure, strict=True):
-        each = (block / norms).reshape(*residual.shape, parameters) * np.sqrt(sizes_left)[:, None]
-        tall = each.reshape(residual.size, parameters)
-        white += tall.T @ tall
-    robust, plain = inverse @ meat @ inverse, inverse @ white @ inverse
+    tall = [(block / norms).reshape(*part.shape, parameters) for part, block in zip(residuals, pure, strict=True)]
+    stationary = sum(
+        (_stationary([part[:, k] for part in residuals], [each[:, k] for each in tall])
+         for k in range(residuals[0].shape[1])), np.zeros_like(inverse),
+    )  # fmt: skip
+    robust, plain = inverse @ meat @ inverse, inverse @ stationary @ inverse
     ratio = np.diag(plain) / np.maximum(np.diag(robust), 1e-300)
     wider = np.sqrt(np.maximum(ratio, 1.0))
     covariance = rows / max(rows - unknowns, 1) * robust * np.outer(wider, wider) / np.outer(norms, norms)
@@ -90,6 +94,27 @@ def _without_start(tall: Array, parameters: int) -> Array:
     kept = widths > _PARALLEL
     basis = (own / norms) @ (turned[kept].T / widths[kept])
     return np.asarray(tall[:, :parameters] - basis @ (basis.T @ tall[:, :parameters]))
+
+
+def _stationary(residuals: Sequence[Array], slopes: Sequence[Array]) -> Array:
+    """Return sum J'C J (k, k) of one output: residuals (q,) and slopes (q, k) of every experiment."""
+    if not slopes[0].shape[1]:
+        return np.zeros((0, 0))
+    lags = min(_MOST_ORDER, min(len(part) for part in residuals) // _ROWS_PER_ORDER)
+    moments = np.array(
+        [sum(float(part[lag:] @ part[: len(part) - lag]) for part in residuals) for lag in range(lags + 1)]
+    )
+    rows = sum(len(part) for part in residuals)
+    best, power, least = np.ones(1), moments[0] / rows, rows * np.log(max(moments[0] / rows, 1e-300))
+    for order in range(1, lags + 1 if moments[0] > 0.0 else 0):
+        taps = solve_toeplitz(moments[:order], -moments[1 : order + 1])  # Yule-Walker: never unstable
+        left = (moments[0] + taps @ moments[1 : order + 1]) / rows
+        score = rows * np.log(max(left, 1e-300)) + order * np.log(rows)
+        if score < least:
+            best, power, least = np.concatenate([[1.0], taps]), left, score
+    # Residuals are e / best, so that J'residuals is e times J sent through 1 / best backwards.
+    turned = [lfilter([1.0], best, each[::-1], axis=0) for each in slopes]
+    return np.asarray(power * sum(each.T @ each for each in turned))
 
 
 def _long_run(scores: Array) -> Array:

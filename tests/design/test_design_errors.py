@@ -35,7 +35,7 @@ GOOD = {"kp": 0.1, "ki": 1.0}
         ({**GOOD, "tt_s": 0.0}, ["tt_s", "above 0"]),
         ({**GOOD, "tt_s": 0.0005}, ["tt_s", "0.0005", "period_s"]),
         ({**GOOD, "u_max": 13.0}, ["u_max", "13", "from -12 to 12"]),
-        ({**GOOD, "u_min": 5.0, "u_max": 5.0}, ["u_min", "not below"]),
+        ({**GOOD, "u_min": 5.0, "u_max": 5.0}, ["u_min = 5 and u_max = 5", "u_min below u_max"]),
         ({**GOOD, "anti_windup": "back_calculaton"}, ["back_calculaton", "did you mean 'back_calculation'"]),
         ({**GOOD, "anti_windup": 3}, ["anti_windup", "3", "not a text"]),
         ({**GOOD, "form": "ideal"}, ["ki", "ideal", "ti_s and td_s"]),

@@ -72,6 +72,7 @@ def stand_in(driver: str, machine: str, base: int) -> Target:
     return replace(
         load_target("qemu_mps2_an385"),
         memory=(Region("flash", 0, 0x4_0000), Region("ram", 0x2000_0000, 0x1_0000)),
+        stack_bytes=0x4000,
         uart=Uart(driver, base, 115_200, 12_000_000),
         timer=Timer("dwt", 0xE000_1000, 32),
         qemu=Qemu(machine, 8),
