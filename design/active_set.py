@@ -152,7 +152,7 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
 
 
 def compile_search() -> None:
-    """Compile the search for both element types, for which the first search on a machine waits some ten seconds each."""
+    """Compile the search for both element types, for which the first search on a machine waits ten seconds each."""
     none, one = np.zeros((0, 0)), np.ones(1)
     for kind in (np.float32, np.float64):
         gram = np.ones((1, 1), kind)
