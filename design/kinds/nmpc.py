@@ -13,7 +13,7 @@ d the change of u from sample to sample. `design/real_time.py` says how a step i
 - `iterations` of one sample; `warm_start = false` starts each from no move at all.
 - `smooth`: speed within which a dry friction changes its sign, in the speed's unit.
 - `parts`: Runge-Kutta steps of one sample; without it as many as the equations ask for.
-- `budget`: changes of the active set in one step; beyond it the step is cut short.
+- `budget`: changes of the active set in one step, as many as it has limits by default; beyond it the step is cut short.
 
 Where a step fails (`capped`, `infeasible`), the output is that without limits, limited, and the next sample starts
 anew. `unsettled`: the step still changed a move by more than a hundredth of its range, so the plan is not optimal yet.
@@ -115,7 +115,7 @@ def _setup(request: Request) -> Setup:
         )
     horizon = Horizon(
         model, length, q, r, p, change, rest, low, high, weight, limited,
-        whole(table, "iterations", 1, 1, 20), whole(table, "budget", 4 * rows, 1, 10_000),
+        whole(table, "iterations", 1, 1, 20), whole(table, "budget", rows, 1, 10_000),
     )  # fmt: skip
     led = _led(plant) if reference is not None else 0
     return Setup(smooth, wires, reference, led, target, horizon, _flag(table))
