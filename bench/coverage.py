@@ -3,7 +3,7 @@
     python -m bench.coverage [REPEATS]
 
 Right is 93 to 97 % of 500. The last rows are a real motor's: its recorded input, the model that was fitted to it as the
-truth, and what that left over, with its spectrum but other phases, as noise.
+truth, and noise whose innovations are those of what that left over, drawn anew and sent through its autoregression.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import sys
 import time
 
 import numpy as np
+from scipy.signal import lfilter
 
 from bench.real_steps import FILE, OUTPUT, model, pieces
+from diagnose.noise import fit_noise
 from identify.condition import NONE
 from identify.fit import fit, interval95
 from identify.kinds import make_plant
@@ -87,11 +89,13 @@ def recorded(name: str, repeats: int) -> dict[str, float]:
     whole = pieces(read_recording(FILE, {}), 10)[0]
     truth = fit(model(name), [whole], [], NONE)
     clean = truth.train[0].simulated[:, 0]
-    spectrum = np.fft.rfft(whole.columns[OUTPUT] - clean)
+    left = whole.columns[OUTPUT] - clean
+    colour = fit_noise([left], 0.0)
+    innovations = colour.whiten(left)[len(colour.coefficients) :] * colour.scale
     hits = {p.name: 0 for p in truth.plant.parameters if p.free}
     for seed in range(repeats):
-        turns = np.exp(2j * np.pi * np.random.default_rng(seed).uniform(size=len(spectrum)))
-        noisy = clean + np.fft.irfft(spectrum * turns, len(clean))
+        drawn = np.random.default_rng(seed).choice(innovations, 2 * len(clean))
+        noisy = clean + lfilter([1.0], [1.0, *colour.coefficients], drawn)[len(clean) :]
         found = fit(model(name), [make_recording(whole.time, {**whole.columns, OUTPUT: noisy}, "", "")], [], NONE)
         for parameter, true in zip(found.plant.parameters, truth.plant.parameters, strict=True):
             if parameter.name in hits:

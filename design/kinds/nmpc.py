@@ -13,7 +13,8 @@ d the change of u from sample to sample. `design/real_time.py` says how a step i
 - `iterations` of one sample; `warm_start = false` starts each from no move at all.
 - `smooth`: speed within which a dry friction changes its sign, in the speed's unit.
 - `parts`: Runge-Kutta steps of one sample; without it as many as the equations ask for.
-- `budget`: changes of the active set in one step, as many as it has limits by default; beyond it the step is cut short.
+- `budget`: changes of the active set in one step, as many as it has limits by default; beyond it the step is cut short,
+  which may come before it is found that no moves keep all limits.
 
 Where a step fails (`capped`, `infeasible`), the output is that without limits, limited, and the next sample starts
 anew. `unsettled`: the step still changed a move by more than a hundredth of its range, so the plan is not optimal yet.

@@ -213,7 +213,7 @@ def test_no_controllers_at_all_have_no_results() -> None:
 
 
 def test_where_no_moves_keep_every_limit_the_status_says_so() -> None:
-    _, law = swing_up(horizon=4, x_max=[0.5, math.inf, math.inf, math.inf])
+    _, law = swing_up(horizon=4, x_max=[0.5, math.inf, math.inf, math.inf], budget=32)
     u, status = Stepped(lower(law, "float32")).step(np.array([1.5, 3.1, 3.0, 0.0]))
     assert status & INFEASIBLE and abs(u) <= FORCE
 
