@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from bench.blind_cases import draw_case, write_case
 from diagnose.hypothesis import Point, Scene, entered, first_point, make_scene
-from diagnose.noise import white
 from diagnose.refit import fit as refit
 from firmloop.diagnosis import diagnosed
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
 from firmloop.table import ProjectError
 from identify.compiler import ToolError
+from identify.noise import white
 from identify.plant import IdentifyError, Plant
 from identify.recording import read_recording
 

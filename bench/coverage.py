@@ -15,10 +15,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from bench.real_steps import FILE, OUTPUT, model, pieces
-from diagnose.noise import fit_noise
 from identify.condition import NONE
 from identify.fit import fit, interval95
 from identify.kinds import make_plant
+from identify.noise import fit_noise
 from identify.recording import make_recording, read_recording
 from identify.simulate import simulate
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
-from diagnose.noise import white
 from diagnose.orders import best_orders
 from diagnose.refit import Fitted, fit, residual_of
 from diagnose.rival import Rival, extended, joined
 from diagnose.screen import Screened, ground, screen
+from identify.noise import white
 
 _STEPS = 6  # of a trial
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.noise import fit_noise
 from diagnose.screen import outside, with_starts
 from identify.clock import evened
 from identify.condition import NONE
 from identify.experiment import Experiment, best_start, experiments
 from identify.hold import HOLDS
+from identify.noise import fit_noise
 from identify.plant import IdentifyError, Plant
 from identify.problem import Point, Problem, make_problem, solve, weighted
 from identify.recording import Recording

@@ -13,7 +13,6 @@ from diagnose.direct import Direct, coarse
 from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.locate import worst_spans
-from diagnose.noise import whiteness
 from diagnose.preflight import Preflight
 from diagnose.rank import Search
 from diagnose.refit import Fitted, fit_starts, residual_of, variances
@@ -23,6 +22,7 @@ from diagnose.shape import Shape
 from identify.attach import label_of, parameters_of, values_of, with_effects
 from identify.effect import EffectParameter
 from identify.effects import find_effect
+from identify.noise import whiteness
 from identify.normal import NORMAL_95
 from identify.plant import EffectUse, Parameter, Plant
 

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.noise import Noise, memory
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, joined, rated, unseen_residuals
 from diagnose.screen import ground, screen
+from identify.noise import Noise, memory
 
 Array = NDArray[np.float64]
 

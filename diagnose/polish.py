@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from diagnose.hypothesis import Point, Scene
-from diagnose.noise import Noise
 from diagnose.refit import Fitted, fit
 from identify.attach import with_effects
 from identify.condition import NONE
 from identify.experiment import experiments
+from identify.noise import Noise
 from identify.plant import EffectUse
 from identify.problem import Point as Place
 from identify.problem import make_problem, solve

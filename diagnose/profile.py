@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Point, Scene
-from diagnose.noise import Noise
 from diagnose.refit import Fitted, cost_at, ended, inverse, moved
+from identify.noise import Noise
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from diagnose.given import afresh, from_given, runaways
 from diagnose.hypothesis import Point, Scene, first_point
-from diagnose.noise import white
 from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, noises_of
 from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, extended, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import enriched, merged, reduced, swapped
+from identify.noise import white
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]

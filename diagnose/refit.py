@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start, outputs_of
-from diagnose.noise import Noise, fit_noise
+from identify.noise import Noise, fit_noise
 from identify.recording import Recording
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Point, Scene, entered, full_start
-from diagnose.noise import Noise, memory
 from diagnose.refit import Fitted, evidence, fit_starts, noises_of, residual_of
+from identify.noise import Noise, memory
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Scene, entered, outputs_of
-from diagnose.noise import Noise, fit_noise
 from diagnose.refit import Fitted, slopes_of, whitened
 from identify.least_squares import triangle
+from identify.noise import Noise, fit_noise
 from identify.recording import Recording
 
 Array = NDArray[np.float64]

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from diagnose.direct import coarse
 from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import latent, nominal_plant
-from diagnose.noise import Noise, white
 from diagnose.rank import Search, screened
 from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
 from diagnose.rival import Rival
 from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
+from identify.noise import Noise, white
 from identify.plant import Plant
 from identify.recording import Recording
 

@@ -8,18 +8,17 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from identify.least_squares import triangle
+from identify.noise import fit_noise
 
 Array = NDArray[np.float64]
 
 # Parallel to 1e-6 of their length: far above the rounding of exact sensitivities (1e-10), far below any real data.
 _PARALLEL = 1e-6
 _MOST_LAGS = 2000
-_MOST_ORDER = 20  # of an autoregression of residuals
-_ROWS_PER_ORDER = 20
+_STABLE = 0.999  # largest pole of an autoregression of residuals
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,21 +99,13 @@ def _stationary(residuals: Sequence[Array], slopes: Sequence[Array]) -> Array:
     """Return sum J'C J (k, k) of one output: residuals (q,) and slopes (q, k) of every experiment."""
     if not slopes[0].shape[1]:
         return np.zeros((0, 0))
-    lags = min(_MOST_ORDER, min(len(part) for part in residuals) // _ROWS_PER_ORDER)
-    moments = np.array(
-        [sum(float(part[lag:] @ part[: len(part) - lag]) for part in residuals) for lag in range(lags + 1)]
-    )
-    rows = sum(len(part) for part in residuals)
-    best, power, least = np.ones(1), moments[0] / rows, rows * np.log(max(moments[0] / rows, 1e-300))
-    for order in range(1, lags + 1 if moments[0] > 0.0 else 0):
-        taps = solve_toeplitz(moments[:order], -moments[1 : order + 1])  # Yule-Walker: never unstable
-        left = (moments[0] + taps @ moments[1 : order + 1]) / rows
-        score = rows * np.log(max(left, 1e-300)) + order * np.log(rows)
-        if score < least:
-            best, power, least = np.concatenate([[1.0], taps]), left, score
-    # Residuals are e / best, so that J'residuals is e times J sent through 1 / best backwards.
-    turned = [lfilter([1.0], best, each[::-1], axis=0) for each in slopes]
-    return np.asarray(power * sum(each.T @ each for each in turned))
+    noise = fit_noise(residuals, 0.0)
+    taps = noise.coefficients
+    radius = float(np.max(np.abs(np.roots([1.0, *taps])), initial=0.0))
+    held = taps * min(1.0, _STABLE / max(radius, 1e-300)) ** np.arange(1, len(taps) + 1)
+    # Residuals are e / (1 + taps), so that J'residuals is e times J sent through 1 / (1 + taps) backwards.
+    turned = [lfilter([1.0], [1.0, *held], each[::-1], axis=0) for each in slopes]
+    return np.asarray(noise.scale**2 * sum(each.T @ each for each in turned))
 
 
 def _long_run(scores: Array) -> Array:

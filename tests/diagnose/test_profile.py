@@ -11,12 +11,12 @@ from bench.blind_cases import single_case, write_case
 from bench.concealed import MACHINES
 from diagnose.hypothesis import Point, first_point, make_scene
 from diagnose.judge import deviations
-from diagnose.noise import white
 from diagnose.preflight import preflight
 from diagnose.profile import profiled
 from diagnose.refit import cost_at, ended, fit, noises_of
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
+from identify.noise import white
 
 FLAT_MOTOR = next(machine for machine in MACHINES if machine.name == "flat_motor")
 

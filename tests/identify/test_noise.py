@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from diagnose.noise import fit_noise, lagged_products, memory, whiteness
+from identify.noise import fit_noise, lagged_products, memory, whiteness
 
 
 def test_white_noise_has_no_memory() -> None:
