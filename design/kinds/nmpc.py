@@ -13,8 +13,8 @@ d the change of u from sample to sample. `design/real_time.py` says how a step i
 - `iterations` of one sample; `warm_start = false` starts each from no move at all.
 - `smooth`: speed within which a dry friction changes its sign, in the speed's unit.
 - `parts`: Runge-Kutta steps of one sample; without it as many as the equations ask for.
-- `budget`: changes of the active set in one step, as many as it has limits by default; beyond it the step is cut short,
-  which may come before it is found that no moves keep all limits.
+- `budget`: changes of the active set in one step, by default four for each limit, down to one where there are many;
+  beyond it the step is cut short, which may come before it is found that no moves keep all limits.
 
 Where a step fails (`capped`, `infeasible`), the output is that without limits, limited, and the next sample starts
 anew. `unsettled`: the step still changed a move by more than a hundredth of its range, so the plan is not optimal yet.
@@ -49,6 +49,9 @@ KEYS = (
 )
 LONGEST = 200  # samples of a horizon
 MOST_ROWS = 80  # limits of a horizon: their tableau is the largest part of the memory
+LARGE = (
+    8_000  # numbers of all tableaus that a step goes through by default, one for each change: some 70,000 instructions
+)
 WIDER = 4.0  # a plan's states stay within so many times the range of their signal
 UNSETTLED = 0.01  # share of a move's range
 PLAN_WHY = "limited: a plan is where the next sample starts from, and what it lacks is taken up there"
@@ -116,7 +119,7 @@ def _setup(request: Request) -> Setup:
         )
     horizon = Horizon(
         model, length, q, r, p, change, rest, low, high, weight, limited,
-        whole(table, "iterations", 1, 1, 20), whole(table, "budget", rows, 1, 10_000),
+        whole(table, "iterations", 1, 1, 20), whole(table, "budget", min(4 * rows, max(rows, LARGE // rows**2)), 1, 10_000),
     )  # fmt: skip
     led = _led(plant) if reference is not None else 0
     return Setup(smooth, wires, reference, led, target, horizon, _flag(table))
