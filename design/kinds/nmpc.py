@@ -117,9 +117,10 @@ def _setup(request: Request) -> Setup:
             f"controller.horizon = {length} has {rows} limits of inputs and states; at most {MOST_ROWS} fit a "
             "microcontroller's stack: give a shorter horizon and a longer period_s, or limit fewer states"
         )
+    changes = min(4 * rows, max(rows, LARGE // rows**2))
     horizon = Horizon(
         model, length, q, r, p, change, rest, low, high, weight, limited,
-        whole(table, "iterations", 1, 1, 20), whole(table, "budget", min(4 * rows, max(rows, LARGE // rows**2)), 1, 10_000),
+        whole(table, "iterations", 1, 1, 20), whole(table, "budget", changes, 1, 10_000),
     )  # fmt: skip
     led = _led(plant) if reference is not None else 0
     return Setup(smooth, wires, reference, led, target, horizon, _flag(table))
