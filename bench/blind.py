@@ -1,4 +1,4 @@
-"""Diagnose concealed physics and print the score: `python bench/blind.py --cases 200 --first 0`."""
+"""Diagnose concealed physics and print the score: `python -m bench.blind --cases 200 --first 0`."""
 
 from __future__ import annotations
 

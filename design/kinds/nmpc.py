@@ -49,9 +49,7 @@ KEYS = (
 )
 LONGEST = 200  # samples of a horizon
 MOST_ROWS = 80  # limits of a horizon: their tableau is the largest part of the memory
-LARGE = (
-    8_000  # numbers of all tableaus that a step goes through by default, one for each change: some 70,000 instructions
-)
+LARGE = 8_000  # numbers in the tableaus of all changes of a step, by default: some 70,000 instructions
 WIDER = 4.0  # a plan's states stay within so many times the range of their signal
 UNSETTLED = 0.01  # share of a move's range
 PLAN_WHY = "limited: a plan is where the next sample starts from, and what it lacks is taken up there"
