@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 
 import numpy as np
 from scipy.signal import lfilter
@@ -19,7 +20,8 @@ from identify.condition import NONE
 from identify.fit import fit, interval95
 from identify.kinds import make_plant
 from identify.noise import fit_noise
-from identify.recording import make_recording, read_recording
+from identify.plant import Plant
+from identify.recording import Recording, make_recording, read_recording
 from identify.simulate import simulate
 
 FIXED = {"value": 0.0, "free": False}
@@ -72,12 +74,20 @@ def coverage(name: str, repeats: int) -> dict[str, float]:
     moments = np.linspace(0.0, span, rows)
     drive = np.where(moments >= 0.05 * span, level, 0.0)
     clean = simulate(plant, make_recording(moments, {"voltage_V": drive}, "truth", ""), None)[:, 0]
-    free = [p.name for p in plant.parameters if p.free]
-    hits = dict.fromkeys(free, 0)
-    for seed in range(repeats):
+
+    def draw(seed: int) -> Recording:
         noisy = clean + np.random.default_rng(seed).normal(0.0, noise, rows)
-        found = fit(plant, [make_recording(moments, {"voltage_V": drive, "speed_rad_s": noisy}, "", "")], [], NONE)
-        for parameter, true in zip(found.plant.parameters, plant.parameters, strict=True):
+        return make_recording(moments, {"voltage_V": drive, "speed_rad_s": noisy}, "", "")
+
+    return shares(plant, draw, plant, repeats)
+
+
+def shares(truth: Plant, draw: Callable[[int], Recording], begin: Plant, repeats: int) -> dict[str, float]:
+    """Share of the fits, from `begin`, to drawn recordings whose interval holds the truth, by free parameter."""
+    hits = {p.name: 0 for p in truth.parameters if p.free}
+    for seed in range(repeats):
+        found = fit(begin, [draw(seed)], [], NONE)
+        for parameter, true in zip(found.plant.parameters, truth.parameters, strict=True):
             if parameter.name in hits:
                 ends = interval95(parameter)
                 hits[parameter.name] += ends is not None and ends[0] <= true.value <= ends[1]
@@ -92,16 +102,13 @@ def recorded(name: str, repeats: int) -> dict[str, float]:
     left = whole.columns[OUTPUT] - clean
     colour = fit_noise([left], 0.0)
     innovations = colour.whiten(left)[len(colour.coefficients) :] * colour.scale
-    hits = {p.name: 0 for p in truth.plant.parameters if p.free}
-    for seed in range(repeats):
+
+    def draw(seed: int) -> Recording:
         drawn = np.random.default_rng(seed).choice(innovations, 2 * len(clean))
         noisy = clean + lfilter([1.0], [1.0, *colour.coefficients], drawn)[len(clean) :]
-        found = fit(model(name), [make_recording(whole.time, {**whole.columns, OUTPUT: noisy}, "", "")], [], NONE)
-        for parameter, true in zip(found.plant.parameters, truth.plant.parameters, strict=True):
-            if parameter.name in hits:
-                ends = interval95(parameter)
-                hits[parameter.name] += ends is not None and ends[0] <= true.value <= ends[1]
-    return {key: count / repeats for key, count in hits.items()}
+        return make_recording(whole.time, {**whole.columns, OUTPUT: noisy}, "", "")
+
+    return shares(truth.plant, draw, model(name), repeats)
 
 
 if __name__ == "__main__":
@@ -111,6 +118,5 @@ if __name__ == "__main__":
         rows += [(f"ball and hoop, {name}", recorded, name) for name in ("first order", "first order, delay")]
     for title, measure, name in rows:
         began = time.perf_counter()
-        shares = measure(name, count)
-        words = ", ".join(f"{key} {share:.1%}" for key, share in shares.items())
+        words = ", ".join(f"{key} {share:.1%}" for key, share in measure(name, count).items())
         print(f"{title}: {words} ({count} repeats, {time.perf_counter() - began:.0f} s)", flush=True)

@@ -258,10 +258,13 @@ def _reduced(normal: Array, kept: Sequence[int]) -> Array:
     return np.asarray(normal[np.ix_(kept, kept)] - across @ inverse(normal[np.ix_(rest, rest)]) @ across.T)
 
 
-def inverse(normal: Array) -> Array:
-    """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates."""
+def inverse(normal: Array, least: float = 1e-12) -> Array:
+    """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates.
+
+    Combinations whose singular value is below `least` of the largest are taken to have none.
+    """
     sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=1e-12) / np.outer(sizes, sizes))
+    return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=least) / np.outer(sizes, sizes))
 
 
 def tethers(scene: Scene, unknowns: Sequence[Coordinate]) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from diagnose.fault import Guess, played
 from diagnose.loop import Loop
+from diagnose.refit import inverse
 from verify.replay import Controller
 
 Array = NDArray[np.float64]
@@ -22,6 +23,7 @@ _FINEST = 1e-6  # of a figure: no deviation is smaller, for firmware keeps its f
 _LEAST = 1e-7  # of the output's range: no difference is smaller, for the same reason
 _NUDGE = 1e-4
 _WORTH = 1e-3  # relative decrease of the misfit that is no longer worth a step
+_DETERMINED = 1e-10  # least singular value of what the rows tell, of the largest
 _FEW = 20  # rows that must count
 
 
@@ -121,7 +123,7 @@ def match(
             break
     own = base + sizes * place[:count]
     rows = (left / spread)[held]
-    variance = np.diag(_inverse(slopes.T @ slopes))[:count] * max(1.0, cost) * _memory(rows)
+    variance = np.diag(inverse(slopes.T @ slopes, _DETERMINED))[:count] * max(1.0, cost) * _memory(rows)
     deviations = np.maximum(sizes * np.sqrt(np.maximum(variance, 0.0)), _FINEST * np.abs(own))
     return Match(
         apply(list(own)),
@@ -152,11 +154,6 @@ def felt(controller: Controller, loop: Loop, guess: Guess, start: Array) -> tupl
 def _power(left: Array, spread: Array, held: NDArray[np.bool_]) -> float:
     power = float(np.mean((left[held] / spread[held]) ** 2))
     return power if np.isfinite(power) else 1e300
-
-
-def _inverse(normal: Array) -> Array:
-    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=1e-10) / np.outer(sizes, sizes))
 
 
 def _memory(rows: Array) -> float:

@@ -73,10 +73,9 @@ def uncertainty(
     rows = sum(residual.size for residual in residuals)
     unknowns = parameters + sum(block.shape[2] - parameters for block in slopes)
     tall = [(block / norms).reshape(*part.shape, parameters) for part, block in zip(residuals, pure, strict=True)]
-    stationary = sum(
-        (_stationary([part[:, k] for part in residuals], [each[:, k] for each in tall])
-         for k in range(residuals[0].shape[1])), np.zeros_like(inverse),
-    )  # fmt: skip
+    stationary = np.zeros_like(inverse)
+    for k in range(residuals[0].shape[1]):
+        stationary += _stationary([part[:, k] for part in residuals], [each[:, k] for each in tall])
     robust, plain = inverse @ meat @ inverse, inverse @ stationary @ inverse
     ratio = np.diag(plain) / np.maximum(np.diag(robust), 1e-300)
     wider = np.sqrt(np.maximum(ratio, 1.0))

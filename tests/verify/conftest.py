@@ -15,7 +15,6 @@ def patient_links(monkeypatch: pytest.MonkeyPatch) -> None:
         (uart, "PORT_TIMEOUT"),
         (live, "PORT_TIMEOUT"),
         (uart, "QEMU_TIMEOUT"),
-        (pty, "QEMU_TIMEOUT"),
         (semihosting, "TIMEOUT"),
         (semihosting, "OPENING"),
         (pty, "OPENING"),

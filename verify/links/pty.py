@@ -14,9 +14,8 @@ from verify.links import LinkError
 from verify.links.framed import FramedLink
 from verify.links.opener import Opener
 from verify.links.qemu import QemuProcess, qemu_of
-from verify.links.stream import open_serial
 from verify.links.turns import share_processor
-from verify.links.uart import DEFAULT_BAUD, QEMU_ATTEMPTS, QEMU_TIMEOUT
+from verify.links.uart import greet
 
 OPENING = 60.0  # s until QEMU must have said which terminal it took; it takes some 0.1 s
 
@@ -32,22 +31,10 @@ def open_qemu_pty(target: Target, elf: Path, program_id: str) -> FramedLink:
         when QEMU is not installed.
     """
     with ExitStack() as undo:
-        leave_processor = share_processor(target)
-        undo.callback(leave_processor)
+        undo.callback(share_processor(target))
         process, path = start_on_terminal(target, elf)
         undo.callback(process.stop)
-        where = f"pseudo-terminal {path} of QEMU {process.machine}"
-
-        def fate() -> str:
-            return f"{where}: {process.fate()}"
-
-        def close() -> None:
-            leave_processor()
-            process.stop()
-
-        stream = open_serial(path, DEFAULT_BAUD, QEMU_TIMEOUT, fate, close)
-        undo.pop_all()
-    return FramedLink(stream, where, program_id, QEMU_TIMEOUT, QEMU_ATTEMPTS)
+        return greet(undo, process, path, f"pseudo-terminal {path} of QEMU {process.machine}", program_id)
 
 
 def start_on_terminal(target: Target, elf: Path) -> tuple[QemuProcess, str]:

@@ -38,8 +38,7 @@ def open_qemu_uart(target: Target, elf: Path, program_id: str) -> FramedLink:
     with ExitStack() as undo:
         folder = Path(tempfile.mkdtemp(prefix="firmloop."))
         undo.callback(shutil.rmtree, folder, ignore_errors=True)
-        leave_processor = share_processor(target)
-        undo.callback(leave_processor)
+        undo.callback(share_processor(target))
         with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
             url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
             line = f"socket,id=line,fd={listener.fileno()},server=on,wait=off,nodelay=on"
@@ -47,17 +46,19 @@ def open_qemu_uart(target: Target, elf: Path, program_id: str) -> FramedLink:
                 qemu, elf, ("-chardev", line, "-serial", "chardev:line"), (listener.fileno(),), folder
             )
         undo.callback(process.stop)
-        where = f"UART {url} in QEMU {qemu.machine}"
+        return greet(undo, process, url, f"UART {url} in QEMU {qemu.machine}", program_id)
 
-        def fate() -> str:
-            return f"{where}: {process.fate()}"
 
-        def close() -> None:
-            leave_processor()
-            process.stop()
+def greet(undo: ExitStack, process: QemuProcess, url: str, where: str, program_id: str) -> FramedLink:
+    """Greet the image that `process` runs, over `url`; `undo` ends what it stands on, with the link or without one."""
 
-        stream = open_serial(url, DEFAULT_BAUD, QEMU_TIMEOUT, fate, close)
-        undo.pop_all()
+    def fate() -> str:
+        return f"{where}: {process.fate()}"
+
+    with undo:
+        ends = ExitStack()
+        stream = open_serial(url, DEFAULT_BAUD, QEMU_TIMEOUT, fate, ends.close)
+        ends.push(undo.pop_all())
     return FramedLink(stream, where, program_id, QEMU_TIMEOUT, QEMU_ATTEMPTS)
 
 
