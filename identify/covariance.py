@@ -8,17 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
+from identify.few_samples import covariance_under, noises_of, widening
 from identify.least_squares import triangle
-from identify.noise import fit_noise
 
 Array = NDArray[np.float64]
 
 # Parallel to 1e-6 of their length: far above the rounding of exact sensitivities (1e-10), far below any real data.
 _PARALLEL = 1e-6
 _MOST_LAGS = 2000
-_STABLE = 0.999  # largest pole of an autoregression of residuals
+_FEW = 200.0  # independent samples; with as many, Student's t is the normal distribution to 0.6 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +46,19 @@ def uncertainty(
     autocorrelated residuals, as long as their memory is short against the recording. Where a few rows decide alone, a
     delay's at the edge of a step, S has little to go by and comes out small: then the variances are those of stationary
     residuals, H^-1 (sum J'C J) H^-1 with C the covariance of the autoregression that the residuals of each output tell
-    (white ones: sigma^2 H^-1), the larger of the two each time.
+    (white ones: sigma^2 H^-1), the larger of the two each time. Where that noise is so slow that the rows count as few
+    independent samples, they are widened until 1.96 deviations hold 95 % again, see `identify/few_samples.py`.
     """
     parameters = len(natural)
-    pure = [_without_start(block.reshape(-1, block.shape[2]), parameters) for block in slopes]
+    tall = [block.reshape(-1, block.shape[2]) for block in slopes]
+    own = [_span(block[:, parameters:]) for block in tall]
+    # What a change of the initial state could do as well is taken out of the parameters' columns.
+    pure = [
+        block[:, :parameters] - span @ (span.T @ block[:, :parameters]) for block, span in zip(tall, own, strict=True)
+    ]
     # With the initial states projected out of J, the scores of the parameters alone carry the sandwich.
     matrix = triangle(np.concatenate(pure))
-    whole = [block[..., :parameters].reshape(len(part), parameters) for block, part in zip(slopes, pure, strict=True)]
-    every = triangle(np.concatenate(whole))
+    every = triangle(np.concatenate([block[:, :parameters] for block in tall]))
     norms = np.linalg.norm(every, axis=0)
     norms[norms <= _PARALLEL**2 * norms.max(initial=0.0)] = 1.0
     _, sizes, axes = np.linalg.svd(matrix / norms)
@@ -63,48 +67,32 @@ def uncertainty(
     idle, _ = np.linalg.qr((axes[~seen] / reach).T)
     blind = np.flatnonzero(np.sum(idle**2, axis=1) > 1e-4)
     inverse = (axes[seen].T / sizes[seen] ** 2) @ axes[seen]
-    scores = []
-    for residual, block in zip(residuals, pure, strict=True):
-        each = (block / norms).reshape(*residual.shape, parameters)
-        scores.append(np.einsum("qrk,qr->qk", each, residual))
+    clean = [(block / norms).reshape(*part.shape, parameters) for block, part in zip(pure, residuals, strict=True)]
+    scores = [np.einsum("qrk,qr->qk", block, part) for block, part in zip(clean, residuals, strict=True)]
     meat = np.zeros_like(inverse)
     for first, end in pairwise(np.cumsum([0, *windows]).tolist()):
         meat += _long_run(np.concatenate(scores[first:end]))
     rows = sum(residual.size for residual in residuals)
     unknowns = parameters + sum(block.shape[2] - parameters for block in slopes)
-    tall = [(block / norms).reshape(*part.shape, parameters) for part, block in zip(residuals, pure, strict=True)]
-    stationary = np.zeros_like(inverse)
-    for k in range(residuals[0].shape[1]):
-        stationary += _stationary([part[:, k] for part in residuals], [each[:, k] for each in tall])
-    robust, plain = inverse @ meat @ inverse, inverse @ stationary @ inverse
-    ratio = np.diag(plain) / np.maximum(np.diag(robust), 1e-300)
-    wider = np.sqrt(np.maximum(ratio, 1.0))
-    covariance = rows / max(rows - unknowns, 1) * robust * np.outer(wider, wider) / np.outer(norms, norms)
+    lost = rows / max(rows - unknowns, 1)
+    robust = inverse @ meat @ inverse
+    sway = [block @ inverse for block in clean]
+    noises = noises_of(residuals)
+    plain = np.sqrt(np.diag(covariance_under(noises, sway)))
+    if np.any(plain**2 * _FEW > np.diag(inverse) * rows):
+        plain = plain * widening(noises, clean, own, sway, lost**0.5)
+    wider = np.maximum(plain / np.sqrt(np.maximum(np.diag(robust), 1e-300)), 1.0)
+    covariance = lost * robust * np.outer(wider, wider) / np.outer(norms, norms)
     return Uncertainty(0.5 * (covariance + covariance.T), tuple(int(k) for k in blind), int(np.sum(~seen)))
 
 
-def _without_start(tall: Array, parameters: int) -> Array:
-    """Take out of the parameters' columns what a change of the initial state could do as well."""
-    own = tall[:, parameters:]
-    norms = np.linalg.norm(own, axis=0)
+def _span(columns: Array) -> Array:
+    """Return an orthonormal basis (rows, n) of what columns (rows, m) span, parallel ones counted once."""
+    norms = np.linalg.norm(columns, axis=0)
     norms[norms == 0.0] = 1.0
-    _, widths, turned = np.linalg.svd(triangle(own / norms))
+    _, widths, turned = np.linalg.svd(triangle(columns / norms))
     kept = widths > _PARALLEL
-    basis = (own / norms) @ (turned[kept].T / widths[kept])
-    return np.asarray(tall[:, :parameters] - basis @ (basis.T @ tall[:, :parameters]))
-
-
-def _stationary(residuals: Sequence[Array], slopes: Sequence[Array]) -> Array:
-    """Return sum J'C J (k, k) of one output: residuals (q,) and slopes (q, k) of every experiment."""
-    if not slopes[0].shape[1]:
-        return np.zeros((0, 0))
-    noise = fit_noise(residuals, 0.0)
-    taps = noise.coefficients
-    radius = float(np.max(np.abs(np.roots([1.0, *taps])), initial=0.0))
-    held = taps * min(1.0, _STABLE / max(radius, 1e-300)) ** np.arange(1, len(taps) + 1)
-    # Residuals are e / (1 + taps), so that J'residuals is e times J sent through 1 / (1 + taps) backwards.
-    turned = [lfilter([1.0], [1.0, *held], each[::-1], axis=0) for each in slopes]
-    return np.asarray(noise.scale**2 * sum(each.T @ each for each in turned))
+    return np.asarray((columns / norms) @ (turned[kept].T / widths[kept]))
 
 
 def _long_run(scores: Array) -> Array:
