@@ -4,7 +4,7 @@
 
 Right is 93 to 97 % of 500. The last rows are a real motor's: its recorded input, the model that was fitted to it as the
 truth, and noise whose innovations are those of what that left over, less their mean, drawn anew and sent through its
-autoregression.
+autoregression. That motor's delay is 0, its bound, where an interval misses on one side only: 97.5 % are right there.
 """
 
 from __future__ import annotations
