@@ -46,8 +46,15 @@ REASONS = {
     "2.3": ("advisory", "the array-size idiom stands for a static assertion, which C99 does not have"),
     "2.4": ("advisory", "status bits are an enumeration without a variable of its type"),
     "2.5": ("advisory", "macros of the header (program id, period, Q formats) are for the user"),
+    "8.9": ("advisory", "a problem's numbers stand before the function that reads them, not inside it"),
+    "9.3": ("required", "an array without a size is as long as its initializers, all of which are given"),
     "10.1": ("required", "arithmetic right shift of a signed value: asserted at compile time in fl_fixed.h"),
     "10.6": ("required", "a truth value (0 or 1) becomes a 32-bit word"),
+    "10.7": ("required", "a shift's count is narrower than what is shifted, and is not converted to it"),
+    "15.5": ("advisory", "a search ends where its answer is known"),
+    "18.4": ("advisory", "a pointer goes through a matrix row by row, which an index would multiply for"),
+    "19.2": ("advisory", "2^k is written into the exponent of a float; C99 6.5.2.3 says that a union's bytes are kept"),
+    "20.1": ("advisory", "the sizes of a problem stand before the header that they size"),
 }
 
 

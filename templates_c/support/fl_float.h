@@ -25,14 +25,12 @@ static inline int32_t fl_outside_f32(float x, float low, float high) {
 }
 
 /* The limit that `x` is beyond where fl_outside holds; `low` for what is not a number. */
-static inline float fl_beyond_f32(float x, float low, float high)
-{
+static inline float fl_beyond_f32(float x, float low, float high) {
     return (x >= low) ? high : low;
 }
 
 /* Whether `a` is not a number. */
-static inline int32_t fl_none_f32(float a)
-{
+static inline int32_t fl_none_f32(float a) {
     return (a == a) ? 0 : 1;
 }
 
@@ -54,26 +52,26 @@ static inline float fl_abs_f32(float a) {
 
 /* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
 static inline float fl_wave_f32(float x, float ahead) {
-    const float k = (x * 0.63661975F + 1.2582912e+07F) - 1.2582912e+07F; /* the nearest whole number */
-    const float r = ((x - k * 1.5703125F) - k * 0.0004837513F) - k * 7.54979e-08F;
-    const float fours = (k * 0.25F + 1.2582912e+07F) - 1.2582912e+07F;
-    const float quarter = k - 4.0F * fours + ahead; /* -2 to 3 */
+    const float k = ((x * 0.63661975F) + 1.2582912e+07F) - 1.2582912e+07F; /* the nearest whole number */
+    const float r = ((x - (k * 1.5703125F)) - (k * 0.0004837513F)) - (k * 7.54979e-08F);
+    const float fours = ((k * 0.25F) + 1.2582912e+07F) - 1.2582912e+07F;
+    const float quarter = k - (4.0F * fours) + ahead; /* -2 to 3 */
     const float z = r * r;
     float value;
-    if (quarter == -1.0F || quarter == 1.0F || quarter == 3.0F) {
+    if ((quarter == -1.0F) || (quarter == 1.0F) || (quarter == 3.0F)) {
         value = 2.4801588e-05F;
-        value = value * z - 0.0013888889F;
-        value = value * z + 0.041666668F;
-        value = value * z - 0.5F;
-        value = 1.0F + z * value;
+        value = (value * z) - 0.0013888889F;
+        value = (value * z) + 0.041666668F;
+        value = (value * z) - 0.5F;
+        value = 1.0F + (z * value);
     } else {
         value = 2.7557319e-06F;
-        value = value * z - 0.0001984127F;
-        value = value * z + 0.008333334F;
-        value = value * z - 0.16666667F;
-        value = r + r * (z * value);
+        value = (value * z) - 0.0001984127F;
+        value = (value * z) + 0.008333334F;
+        value = (value * z) - 0.16666667F;
+        value = r + (r * (z * value));
     }
-    return (quarter < 0.0F || quarter > 1.5F) ? -value : value;
+    return ((quarter < 0.0F) || (quarter > 1.5F)) ? -value : value;
 }
 
 static inline float fl_sin_f32(float x) {
@@ -87,26 +85,27 @@ static inline float fl_cos_f32(float x) {
 /* e^x; x is limited to what has a normal result. */
 static inline float fl_exp_f32(float x) {
     const float within = fl_clamp_f32(x, -87.0F, 88.0F);
-    const float k = (within * 1.442695F + 1.2582912e+07F) - 1.2582912e+07F;
-    const float r = (within - k * 0.69311523F) - k * 3.1946183e-05F;
+    const float k = ((within * 1.442695F) + 1.2582912e+07F) - 1.2582912e+07F;
+    const float r = (within - (k * 0.69311523F)) - (k * 3.1946183e-05F);
     float value;
     value = 0.0001984127F;
-    value = value * r + 0.0013888889F;
-    value = value * r + 0.008333334F;
-    value = value * r + 0.041666668F;
-    value = value * r + 0.16666667F;
-    value = value * r + 0.5F;
+    value = (value * r) + 0.0013888889F;
+    value = (value * r) + 0.008333334F;
+    value = (value * r) + 0.041666668F;
+    value = (value * r) + 0.16666667F;
+    value = (value * r) + 0.5F;
     union {
         uint32_t bits;
         float value;
     } power; /* 2^k */
-    power.bits = (uint32_t)((int32_t)k + 127) << 23U;
-    return (1.0F + (r + r * (r * value))) * power.value;
+    const int32_t exponent = (int32_t)k + 127;
+    power.bits = (uint32_t)exponent << 23U;
+    return (1.0F + (r + (r * (r * value)))) * power.value;
 }
 
 static inline float fl_tanh_f32(float x) {
     const float within = fl_clamp_f32(x, -10.0F, 10.0F);
-    return 1.0F - 2.0F / (fl_exp_f32(within + within) + 1.0F);
+    return 1.0F - (2.0F / (fl_exp_f32(within + within) + 1.0F));
 }
 
 static inline double fl_min_f64(double a, double b) {
@@ -127,14 +126,12 @@ static inline int32_t fl_outside_f64(double x, double low, double high) {
 }
 
 /* The limit that `x` is beyond where fl_outside holds; `low` for what is not a number. */
-static inline double fl_beyond_f64(double x, double low, double high)
-{
+static inline double fl_beyond_f64(double x, double low, double high) {
     return (x >= low) ? high : low;
 }
 
 /* Whether `a` is not a number. */
-static inline int32_t fl_none_f64(double a)
-{
+static inline int32_t fl_none_f64(double a) {
     return (a == a) ? 0 : 1;
 }
 
@@ -156,34 +153,35 @@ static inline double fl_abs_f64(double a) {
 
 /* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
 static inline double fl_wave_f64(double x, double ahead) {
-    const double k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0; /* the nearest whole number */
-    const double r = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21;
-    const double fours = (k * 0.25 + 6755399441055744.0) - 6755399441055744.0;
-    const double quarter = k - 4.0 * fours + ahead; /* -2 to 3 */
+    const double k =
+        ((x * 0.6366197723675814) + 6755399441055744.0) - 6755399441055744.0; /* the nearest whole number */
+    const double r = ((x - (k * 1.5707963267341256)) - (k * 6.077100506303966e-11)) - (k * 2.0222662487959506e-21);
+    const double fours = ((k * 0.25) + 6755399441055744.0) - 6755399441055744.0;
+    const double quarter = k - (4.0 * fours) + ahead; /* -2 to 3 */
     const double z = r * r;
     double value;
-    if (quarter == -1.0 || quarter == 1.0 || quarter == 3.0) {
+    if ((quarter == -1.0) || (quarter == 1.0) || (quarter == 3.0)) {
         value = 4.779477332387385e-14;
-        value = value * z - 1.1470745597729725e-11;
-        value = value * z + 2.08767569878681e-09;
-        value = value * z - 2.755731922398589e-07;
-        value = value * z + 2.48015873015873e-05;
-        value = value * z - 0.001388888888888889;
-        value = value * z + 0.041666666666666664;
-        value = value * z - 0.5;
-        value = 1.0 + z * value;
+        value = (value * z) - 1.1470745597729725e-11;
+        value = (value * z) + 2.08767569878681e-09;
+        value = (value * z) - 2.755731922398589e-07;
+        value = (value * z) + 2.48015873015873e-05;
+        value = (value * z) - 0.001388888888888889;
+        value = (value * z) + 0.041666666666666664;
+        value = (value * z) - 0.5;
+        value = 1.0 + (z * value);
     } else {
         value = 2.8114572543455206e-15;
-        value = value * z - 7.647163731819816e-13;
-        value = value * z + 1.6059043836821613e-10;
-        value = value * z - 2.505210838544172e-08;
-        value = value * z + 2.7557319223985893e-06;
-        value = value * z - 0.0001984126984126984;
-        value = value * z + 0.008333333333333333;
-        value = value * z - 0.16666666666666666;
-        value = r + r * (z * value);
+        value = (value * z) - 7.647163731819816e-13;
+        value = (value * z) + 1.6059043836821613e-10;
+        value = (value * z) - 2.505210838544172e-08;
+        value = (value * z) + 2.7557319223985893e-06;
+        value = (value * z) - 0.0001984126984126984;
+        value = (value * z) + 0.008333333333333333;
+        value = (value * z) - 0.16666666666666666;
+        value = r + (r * (z * value));
     }
-    return (quarter < 0.0 || quarter > 1.5) ? -value : value;
+    return ((quarter < 0.0) || (quarter > 1.5)) ? -value : value;
 }
 
 static inline double fl_sin_f64(double x) {
@@ -197,32 +195,33 @@ static inline double fl_cos_f64(double x) {
 /* e^x; x is limited to what has a normal result. */
 static inline double fl_exp_f64(double x) {
     const double within = fl_clamp_f64(x, -708.0, 709.0);
-    const double k = (within * 1.4426950408889634 + 6755399441055744.0) - 6755399441055744.0;
-    const double r = (within - k * 0.6931471805592082) - k * 7.371002565167799e-13;
+    const double k = ((within * 1.4426950408889634) + 6755399441055744.0) - 6755399441055744.0;
+    const double r = (within - (k * 0.6931471805592082)) - (k * 7.371002565167799e-13);
     double value;
     value = 1.6059043836821613e-10;
-    value = value * r + 2.08767569878681e-09;
-    value = value * r + 2.505210838544172e-08;
-    value = value * r + 2.755731922398589e-07;
-    value = value * r + 2.7557319223985893e-06;
-    value = value * r + 2.48015873015873e-05;
-    value = value * r + 0.0001984126984126984;
-    value = value * r + 0.001388888888888889;
-    value = value * r + 0.008333333333333333;
-    value = value * r + 0.041666666666666664;
-    value = value * r + 0.16666666666666666;
-    value = value * r + 0.5;
+    value = (value * r) + 2.08767569878681e-09;
+    value = (value * r) + 2.505210838544172e-08;
+    value = (value * r) + 2.755731922398589e-07;
+    value = (value * r) + 2.7557319223985893e-06;
+    value = (value * r) + 2.48015873015873e-05;
+    value = (value * r) + 0.0001984126984126984;
+    value = (value * r) + 0.001388888888888889;
+    value = (value * r) + 0.008333333333333333;
+    value = (value * r) + 0.041666666666666664;
+    value = (value * r) + 0.16666666666666666;
+    value = (value * r) + 0.5;
     union {
         uint64_t bits;
         double value;
     } power; /* 2^k */
-    power.bits = (uint64_t)((int32_t)k + 1023) << 52U;
-    return (1.0 + (r + r * (r * value))) * power.value;
+    const int32_t exponent = (int32_t)k + 1023;
+    power.bits = (uint64_t)exponent << 52U;
+    return (1.0 + (r + (r * (r * value)))) * power.value;
 }
 
 static inline double fl_tanh_f64(double x) {
     const double within = fl_clamp_f64(x, -20.0, 20.0);
-    return 1.0 - 2.0 / (fl_exp_f64(within + within) + 1.0);
+    return 1.0 - (2.0 / (fl_exp_f64(within + within) + 1.0));
 }
 
 #endif

@@ -41,11 +41,11 @@ static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *para
     for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
         fl_real value = q->slope[i] * parameters[0];
         for (int32_t j = 1; j < FL_QP_PARAMETERS; j++) {
-            value += q->slope[j * FL_QP_WIDTH + i] * parameters[j];
+            value += q->slope[(j * FL_QP_WIDTH) + i] * parameters[j];
         }
         for (int32_t k = 0; k < s->length; k++) {
             const int32_t at = s->active[k];
-            value -= q->gram[at * FL_QP_WIDTH + i] * s->value[at];
+            value -= q->gram[(at * FL_QP_WIDTH) + i] * s->value[at];
         }
         s->column[i] = value;
     }
@@ -66,7 +66,7 @@ static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *para
  * etas as a column does: what becomes of it in an active row is what its multiplier lacks, in any other what its value
  * lacks. */
 static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
-    s->work += 2 * s->length + FL_QP_CHECKED + FL_QP_COLUMN;
+    s->work += (2 * s->length) + FL_QP_CHECKED + FL_QP_COLUMN;
     fl_qp_residual(q, s, parameters);
     for (int32_t k = 0; k < s->length; k++) {
         const fl_real *eta = s->eta[k];
@@ -79,7 +79,7 @@ static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *par
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         const fl_real error = s->column[i];
         s->value[i] += error;
-        if (i < FL_QP_CHECKED && s->side[i] == 0 && !(error < q->trusted && error > -q->trusted)) {
+        if ((i < FL_QP_CHECKED) && (s->side[i] == 0) && !((error < q->trusted) && (error > -q->trusted))) {
             near = 0;
         }
     }
@@ -100,11 +100,13 @@ static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *par
                 most = excess;
                 *row = i;
             }
-        } else if (fl_qp_hard(q, i)) {
+        } else if (fl_qp_hard(q, i) != 0) {
             const fl_real missed = value - fl_qp_held(q, s, i);
-            if (!(missed < q->kept && missed > -q->kept)) {
+            if (!((missed < q->kept) && (missed > -q->kept))) {
                 near = 0;
             }
+        } else {
+            /* a soft active row may be missed */
         }
     }
     return near;
@@ -113,7 +115,7 @@ static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *par
 /* Where a step along the column of `row` ends: at its limit (place -1), or at a multiplier that reaches zero. */
 static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, int32_t row, fl_real sign,
                           int32_t *place) {
-    fl_real step = fl_qp_free(q, s, row) ? gap * sign / s->column[row] : q->far;
+    fl_real step = (fl_qp_free(q, s, row) != 0) ? ((gap * sign) / s->column[row]) : q->far;
     *place = -1;
     for (int32_t k = 0; k < s->length; k++) {
         const int32_t held = s->active[k];
@@ -137,7 +139,7 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
     const int32_t side = (s->value[entering] > q->high[entering]) ? 1 : -1;
     const fl_real sign = (fl_real)side;
     const fl_real limit = (side > 0) ? q->high[entering] : q->low[entering];
-    fl_real multiplier = 0;
+    fl_real multiplier = (fl_real)0;
     fl_qp_column(q, s, entering);
     if (FL_QP_CHECKED && !s->fresh && !fl_qp_free(q, s, entering)) {
         s->fresh = fl_qp_refine(q, s, parameters, row);
@@ -152,7 +154,7 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
         }
         multiplier += step * sign;
         if (place < 0) {
-            if (FL_QP_CHECKED) {
+            if (FL_QP_CHECKED != 0) {
                 const fl_real noise = multiplier * sign * q->noise;
                 s->tolerance = (noise > s->tolerance) ? noise : s->tolerance;
                 s->fresh = 0;
@@ -172,9 +174,9 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
 
 /* What an answer that nothing checks is worth: none where a multiplier rounds by more than moves may miss a row. */
 static int32_t fl_qp_believed(const fl_qp_t *q, const fl_search_t *s) {
-    for (int32_t k = 0; k < s->length && q->kept < q->far; k++) {
+    for (int32_t k = 0; (k < s->length) && (q->kept < q->far); k++) {
         const int32_t row = s->active[k];
-        if (!(s->value[row] * (fl_real)s->side[row] * q->noise < q->kept)) {
+        if (!((s->value[row] * (fl_real)s->side[row] * q->noise) < q->kept)) {
             return FL_QP_CAPPED;
         }
     }
@@ -192,16 +194,16 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const
         side[i] = 0;
     }
     int32_t status = FL_QP_SOLVED;
-    while (row >= 0 && status == FL_QP_SOLVED) {
+    while ((row >= 0) && (status == FL_QP_SOLVED)) {
         status = fl_qp_enter(q, s, parameters, &row);
-        while (FL_QP_CHECKED && status == FL_QP_SOLVED && row < 0 && !fl_qp_refine(q, s, parameters, &row)) {
+        while (FL_QP_CHECKED && (status == FL_QP_SOLVED) && (row < 0) && !fl_qp_refine(q, s, parameters, &row)) {
             status = (s->work < FL_QP_BUDGET) ? FL_QP_SOLVED : FL_QP_CAPPED;
         }
     }
-    if (!FL_QP_CHECKED && status == FL_QP_SOLVED) {
+    if (!FL_QP_CHECKED && (status == FL_QP_SOLVED)) {
         status = fl_qp_believed(q, s);
     }
-    for (int32_t i = 0; i < FL_QP_MOVES && status == FL_QP_SOLVED; i++) {
+    for (int32_t i = 0; (i < FL_QP_MOVES) && (status == FL_QP_SOLVED); i++) {
         if (s->side[i] != 0) {
             s->value[i] = (s->side[i] > 0) ? q->high[i] : q->low[i];
         }
@@ -236,7 +238,7 @@ static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters) {
     fl_real most = q->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         const fl_real value = s.value[i];
-        if (value > q->high[i] || value < q->low[i]) {
+        if ((value > q->high[i]) || (value < q->low[i])) {
             const fl_real excess = fl_qp_excess(q, i, value);
             if (excess > most) {
                 most = excess;
@@ -249,7 +251,7 @@ static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters) {
     }
     plan.status = FL_QP_SOLVED;
     if (row >= 0) {
-        s.tolerance = q->tolerance + most * q->share;
+        s.tolerance = q->tolerance + (most * q->share);
         plan.status = fl_qp_search(q, &s, row, parameters, &plan);
     }
     return plan;

@@ -75,7 +75,7 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row) {
 
 /* Whether `row` is not soft; of those no more are independent than there are moves. */
 static inline int32_t fl_qp_hard(const fl_qp_t *q, int32_t row) {
-    return row < FL_QP_CHECKED || !(q->softness[row - FL_QP_CHECKED] > 0);
+    return (row < FL_QP_CHECKED) || !(q->softness[row - FL_QP_CHECKED] > 0);
 }
 
 /* Put `row` into the active set by its column. */
@@ -104,10 +104,10 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
     s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
     s->side[row] = 0;
     s->length = last;
-    if (FL_QP_CHECKED) {
+    if (FL_QP_CHECKED != 0) {
         s->hard -= fl_qp_hard(q, row);
     }
-    s->work += FL_QP_COLUMN + 2 * (last - place);
+    s->work += FL_QP_COLUMN + (2 * (last - place));
     fl_real *out = s->eta[place];
     for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
         out[i] *= s->pivot[place];
@@ -119,19 +119,19 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
         const fl_real held = eta[row];
         const fl_real taken = out[at];
         const fl_real rest = out[row];
-        const fl_real pivot = s->pivot[k] + taken * (held * s->pivot[k]);
+        const fl_real pivot = s->pivot[k] + (taken * (held * s->pivot[k]));
         const fl_real share = s->pivot[k] / pivot;
         const fl_real inverse = (fl_real)1 / pivot;
         const fl_real left = held * rest * share;
         for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
             const fl_real old = out[i];
-            out[i] = (eta[i] + old * held) * share;
-            eta[i] = old - out[i] * taken;
+            out[i] = (eta[i] + (old * held)) * share;
+            eta[i] = old - (out[i] * taken);
         }
         out[at] = (fl_real)1 - inverse;
         eta[at] = taken * inverse;
         out[row] = left;
-        eta[row] = rest - left * taken;
+        eta[row] = rest - (left * taken);
         s->pivot[k - 1] = pivot;
         s->active[k - 1] = (uint8_t)at;
         out = eta;
@@ -154,9 +154,9 @@ static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
     int32_t row = -1;
     fl_real most = s->tolerance;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        const fl_real value = s->value[i] - s->column[i] * moved;
+        const fl_real value = s->value[i] - (s->column[i] * moved);
         s->value[i] = value;
-        if (s->side[i] == 0 && (value > q->high[i] || value < q->low[i])) {
+        if ((s->side[i] == 0) && ((value > q->high[i]) || (value < q->low[i]))) {
             const fl_real excess = fl_qp_excess(q, i, value);
             if (excess > most) {
                 most = excess;
@@ -169,8 +169,8 @@ static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
 
 /* Whether the row of this column does not depend on the active ones. */
 static inline int32_t fl_qp_free(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
-    const int32_t filled = FL_QP_CHECKED && s->hard == FL_QP_CHECKED && fl_qp_hard(q, row);
-    return s->column[row] > q->least && s->length < FL_QP_ROOM && !filled;
+    const int32_t filled = ((FL_QP_CHECKED != 0) && (s->hard == FL_QP_CHECKED)) ? fl_qp_hard(q, row) : 0;
+    return (s->column[row] > q->least) && (s->length < FL_QP_ROOM) && (filled == 0);
 }
 
 #endif

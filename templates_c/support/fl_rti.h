@@ -20,7 +20,7 @@ typedef void (*fl_model_t)(const fl_real *both, fl_real *found);
 
 /* Take the slopes along the plan and what it lacks; without a plan its states are those that the moves lead to. */
 static void fl_rti_linearize(fl_rti_work_t *s, fl_model_t model, int32_t warm) {
-    fl_real found[FL_RTI_N + FL_RTI_N * FL_RTI_BOTH];
+    fl_real found[FL_RTI_N + (FL_RTI_N * FL_RTI_BOTH)];
     for (int32_t i = 0; i < FL_RTI_N; i++) {
         s->led[0][i] = s->both[0][i];
     }
@@ -58,11 +58,11 @@ static void fl_rti_linearize(fl_rti_work_t *s, fl_model_t model, int32_t warm) {
 /* y = matrix x */
 static void fl_rti_product(const fl_real *matrix, const fl_real *x, fl_real *y) {
     for (int32_t i = 0; i < FL_RTI_N; i++) {
-        fl_real sum = matrix[0] * x[0];
+        const fl_real *row = &matrix[i * FL_RTI_N];
+        fl_real sum = row[0] * x[0];
         for (int32_t j = 1; j < FL_RTI_N; j++) {
-            sum += matrix[j] * x[j];
+            sum += row[j] * x[j];
         }
-        matrix += FL_RTI_N;
         y[i] = sum;
     }
 }
@@ -89,12 +89,12 @@ static void fl_rti_gradient(const fl_rti_t *q, fl_rti_work_t *s) {
         for (int32_t i = 0; i < FL_RTI_M; i++) {
             fl_real sum = q->r[i * FL_RTI_M] * (s->both[k][FL_RTI_N] - q->rest[0]);
             for (int32_t j = 1; j < FL_RTI_M; j++) {
-                sum += q->r[i * FL_RTI_M + j] * (s->both[k][FL_RTI_N + j] - q->rest[j]);
+                sum += q->r[(i * FL_RTI_M) + j] * (s->both[k][FL_RTI_N + j] - q->rest[j]);
             }
             for (int32_t j = 0; j < FL_RTI_N; j++) {
                 sum += s->slope[k][j][FL_RTI_N + i] * slope[j];
             }
-            s->g[k * FL_RTI_M + i] = sum;
+            s->g[(k * FL_RTI_M) + i] = sum;
         }
         fl_real before[FL_RTI_N];
         for (int32_t j = 0; j < FL_RTI_N; j++) {
@@ -110,18 +110,18 @@ static void fl_rti_gradient(const fl_rti_t *q, fl_rti_work_t *s) {
         for (int32_t i = 0; i < FL_RTI_M; i++) {
             const fl_real u = s->both[k][FL_RTI_N + i];
             const fl_real before = (k > 0) ? s->both[k - 1][FL_RTI_N + i] : s->last[i];
-            fl_real sum = s->g[k * FL_RTI_M + i] + q->change[i] * (u - before);
-            if (k + 1 < FL_RTI_LENGTH) {
+            fl_real sum = s->g[(k * FL_RTI_M) + i] + (q->change[i] * (u - before));
+            if ((k + 1) < FL_RTI_LENGTH) {
                 sum -= q->change[i] * (s->both[k + 1][FL_RTI_N + i] - u);
             }
-            s->g[k * FL_RTI_M + i] = sum;
+            s->g[(k * FL_RTI_M) + i] = sum;
         }
     }
 }
 
 /* Column `input` of sample `at`: send the move through the horizon, and what it changes there back to the moves. */
 static void fl_rti_column(const fl_rti_t *q, fl_rti_work_t *s, int32_t at, int32_t input) {
-    const int32_t column = at * FL_RTI_M + input;
+    const int32_t column = (at * FL_RTI_M) + input;
     fl_real changed[FL_RTI_LENGTH + 1][FL_RTI_N];
     fl_real slope[FL_RTI_N];
     for (int32_t k = at; k < FL_RTI_LENGTH; k++) {
@@ -136,9 +136,9 @@ static void fl_rti_column(const fl_rti_t *q, fl_rti_work_t *s, int32_t at, int32
             changed[k + 1][i] = sum;
         }
     }
-    for (int32_t row = 0; row < FL_RTI_ROWS - FL_RTI_SIZE; row++) {
+    for (int32_t row = 0; row < (FL_RTI_ROWS - FL_RTI_SIZE); row++) {
         const int32_t k = row / FL_RTI_EACH;
-        const int32_t state = (int32_t)q->limited[row - k * FL_RTI_EACH];
+        const int32_t state = (int32_t)q->limited[row - (k * FL_RTI_EACH)];
         s->row[row][column] = (k >= at) ? changed[k + 1][state] : (fl_real)0;
     }
     fl_rti_product(q->p, changed[FL_RTI_LENGTH], slope);
@@ -149,9 +149,9 @@ static void fl_rti_column(const fl_rti_t *q, fl_rti_work_t *s, int32_t at, int32
                 sum += s->slope[k][j][FL_RTI_N + i] * slope[j];
             }
             if (k == at) {
-                sum += q->r[i * FL_RTI_M + input];
+                sum += q->r[(i * FL_RTI_M) + input];
             }
-            s->h[k * FL_RTI_M + i][column] = sum;
+            s->h[(k * FL_RTI_M) + i][column] = sum;
         }
         if (k > at) {
             fl_real before[FL_RTI_N];
@@ -172,8 +172,8 @@ static void fl_rti_hessian(const fl_rti_t *q, fl_rti_work_t *s) {
     }
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            const int32_t at = k * FL_RTI_M + i;
-            if (k + 1 < FL_RTI_LENGTH) {
+            const int32_t at = (k * FL_RTI_M) + i;
+            if ((k + 1) < FL_RTI_LENGTH) {
                 s->h[at][at] += q->change[i] + q->change[i];
                 s->h[at + FL_RTI_M][at] -= q->change[i];
             } else {
@@ -185,7 +185,7 @@ static void fl_rti_hessian(const fl_rti_t *q, fl_rti_work_t *s) {
 
 /* Take the step in moves and states; return the largest change of a move in its span. */
 static fl_real fl_rti_advance(const fl_rti_t *q, fl_rti_work_t *s) {
-    fl_real largest = 0;
+    fl_real largest = (fl_real)0;
     fl_real moved[FL_RTI_N] = {0};
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
         fl_real after[FL_RTI_N];
@@ -195,7 +195,7 @@ static fl_real fl_rti_advance(const fl_rti_t *q, fl_rti_work_t *s) {
                 sum += s->slope[k][i][j] * moved[j];
             }
             for (int32_t j = 0; j < FL_RTI_M; j++) {
-                sum += s->slope[k][i][FL_RTI_N + j] * s->step[k * FL_RTI_M + j];
+                sum += s->slope[k][i][FL_RTI_N + j] * s->step[(k * FL_RTI_M) + j];
             }
             after[i] = sum;
         }
@@ -204,7 +204,7 @@ static fl_real fl_rti_advance(const fl_rti_t *q, fl_rti_work_t *s) {
             s->both[k + 1][i] += after[i];
         }
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            const fl_real step = s->step[k * FL_RTI_M + i];
+            const fl_real step = s->step[(k * FL_RTI_M) + i];
             const fl_real size = ((step < (fl_real)0) ? -step : step) * q->weight[i];
             const fl_real u = s->both[k][FL_RTI_N + i] + step;
             largest = (size > largest) ? size : largest;
@@ -219,7 +219,7 @@ static int32_t fl_rti_iterate(const fl_rti_t *q, fl_rti_work_t *s, fl_model_t mo
     fl_rti_linearize(s, model, warm);
     fl_rti_gradient(q, s);
     fl_rti_hessian(q, s);
-    fl_real lost = 0; /* no number where a state is none */
+    fl_real lost = (fl_real)0; /* no number where a state is none */
     for (int32_t j = 0; j < FL_RTI_N; j++) {
         lost += s->both[0][j] - s->both[0][j];
     }
@@ -251,17 +251,20 @@ static int32_t fl_rti_iterate(const fl_rti_t *q, fl_rti_work_t *s, fl_model_t mo
 /* Write the plan that the next sample starts from: this one, moved up by a sample. */
 static void fl_rti_keep(const fl_rti_work_t *s, fl_plan_t *plan) {
     fl_real *states = &plan->move[FL_RTI_MOVED];
-    fl_real *moves = &plan->move[FL_RTI_MOVED + FL_RTI_LENGTH * FL_RTI_N];
+    fl_real *moves = &plan->move[FL_RTI_LED];
     for (int32_t i = 0; i < FL_RTI_M; i++) {
         plan->move[i] = s->both[0][FL_RTI_N + i];
     }
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
-        const int32_t next = (k + 1 < FL_RTI_LENGTH) ? k + 1 : k;
+        int32_t next = k;
+        if ((k + 1) < FL_RTI_LENGTH) {
+            next = k + 1;
+        }
         for (int32_t i = 0; i < FL_RTI_N; i++) {
-            states[k * FL_RTI_N + i] = s->both[next + 1][i];
+            states[(k * FL_RTI_N) + i] = s->both[next + 1][i];
         }
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            moves[k * FL_RTI_M + i] = s->both[next][FL_RTI_N + i];
+            moves[(k * FL_RTI_M) + i] = s->both[next][FL_RTI_N + i];
         }
     }
 }
@@ -270,8 +273,8 @@ static void fl_rti_keep(const fl_rti_work_t *s, fl_plan_t *plan) {
 static inline fl_plan_t fl_rti(const fl_rti_t *q, fl_model_t model, const fl_real *parameters) {
     fl_rti_work_t s;
     fl_plan_t plan;
-    const fl_real *states = &parameters[2 * FL_RTI_N + FL_RTI_M + 1];
-    const fl_real *moves = &states[FL_RTI_LENGTH * FL_RTI_N];
+    const fl_real *states = &parameters[(2 * FL_RTI_N) + FL_RTI_M + 1];
+    const fl_real *moves = &states[FL_RTI_PLANNED];
     int32_t warm = (parameters[2 * FL_RTI_N + FL_RTI_M] > (fl_real)0) ? 1 : 0;
     s.target = &parameters[FL_RTI_N];
     s.last = &parameters[2 * FL_RTI_N];
@@ -280,15 +283,15 @@ static inline fl_plan_t fl_rti(const fl_rti_t *q, fl_model_t model, const fl_rea
     }
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
         for (int32_t i = 0; i < FL_RTI_N; i++) {
-            s.both[k + 1][i] = states[k * FL_RTI_N + i];
+            s.both[k + 1][i] = states[(k * FL_RTI_N) + i];
         }
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            s.both[k][FL_RTI_N + i] = (warm != 0) ? moves[k * FL_RTI_M + i] : (fl_real)0;
+            s.both[k][FL_RTI_N + i] = (warm != 0) ? moves[(k * FL_RTI_M) + i] : (fl_real)0;
         }
     }
     plan.status = FL_QP_SOLVED;
     fl_real largest = q->far;
-    for (int32_t k = 0; k < FL_RTI_ITERATIONS && plan.status == FL_QP_SOLVED; k++) {
+    for (int32_t k = 0; (k < FL_RTI_ITERATIONS) && (plan.status == FL_QP_SOLVED); k++) {
         plan.status = fl_rti_iterate(q, &s, model, warm, &plan);
         largest = q->far;
         if (plan.status == FL_QP_SOLVED) {

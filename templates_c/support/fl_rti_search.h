@@ -19,8 +19,11 @@ enum {
     FL_RTI_SIZE = FL_RTI_LENGTH * FL_RTI_INPUTS,             /* unknowns, and limits of the moves */
     FL_RTI_EACH = (FL_RTI_LIMITED > 0) ? FL_RTI_LIMITED : 1, /* divides by no zero */
     FL_RTI_ROWS = FL_RTI_LENGTH * (FL_RTI_INPUTS + FL_RTI_LIMITED),
-    FL_RTI_MOVED = FL_RTI_INPUTS + 2, /* in front of the plan in the results */
-    FL_RTI_RESULTS = FL_RTI_INPUTS + 2 + FL_RTI_LENGTH * (FL_RTI_STATES + FL_RTI_INPUTS)
+    FL_RTI_SPANS = FL_RTI_INPUTS + FL_RTI_LIMITED,
+    FL_RTI_MOVED = FL_RTI_INPUTS + 2,               /* in front of the plan in the results */
+    FL_RTI_PLANNED = FL_RTI_LENGTH * FL_RTI_STATES, /* numbers of its states, */
+    FL_RTI_LED = FL_RTI_MOVED + FL_RTI_PLANNED,     /* after which its moves come */
+    FL_RTI_RESULTS = FL_RTI_INPUTS + 2 + (FL_RTI_LENGTH * (FL_RTI_STATES + FL_RTI_INPUTS))
 };
 
 typedef struct {
@@ -29,14 +32,14 @@ typedef struct {
     fl_real p[FL_RTI_N * FL_RTI_N];
     fl_real change[FL_RTI_M]; /* diagonal of S */
     fl_real rest[FL_RTI_M];
-    fl_real low[FL_RTI_M + FL_RTI_LIMITED]; /* of the moves, then of the limited states */
-    fl_real high[FL_RTI_M + FL_RTI_LIMITED];
-    fl_real weight[FL_RTI_M + FL_RTI_LIMITED]; /* one over the span between them */
-    fl_real limited[FL_RTI_LIMITED + 1];       /* which states; the last is none */
-    fl_real tolerance;                         /* a row is violated beyond this share of its span */
-    fl_real trusted;                           /* an answer counts within this share of the spans */
-    fl_real least;                             /* smallest pivot, over its first value */
-    fl_real far;                               /* a step that nothing stops */
+    fl_real low[FL_RTI_SPANS]; /* of the moves, then of the limited states */
+    fl_real high[FL_RTI_SPANS];
+    fl_real weight[FL_RTI_SPANS];        /* one over the span between them */
+    fl_real limited[FL_RTI_LIMITED + 1]; /* which states; the last is none */
+    fl_real tolerance;                   /* a row is violated beyond this share of its span */
+    fl_real trusted;                     /* an answer counts within this share of the spans */
+    fl_real least;                       /* smallest pivot, over its first value */
+    fl_real far;                         /* a step that nothing stops */
 } fl_rti_t;
 
 enum { FL_QP_SOLVED = 0, FL_QP_CAPPED = 1, FL_QP_INFEASIBLE = 2 };
@@ -78,7 +81,7 @@ static int32_t fl_rti_factor(const fl_rti_t *q, fl_rti_work_t *s) {
             scaled[k] = s->factor[j][k] * pivots[k];
             pivot -= scaled[k] * s->factor[j][k];
         }
-        if (!(pivot > (fl_real)0 && pivot < q->far)) {
+        if (!((pivot > (fl_real)0) && (pivot < q->far))) {
             return 0;
         }
         pivots[j] = pivot;
@@ -115,13 +118,15 @@ static void fl_rti_free(const fl_rti_t *q, fl_rti_work_t *s) {
     for (int32_t row = 0; row < FL_RTI_ROWS; row++) {
         const int32_t first = fl_rti_first(row);
         fl_real *v = s->v[row];
-        fl_real value = 0;
+        fl_real value = (fl_real)0;
         for (int32_t j = first; j < FL_RTI_SIZE; j++) {
             fl_real sum = (fl_real)0;
             if (row >= FL_RTI_SIZE) {
                 sum = s->row[row - FL_RTI_SIZE][j];
             } else if (row == j) {
                 sum = (fl_real)1;
+            } else {
+                /* an entry beside the diagonal is zero */
             }
             for (int32_t k = first; k < j; k++) {
                 sum -= s->factor[j][k] * v[k];
@@ -134,13 +139,13 @@ static void fl_rti_free(const fl_rti_t *q, fl_rti_work_t *s) {
     }
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            s->low[k * FL_RTI_M + i] = q->low[i] - s->both[k][FL_RTI_N + i];
-            s->high[k * FL_RTI_M + i] = q->high[i] - s->both[k][FL_RTI_N + i];
+            s->low[(k * FL_RTI_M) + i] = q->low[i] - s->both[k][FL_RTI_N + i];
+            s->high[(k * FL_RTI_M) + i] = q->high[i] - s->both[k][FL_RTI_N + i];
         }
         for (int32_t i = 0; i < FL_RTI_LIMITED; i++) {
             const fl_real led = s->led[k + 1][(int32_t)q->limited[i]];
-            s->low[FL_RTI_SIZE + k * FL_RTI_LIMITED + i] = q->low[FL_RTI_M + i] - led;
-            s->high[FL_RTI_SIZE + k * FL_RTI_LIMITED + i] = q->high[FL_RTI_M + i] - led;
+            s->low[FL_RTI_SIZE + (k * FL_RTI_LIMITED) + i] = q->low[FL_RTI_M + i] - led;
+            s->high[FL_RTI_SIZE + (k * FL_RTI_LIMITED) + i] = q->high[FL_RTI_M + i] - led;
         }
     }
 }
@@ -157,7 +162,7 @@ static int32_t fl_rti_select(const fl_rti_t *q, const fl_rti_work_t *s) {
         const fl_real over = s->value[row] - s->high[row];
         const fl_real under = s->low[row] - s->value[row];
         const fl_real excess = ((over > under) ? over : under) * fl_rti_weight(q, row);
-        if (s->side[row] == 0 && excess > most) {
+        if ((s->side[row] == 0) && (excess > most)) {
             most = excess;
             found = row;
         }
@@ -173,7 +178,7 @@ static void fl_rti_tableau(const fl_rti_t *q, fl_rti_work_t *s) {
             scaled[j] = s->v[row][j] * s->inverse[j];
         }
         for (int32_t other = row; other < FL_RTI_ROWS; other++) {
-            fl_real sum = 0;
+            fl_real sum = (fl_real)0;
             for (int32_t j = (other < FL_RTI_SIZE) ? other : first; j < FL_RTI_SIZE; j++) {
                 sum += s->v[other][j] * scaled[j];
             }
@@ -213,16 +218,16 @@ static int32_t fl_rti_search(const fl_rti_t *q, fl_rti_work_t *s) {
     fl_rti_tableau(q, s);
     int32_t side = (s->value[row] > s->high[row]) ? 1 : -1;
     fl_real limit = (side > 0) ? s->high[row] : s->low[row];
-    fl_real multiplier = 0;
+    fl_real multiplier = (fl_real)0;
     for (int32_t work = 0; work < FL_RTI_BUDGET; work++) {
         const fl_real toward = (fl_real)side;
         const fl_real pivot = s->tableau[row][row];
-        fl_real step = (pivot > s->least[row]) ? (s->value[row] - limit) * toward / pivot : q->far;
+        fl_real step = (pivot > s->least[row]) ? (((s->value[row] - limit) * toward) / pivot) : q->far;
         int32_t leaving = -1;
         for (int32_t i = 0; i < FL_RTI_ROWS; i++) {
             const fl_real held = (fl_real)s->side[i];
             const fl_real rate = s->tableau[i][row] * (toward * held);
-            if (s->side[i] != 0 && rate > (fl_real)0) {
+            if ((s->side[i] != 0) && (rate > (fl_real)0)) {
                 const fl_real ratio = s->value[i] * held / rate;
                 if (ratio < step) {
                     step = ratio;
@@ -252,7 +257,7 @@ static int32_t fl_rti_search(const fl_rti_t *q, fl_rti_work_t *s) {
             }
             side = (s->value[row] > s->high[row]) ? 1 : -1;
             limit = (side > 0) ? s->high[row] : s->low[row];
-            multiplier = 0;
+            multiplier = (fl_real)0;
         }
     }
     return FL_QP_CAPPED;
@@ -264,7 +269,10 @@ static int32_t fl_rti_optimal(const fl_rti_t *q, const fl_rti_work_t *s) {
     for (int32_t row = 0; row < FL_RTI_ROWS; row++) {
         const fl_real toward = (fl_real)s->side[row];
         const fl_real size = s->value[row] * toward;
-        held[row] = (s->side[row] != 0 && size > (fl_real)0) ? size * toward : (fl_real)0;
+        held[row] = (fl_real)0;
+        if ((s->side[row] != 0) && (size > (fl_real)0)) {
+            held[row] = size * toward;
+        }
     }
     for (int32_t i = 0; i < FL_RTI_SIZE; i++) {
         fl_real error = s->g[i] + held[i];
@@ -276,17 +284,17 @@ static int32_t fl_rti_optimal(const fl_rti_t *q, const fl_rti_work_t *s) {
         }
         error *= fl_rti_weight(q, i);
         const fl_real most = q->trusted * s->h[i][i];
-        if (!(error < most && error > -most)) {
+        if (!((error < most) && (error > -most))) {
             return 0;
         }
     }
     for (int32_t row = FL_RTI_SIZE; row < FL_RTI_ROWS; row++) {
-        fl_real y = 0;
+        fl_real y = (fl_real)0;
         for (int32_t j = 0; j < FL_RTI_SIZE; j++) {
             y += s->row[row - FL_RTI_SIZE][j] * s->step[j];
         }
         const fl_real weight = fl_rti_weight(q, row);
-        if (!((y - s->high[row]) * weight < q->trusted && (s->low[row] - y) * weight < q->trusted)) {
+        if (!((((y - s->high[row]) * weight) < q->trusted) && (((s->low[row] - y) * weight) < q->trusted))) {
             return 0;
         }
     }

@@ -92,7 +92,7 @@ static inline fl_plan_t fl_sweeps(const fl_sweeps_t *q, const fl_real *parameter
     plan.status = FL_QP_SOLVED;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         const fl_real missed = y[i] - fl_sweeps_limited(s[i], q->low[i], q->high[i]);
-        if (!(missed <= q->tolerance && missed >= -q->tolerance)) {
+        if (!((missed <= q->tolerance) && (missed >= -q->tolerance))) {
             plan.status = FL_QP_CAPPED;
         }
     }

@@ -101,7 +101,7 @@ static inline fl_plan_t fl_sweeps_i32(const fl_sweeps_t *q, const int32_t *param
     plan.status = FL_QP_SOLVED;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
         const int32_t missed = y[i] - fl_sweeps_limited(s[i], q->low[i], q->high[i]);
-        if (missed > q->tolerance || missed < -q->tolerance) {
+        if ((missed > q->tolerance) || (missed < -q->tolerance)) {
             plan.status = FL_QP_CAPPED;
         }
     }

@@ -40,15 +40,15 @@ static inline fl_plan_t fl_tree(const fl_tree_t *q, const fl_real *parameters) {
     for (int32_t k = 0; k < FL_TREE_DEPTH; k++) {
         if (node >= 0) {
             const fl_real side = fl_tree_sum(&q->plane[node * (FL_QP_PARAMETERS + 1)], parameters);
-            node = (side > 0) ? q->above[node] : q->below[node];
+            node = (side > (fl_real)0) ? q->above[node] : q->below[node];
         }
     }
     const int32_t law = -1 - node;
     for (int32_t i = 0; i < FL_QP_MOVES; i++) {
-        const fl_real *row = &q->law[(law * FL_QP_MOVES + i) * (FL_QP_PARAMETERS + 1)];
+        const fl_real *row = &q->law[((law * FL_QP_MOVES) + i) * (FL_QP_PARAMETERS + 1)];
         plan.move[i] = fl_tree_sum(row, parameters);
     }
-    plan.status = (law == FL_TREE_LAWS - 1) ? FL_QP_INFEASIBLE : FL_QP_SOLVED;
+    plan.status = (law == (FL_TREE_LAWS - 1)) ? FL_QP_INFEASIBLE : FL_QP_SOLVED;
     return plan;
 }
 

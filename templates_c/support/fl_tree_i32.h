@@ -50,12 +50,12 @@ static inline fl_plan_t fl_tree_i32(const fl_tree_t *q, const int32_t *parameter
     }
     const int32_t law = -1 - node;
     for (int32_t i = 0; i < FL_QP_MOVES; i++) {
-        const int32_t *row = &q->law[(law * FL_QP_MOVES + i) * (FL_QP_PARAMETERS + 1)];
+        const int32_t *row = &q->law[((law * FL_QP_MOVES) + i) * (FL_QP_PARAMETERS + 1)];
         const int64_t half = (int64_t)((uint64_t)1 << (FL_SHIFT_LAW - 1));
         const int64_t move = (fl_tree_sum(row, parameters) + half) >> FL_SHIFT_LAW;
         plan.move[i] = (move < q->least[i]) ? q->least[i] : ((move > q->most[i]) ? q->most[i] : (int32_t)move);
     }
-    plan.status = (law == FL_TREE_LAWS - 1) ? FL_QP_INFEASIBLE : FL_QP_SOLVED;
+    plan.status = (law == (FL_TREE_LAWS - 1)) ? FL_QP_INFEASIBLE : FL_QP_SOLVED;
     return plan;
 }
 

@@ -14,83 +14,69 @@ typedef char fl_assert_wrapping_conversion[(int32_t)0xFFFFFFFEU == -2 ? 1 : -1];
 
 /* x / 2^s, rounded down; s from 1 to 62, the result fits 32 bits. Up to 32 its bits are those of an unsigned shift,
  * behind which a compiler still sees a 32-bit number: the next product is then one instruction, not three. */
-static inline int32_t fl_low_i32(int64_t x, uint32_t s)
-{
+static inline int32_t fl_low_i32(int64_t x, uint32_t s) {
     return (s <= 32U) ? (int32_t)(uint32_t)((uint64_t)x >> s) : (int32_t)(x >> s);
 }
 
 /* a * 2^s; s from 0 to 30, the result fits. */
-static inline int32_t fl_shl_i32(int32_t a, uint32_t s)
-{
+static inline int32_t fl_shl_i32(int32_t a, uint32_t s) {
     return a * (int32_t)((uint32_t)1 << s);
 }
 
 /* a / 2^s, rounded to nearest, halves up; s from 1 to 30, a + 2^(s-1) fits. */
-static inline int32_t fl_shr_i32(int32_t a, uint32_t s)
-{
+static inline int32_t fl_shr_i32(int32_t a, uint32_t s) {
     return (a + (int32_t)((uint32_t)1 << (s - 1U))) >> s;
 }
 
 /* a * b / 2^s in 64 bits, rounded down; s from 1 to 62, the result fits 32 bits. */
-static inline int32_t fl_mul_down_i32(int32_t a, int32_t b, uint32_t s)
-{
+static inline int32_t fl_mul_down_i32(int32_t a, int32_t b, uint32_t s) {
     return fl_low_i32((int64_t)a * b, s);
 }
 
 /* a / 2^s, rounded down; s from 1 to 31. */
-static inline int32_t fl_asr_i32(int32_t a, uint32_t s)
-{
+static inline int32_t fl_asr_i32(int32_t a, uint32_t s) {
     return a >> s;
 }
 
 /* A sum of products, rounded once: it starts as a product, ... */
-static inline int64_t fl_wide_i64(int32_t a, int32_t b)
-{
+static inline int64_t fl_wide_i64(int32_t a, int32_t b) {
     return (int64_t)a * b;
 }
 
 /* ... then come the others; ... */
-static inline int64_t fl_mac_i64(int64_t acc, int32_t a, int32_t b)
-{
+static inline int64_t fl_mac_i64(int64_t acc, int32_t a, int32_t b) {
     return acc + (int64_t)a * b;
 }
 
 /* ... and sum / 2^s is its value, rounded down; s from 1 to 62, it fits 32 bits; ... */
-static inline int32_t fl_down_i32(int64_t acc, uint32_t s)
-{
+static inline int32_t fl_down_i32(int64_t acc, uint32_t s) {
     return fl_low_i32(acc, s);
 }
 
 /* ... or rounded to nearest, halves up; s from 1 to 62, it fits 32 bits. The half that rounds
  * is the last bit that is shifted out: so it costs nothing beside an addition. */
-static inline int32_t fl_high_i32(int64_t acc, uint32_t s)
-{
+static inline int32_t fl_high_i32(int64_t acc, uint32_t s) {
     return fl_low_i32(acc, s) + (int32_t)((uint32_t)((uint64_t)acc >> (s - 1U)) & 1U);
 }
 
 /* a * b / 2^s in 64 bits, rounded to nearest, halves up; s from 1 to 62, the result fits 32 bits. */
-static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s)
-{
+static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s) {
     return fl_high_i32((int64_t)a * b, s);
 }
 
-static inline int32_t fl_min_i32(int32_t a, int32_t b)
-{
+static inline int32_t fl_min_i32(int32_t a, int32_t b) {
     return (a < b) ? a : b;
 }
 
-static inline int32_t fl_max_i32(int32_t a, int32_t b)
-{
+static inline int32_t fl_max_i32(int32_t a, int32_t b) {
     return (a > b) ? a : b;
 }
 
-static inline int32_t fl_clamp_i32(int32_t x, int32_t low, int32_t high)
-{
+static inline int32_t fl_clamp_i32(int32_t x, int32_t low, int32_t high) {
     return fl_min_i32(fl_max_i32(x, low), high);
 }
 
-static inline int32_t fl_abs_i32(int32_t a)
-{
+static inline int32_t fl_abs_i32(int32_t a) {
     return (a < 0) ? -a : a;
 }
 
