@@ -43,6 +43,17 @@ class LibraryLink:
         self._library.host_steps(self._memory, inputs, out, ctypes.c_uint32(count))
         return out.raw
 
+    def step_from(self, states: bytes, size: int, inputs: bytes, count: int) -> tuple[bytes, bytes]:
+        """Run one step from each of `count` states of `size` bytes; return the answers and the states they leave."""
+        if size != len(self._memory):
+            raise LinkError(f"a state of {self._program.name} has {len(self._memory)} bytes, not {size}")
+        answers, left = bytearray(), bytearray()
+        for k in range(count):
+            ctypes.memmove(self._memory, states[k * size : (k + 1) * size], size)
+            answers += self.step(inputs[k * self._in_bytes : (k + 1) * self._in_bytes], 1)
+            left += self._memory.raw
+        return bytes(answers), bytes(left)
+
     def close(self) -> None:
         """Do nothing: the library stays loaded until the process ends."""
 
