@@ -86,7 +86,7 @@ def opened(program: Program) -> Program:
         Op(op.result, op.function, tuple(renamed.get(a, a) if isinstance(a, str) else a for a in op.arguments))
         for op in program.body
     )
-    state = tuple(replace(v, name=f"self.{v.name}") for v in program.state)
+    state = tuple(replace(v, name=f"self.{v.name}") for v in _left(program))
     stores = tuple(replace(a, source=renamed.get(a.source, a.source)) for a in program.next_state)
     return replace(
         program,
@@ -100,6 +100,18 @@ def opened(program: Program) -> Program:
         unset=None,
         tunable=(),
     )
+
+
+def _left(program: Program) -> list[Value]:
+    """Return the state with the range of what init() or a step leaves there."""
+    results = {op.result.name: op.result for op in program.body}
+    found = []
+    for value, store, start in zip(program.state, program.next_state, program.start, strict=True):
+        assert store.target == value.name
+        made, first = results.get(store.source, value), value.low if value.name == program.unset else start
+        low, high = min(made.low, first), max(made.high, first)
+        found.append(replace(value, low=max(value.low, low), high=min(value.high, high)))
+    return found
 
 
 def _drawn(program: Program, seed: int) -> tuple[list[Raw], Machine]:
