@@ -15,7 +15,8 @@ have: those of the proven ranges. These arguments are tried:
 
 The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
 within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
-here. An answer that z3 does not find in time counts as no.
+here. That holds for the limits that fixed point adds, not for those of a law in floating point, which act. An
+answer that z3 does not find in time counts as no.
 """
 
 from __future__ import annotations

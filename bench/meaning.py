@@ -68,7 +68,7 @@ class Meaning:
             given = _literals(op) if op is not None else ()
             if given:
                 self.only[f"self.{store.target}"] = (start, *given)
-            if op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
+            if self.fixed and op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
                 low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
                 least, most = self.ranges[op.arguments[0]]
                 self.ranges[op.arguments[0]] = (max(least, low), min(most, high))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from bench.equivalence import _where_apart, equivalent
@@ -82,3 +83,9 @@ def test_the_sign_of_a_product_keeps_a_variance_within_its_limit() -> None:
     store = next(op for op in program.body if op.result.name == "p11_new")
     deep = Meaning(program, {})
     assert deep.holds(deep.symbol(str(store.arguments[0])) <= int(store.arguments[1]))
+
+
+def test_a_limit_of_a_law_in_floating_point_is_taken_to_act() -> None:
+    program = lower(laws()["nmpc"], "float32")
+    limited = next(op for op in program.body if op.result.name == "plan_x_1_2_new")
+    assert limited.function == "clamp" and Meaning(program).ranges[str(limited.arguments[0])] == (-np.inf, np.inf)
