@@ -76,3 +76,11 @@ def test_what_init_sets_a_parameter_to_shows() -> None:
     bundle, _ = _planted(program, "self->ki =", "store dropped")
     verdict = verify(law, program, bundle, load_target("host"), [], 3000, 1, None, lambda share, doing: None)
     assert verdict.differences > 0
+
+
+def test_what_init_leaves_out_shows() -> None:
+    law = laws()["state_space"]
+    program = lower(law, "float32")
+    bundle, _ = _planted(program, "self->x_1 = 0", "store dropped")
+    verdict = verify(law, program, bundle, load_target("host"), [], 1000, 1, None, lambda share, doing: None)
+    assert verdict.differences > 0

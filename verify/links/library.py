@@ -11,6 +11,7 @@ from quantize.program import Program
 from verify.links import Hello, LinkError
 
 STEPS_MAX = 1 << 16
+LARGE_BYTE = 0x7F  # repeated it is a number near the largest of any type
 
 
 class LibraryLink:
@@ -32,7 +33,8 @@ class LibraryLink:
         return Hello(self._program.id, self._in_bytes, self._record - 8, STEPS_MAX, 0)
 
     def reset(self) -> None:
-        """Call init()."""
+        """Call init(), on memory that holds large numbers: what init() leaves out shows."""
+        ctypes.memset(self._memory, LARGE_BYTE, len(self._memory))
         self._library.host_init(self._memory)
 
     def step(self, inputs: bytes, count: int) -> bytes:
