@@ -19,15 +19,24 @@ EFFORT = 12_000_000  # z3's own count of its work, the same on a busy machine: s
 TIMEOUT = 120_000  # ms, for what it does not count
 ROOM = 0.005  # of a state's range, that it provably keeps from its limits
 PRODUCTS = ("mul", "wide", "mac", "mul_shift", "mul_down")
+CHOSEN = ("select", "copy")  # operations of floats that z3 sees through at once
 FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
 
 
 class Meaning:
     """The C expressions of one program as terms of z3."""
 
-    def __init__(self, program: Program, grids: dict[str, int] | None = None) -> None:
-        """Take `grids`, the distance apart of what each state holds, to trace values to where they come from."""
-        self.program, self.grids = program, grids
+    def __init__(
+        self,
+        program: Program,
+        grids: dict[str, int] | None = None,
+        away: dict[str, tuple[float, float]] | None = None,
+    ) -> None:
+        """Take `grids`, the distance apart of what each state holds, to trace values to where they come from.
+
+        `away` are the nearest values to 0, below and above, of each state that never is 0.
+        """
+        self.program, self.grids, self.away = program, grids, away or {}
         self.writers = {op.result.name: op for op in program.body}
         self.fixed = program.arithmetic.startswith("fixed")
         self.sort = FLOATS.get(program.arithmetic)
@@ -59,7 +68,7 @@ class Meaning:
             given = _literals(op) if op is not None else ()
             if given:
                 self.only[f"self.{store.target}"] = (start, *given)
-            if op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
+            if self.fixed and op is not None and op.function == "clamp" and isinstance(op.arguments[0], str):
                 low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
                 least, most = self.ranges[op.arguments[0]]
                 self.ranges[op.arguments[0]] = (max(least, low), min(most, high))
@@ -98,22 +107,58 @@ class Meaning:
                 self.symbols[called] = x
             if name in self.only:
                 self.assumed.append(z3.Or([self.symbols[called] == self.number(repr(x)) for x in self.only[name]]))
+            if name.removeprefix("self.") in self.away and name.startswith("self."):
+                below, above = (self.number(repr(x)) for x in self.away[name.removeprefix("self.")])
+                self.assumed.append(z3.Or(self.symbols[called] <= below, self.symbols[called] >= above))
             self._trace(name, sample)
         return self.symbols[called]
 
     def _trace(self, name: str, sample: str) -> None:
         """Assume what a value is made of, or the grid that a state is on."""
-        if self.grids is None or not self.fixed:
-            return
         called, op = self.symbols[sample + name], self.writers.get(name)
+        if self.grids is None or (op is not None and not (self.fixed or op.function in CHOSEN)):
+            return
         state = name.removeprefix("self.")
         if name != state and state in self.grids:
             self.assumed.append(self.on_grid(called, state))
         if op is not None and op.function in EVERY and op.function not in LARGE:
-            named = [a for a in op.arguments if isinstance(a, str)]
-            if op.function not in PRODUCTS or len(named) == (2 if op.function == "mac" else 1):
-                given = {a: self.symbol(a, sample) for a in named}
-                self.assumed.append(called == self.value(statement(op, self.program).partition(" = ")[2], given))
+            given = {a: self.symbol(a, sample) for a in op.arguments if isinstance(a, str)}
+            factors = op.arguments[1 if op.function == "mac" else 0 :] if op.function in PRODUCTS else ()
+            if sum(isinstance(factor, str) for factor in factors) < 2:
+                self.assumed.append(called == self._made(op, given))
+            elif op.function == "mul_shift":
+                self._trace_product(op, called, given)
+
+    def _made(self, op: Op, given: dict[str, Any]) -> Any:
+        return self.value(statement(op, self.program).partition(" = ")[2], given)
+
+    def _trace_product(self, op: Op, called: Any, given: dict[str, Any]) -> None:
+        """Assume of a product of two values what z3 can use: its sign, and all where one is one of two constants."""
+        one, other = (given[str(a)] for a in op.arguments[:2])
+        self.assumed += [
+            z3.Implies(z3.Or(z3.And(one >= 0, other >= 0), z3.And(one <= 0, other <= 0)), called >= 0),
+            z3.Implies(z3.Or(z3.And(one >= 0, other <= 0), z3.And(one <= 0, other >= 0)), called <= 0),
+        ]
+        for factor in map(str, op.arguments[:2]):
+            constants = self._constants(factor)
+            self.assumed += [
+                z3.Implies(given[factor] == c, called == self._made(op, given | {factor: self.number(repr(c))}))
+                for c in constants
+            ]
+
+    def _constants(self, name: str) -> tuple[int, ...]:
+        """Return the constants of which a value is one, by what it is made of; none where it is not."""
+        op = self.writers.get(name)
+        if op is None:
+            return ()
+        if op.function in ("select", "copy"):
+            return tuple(int(x) for x in _literals(op))
+        named = [a for a in op.arguments if isinstance(a, str)]
+        if len(named) != 1 or op.function in LARGE:
+            return ()
+        found = self._constants(named[0])
+        terms = [z3.simplify(self._made(op, {named[0]: z3.BitVecVal(c, WIDE)})) for c in found]
+        return tuple(term.as_signed_long() for term in terms if z3.is_bv_value(term))
 
     def on_grid(self, value: Any, state: str) -> Any:
         """Return the condition that a value is on the grid of a state."""

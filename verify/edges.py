@@ -1,11 +1,14 @@
 """Samples that bring a value of a program to the edge of a limit: on it, or next to it on either side.
 
-A limit that is wrong by one unit in the last place shows nowhere else. A short input moves a long value by thousands of
-its units; so many lanes are tried, each behind another noise, and those kept that meet their limit.
+A limit that is wrong by one unit in the last place shows nowhere else. Nor does such a factor where its product is
+rounded to an output of fewer places, but next to the edge between two values of that output. A short input moves a long
+value by thousands of its units; so many lanes are tried, each behind another noise, and those kept that meet their
+limit.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -20,21 +23,26 @@ from verify.reference import Machine, Raw, start_state, working_type
 Array = NDArray[np.float64]
 Convert = Callable[[Value, Array], Raw]
 COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
+ROUNDED = ("shr", "asr")  # operations that drop places of one value
 TRIED = 4  # lanes for each that is kept
 TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
 MOST_TRIED = 2**18  # lanes in all
 PARENTS, CHILDREN = 4096, 64  # of short inputs the nearest lanes are tried again, so often,
-MOVED = 64  # and each input by so many of its units away: together they come nearer than one alone
+MOVED = 64  # and each input by up to so many of its units away: together they come nearer than one alone
 HALVINGS = 64  # of the way from one input to the other: to neighbors in any format,
 HALVINGS_SHORT = 18  # and in a short one
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A value changes what an operation does where it passes `limit`: a number, or another value."""
+    """A value changes what an operation does where it passes `limit`: a number, or another value.
+
+    A rounding has such an edge at `limit` and wherever else a multiple of `every` is away from it.
+    """
 
     value: str
     limit: float | str
+    every: float = math.inf
 
     def above(self, machine: Machine, slots: list[Any]) -> Array:
         """Return how far above its limit the value is, in one step's values by slot."""
@@ -42,14 +50,25 @@ class Edge:
             np.asarray(slots[machine.slots[at]] if isinstance(at, str) else at, dtype=np.float64)
             for at in (self.value, self.limit)
         )
-        return np.asarray(value - limit)
+        above = np.asarray(value - limit)
+        if math.isfinite(self.every):
+            above = above - self.every * np.round(above / self.every)
+        return above
 
 
 def limits(program: Program) -> list[Edge]:
-    """Return what operations limit or compare, and with what; of a state, what it becomes in this sample."""
+    """Return what operations limit or compare, and with what; of a state, what it becomes in this sample.
+
+    Behind them come the edges of the roundings to outputs.
+    """
     becomes = {f"self.{a.target}": a.source for a in program.next_state}
     found = []
+    shown = {a.source for a in program.results}
+    rounded = []
     for op in program.body:
+        if op.function in ROUNDED and op.result.name in shown and isinstance(op.arguments[0], str):
+            unit = 2.0 ** int(op.arguments[1])
+            rounded.append(Edge(op.arguments[0], unit / 2 if op.function == "shr" else unit, unit))
         if op.function not in (*LIMITS, *COMPARED):
             continue
         value, *others = (becomes.get(a, a) if isinstance(a, str) else float(a) for a in op.arguments)
@@ -58,7 +77,7 @@ def limits(program: Program) -> list[Edge]:
                 found.append(Edge(value, other))
             elif isinstance(other, str):
                 found.append(Edge(other, value))
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys([*found, *rounded]))
 
 
 def edges(program: Program, random: np.random.Generator, lanes: int, length: int, convert: Convert) -> Raw:
@@ -83,14 +102,31 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
             if short(program):
                 order = np.repeat(nearest(which, miss, PARENTS), CHILDREN)
-                part, which, state = part[order], which[order], [x[order] for x in state]
-                unit = np.array([2.0**-v.number.fraction for v in program.inputs])
-                moved = part[:, at] + unit * random.integers(-MOVED, MOVED + 1, size=part[:, at].shape)
-                part[:, at] = np.clip(moved, *np.transpose(spans))
+                part, which = _moved(program, random, part[order], at), which[order]
+                state = start_state(program, len(part))
+                for k in range(at):
+                    state = after(machine, row(program, part[:, k], convert, kind), state)
                 miss = _missed(machine, row(program, part[:, at], convert, kind), state, wanted, which)
-            kept.append(part[nearest(which, miss, count)])
+            kept.append(part[nearest(which, miss, count, random.random(len(miss)))])
         noise = np.concatenate(kept)
     return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+
+
+def _moved(program: Program, random: np.random.Generator, noise: Array, at: int) -> Array:
+    """Move inputs by some of their units, in sample `at` and in half of the lanes in the one before it too.
+
+    What moves are worth lies decades apart, as that of an input and of a difference of two; so they are drawn evenly
+    over the octaves, with none at all among them, and in every other lane all inputs of a sample move together.
+    """
+    unit = np.array([2.0**-v.number.fraction for v in program.inputs])
+    low, high = (np.array([getattr(v, end) for v in program.inputs]) * unit for end in ("low", "high"))
+    moves = np.floor(np.exp2(random.uniform(-1.0, math.log2(MOVED + 1), size=(len(noise), 2, len(unit)))))
+    moves *= random.choice([-1.0, 1.0], size=moves.shape)
+    moves[::2] = moves[::2, :, :1] + np.where(random.random(moves[::2].shape) < 0.5, 0.0, moves[::2])
+    moves[: len(noise) // 2, 0] = 0.0
+    first = max(0, at - 1)
+    noise[:, first : at + 1] = np.clip(noise[:, first : at + 1] + unit * moves[:, 2 - (at + 1 - first) :], low, high)
+    return noise
 
 
 def _missed(
@@ -121,10 +157,13 @@ def drawn(random: np.random.Generator, spans: list[tuple[float, float]], lanes: 
     return np.asarray(low + (high - low) * noise)
 
 
-def nearest(which: NDArray[np.int64], miss: Array, count: int) -> NDArray[np.int64]:
-    """Return `count` lanes, as many on, above and below each edge as there are, the nearest of them first."""
+def nearest(which: NDArray[np.int64], miss: Array, count: int, lot: Array | float = 0.0) -> NDArray[np.int64]:
+    """Return `count` lanes, as many on, above and below each edge as there are, the nearest of them first.
+
+    Of lanes that are equally near, those are taken whose `lot` is less: neighbors may be copies of one.
+    """
     group = 3 * which + np.sign(np.nan_to_num(miss)).astype(np.int64)
-    order = np.lexsort((np.abs(miss), group))
+    order = np.lexsort((np.broadcast_to(lot, miss.shape), np.abs(miss), group))
     begins = np.searchsorted(group[order], group[order])
     rank = np.where(np.isfinite(miss[order]), np.arange(len(order)) - begins, len(order))
     return order[np.argsort(rank, kind="stable")[:count]]

@@ -16,6 +16,7 @@ from codegen.target import Target, load_target
 from design.law import Law
 from identify.compiler import compiler_version
 from quantize.program import Program
+from verify.any_state import Departures, any_state, departures
 from verify.build import Image, build_image
 from verify.closed_loop import LoopCheck, PlantLoop, check_loop
 from verify.compare import Comparison, compare
@@ -64,6 +65,8 @@ def verify(
     loop
         what to close the loop with, on the host and then on the target; a step that is not the same counts as different
 
+    On the host steps from any state are compared besides (`verify/any_state.py`); what differs there counts as well.
+
     Raises
     ------
     ToolError, LinkError
@@ -71,7 +74,7 @@ def verify(
     """
     blocks = stimuli(program, recorded, steps, seed)
     traces = run_blocks(program, blocks, lambda share, doing: progress(REFERENCE_SHARE * share, doing))
-    proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop)
+    proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop, seed)
     if "library" in target.links:
         comparison, details = proof.on_host()
     elif port is None or port in openers():
@@ -90,8 +93,10 @@ def verify(
         seed=seed,
         stimuli=_count(blocks),
         saturated=_status_share(traces),
-        differences=comparison.differences + (len(proof.looped.different) if proof.looped else 0),
-        first=_first(program, bundle, blocks, comparison) or _first_in_loop(program, proof.looped),
+        differences=comparison.differences
+        + proof.apart.differences
+        + (len(proof.looped.different) if proof.looped else 0),
+        first=_first(program, bundle, blocks, comparison) or proof.apart.first or _first_in_loop(program, proof.looped),
         rounding=measure_rounding(law, program, blocks, traces),
         cost=cost,
         sanitized=sanitized,
@@ -115,8 +120,10 @@ class _Proof:
         traces: Sequence[Trace],
         progress: Progress,
         loop: PlantLoop | None,
+        seed: int,
     ) -> None:
-        self.program, self.bundle, self.target, self.loop = program, bundle, target, loop
+        self.program, self.bundle, self.target, self.loop, self.seed = program, bundle, target, loop, seed
+        self.apart = Departures(0, 0, None)
         self.looped: LoopCheck | None = None
         self.searches: Searches | None = None
         self.blocks, self.traces, self.progress = blocks, traces, progress
@@ -124,6 +131,7 @@ class _Proof:
     def on_host(self) -> tuple[Comparison, Details]:
         link = LibraryLink(build_host(self.bundle, self.target), self.program)
         comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
+        self.apart = departures(self.program, link, any_state(self.program, self.seed))
         sanitized = 0
         if comparison.differences == 0:
             pairs = zip(self.blocks, self.traces, strict=True)

@@ -6,6 +6,7 @@ as the generated setters do. A controller without parameters has requests of no 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,21 @@ from verify.reference import Raw, element_type, start_parameters
 
 
 def untouched(program: Program, lanes: int, steps: int) -> Raw:
-    """Return requests (lanes, steps, k) that leave every parameter as init() sets it."""
-    start = start_parameters(program)
-    return np.broadcast_to(start, (lanes, steps, len(start))).copy()
+    """Return requests (lanes, steps, k) that leave every parameter as init() sets it.
+
+    The setter refuses them, so that what init() sets shows; only a range of the whole type leaves it none to refuse.
+    """
+    starts = start_parameters(program)
+    refused = [_refused(value, start) for value, start in zip(program.parameters, starts, strict=True)]
+    return np.broadcast_to(np.array(refused, dtype=starts.dtype), (lanes, steps, len(starts))).copy()
+
+
+def _refused(value: Value, start: float) -> float:
+    if value.number.kind == "float":
+        return math.nan
+    limits = np.iinfo(element_type(value.number))
+    beyond = [x for x in (value.high + 1, value.low - 1) if limits.min <= x <= limits.max]
+    return beyond[0] if beyond else start
 
 
 def requests(program: Program, random: np.random.Generator, lanes: int, steps: int) -> Raw:
@@ -28,14 +41,15 @@ def requests(program: Program, random: np.random.Generator, lanes: int, steps: i
     change in mid-run, together or apart: to corners, drawn values, and what the setter must refuse.
     """
     found = untouched(program, lanes, steps)
+    starts = start_parameters(program)
     for j, value in enumerate(program.parameters):
         kinds = np.arange(lanes) % 3
         new = random.random((lanes, steps)) < random.choice([3e-3, 3e-2, 1.0], size=(lanes, 1))
         new[kinds != 2] = False
         new[:, 0] = kinds != 0
-        picks = _drawn(value, random, (lanes, steps), found[..., j])
+        picks = _drawn(value, random, (lanes, steps), np.full((lanes, steps), starts[j]))
         allowed = (picks >= value.low) & (picks <= value.high)
-        picks[:, 0] = np.where(allowed[:, 0], picks[:, 0], found[:, 0, j])
+        picks[:, 0] = np.where(allowed[:, 0], picks[:, 0], starts[j])
         last = np.maximum.accumulate(np.where(new, np.arange(steps), 0), axis=1)
         column = np.take_along_axis(picks, last, axis=1)
         found[kinds != 0, :, j] = column[kinds != 0]

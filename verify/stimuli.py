@@ -75,6 +75,13 @@ def characters(program: Program, lanes: int, steps: int, seed: int) -> list[Bloc
     return [Block(name, make(program, random, lanes, steps)) for name, make, _, _ in makers]
 
 
+def singles(program: Program, steps: int, seed: int) -> list[Block]:
+    """Return `steps` lanes of one step each, in equal shares of what needs no more."""
+    random = np.random.default_rng(seed)
+    share = max(1, steps // len(SINGLES))
+    return [Block(name, make(program, random, share, 1)) for name, make, _, _ in SINGLES]
+
+
 def adversarial(program: Program, steps: int, seed: int) -> list[Block]:
     """Return about `steps` steps of what brings values and roundings to their ends, in equal shares.
 
@@ -376,3 +383,4 @@ MAKERS = (
     ("limits from afar", _afar, 0.04, LANE_STEPS),
 )
 ADVERSARIAL = tuple(row for row in MAKERS if row[0] in ("worst case", "squares", "chirps", "long saturation"))
+SINGLES = tuple(row for row in MAKERS if row[0] in ("tracking", "corners", "noise", "edges of limits"))

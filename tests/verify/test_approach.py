@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from design.kinds import kinds
 from quantize.lower import lower
 from verify.approach import approaches, crossings
-from verify.edges import limits, nearest
-from verify.reference import run
+from verify.edges import Edge, edges, limits, nearest
+from verify.reference import Machine, run, start_state
 from verify.stimuli import stimuli, to_raw
 
 DRIVES = np.where(np.arange(4)[:, None, None] % 2 == 0, 1.0, -1.0) * np.array([12.0, -2.0]) * np.ones((4, 40, 2))
@@ -65,3 +68,25 @@ def test_values_that_are_compared_are_edges_too() -> None:
         any({edge.value, edge.limit} >= {a for a in pair if not str(a).startswith("self.")} for edge in found)
         for pair in compared
     )
+
+
+def test_short_inputs_bring_a_long_value_next_to_its_limit_and_one_to_where_an_output_rounds() -> None:
+    kind = kinds()["sliding_mode"]
+    program = lower(kind.design(kind.example).law, "fixed16")
+    wanted = limits(program)
+    assert [edge.every for edge in wanted if np.isfinite(edge.every)] == [2.0**14]
+    lanes = edges(program, np.random.default_rng(1), 400, 3, to_raw)
+    machine, state = Machine(program), start_state(program, len(lanes))
+    for k in range(2):
+        slots = machine.step(list(lanes[:, k].T.astype(np.int64)), state)
+        state = [np.broadcast_to(slots[slot], len(lanes)) for slot in machine.next]
+    beyond = next(edge for edge in wanted if edge.value == "unlimited").above(machine, slots)
+    assert {-1.0, 0.0} <= set(np.unique(beyond))
+
+
+def test_how_far_a_value_is_from_where_it_rounds_is_told_from_the_nearest_place() -> None:
+    edge = Edge("x", 8.0, 16.0)
+
+    read: Any = SimpleNamespace(slots={"x": 0})
+    above = [float(edge.above(read, [np.array(x)])) for x in (7.0, 8.0, 9.0, 23.0, 41.0)]
+    assert above == [-1.0, 0.0, 1.0, -1.0, 1.0]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from bench.equivalence import equivalent
+from bench.equivalence import _where_apart, equivalent
+from bench.meaning import Meaning
 from bench.mutants import Mutant, bench, chosen, example_law, laws, mutants, planted
+from bench.orbit import away_from_zero
 from bench.zeros import never_minus_zero
 from codegen.emit import emit
 from quantize.lower import lower
@@ -56,3 +59,33 @@ def test_another_sample_is_drawn_from_a_seed() -> None:
 def test_the_unplanted_code_agrees() -> None:
     judge = bench(example_law(), "fixed16", 40_000, 1)
     assert judge.outcome(judge.bundle) == "agrees"
+
+
+@pytest.mark.parametrize("arithmetic", ["float32", "float64"])
+def test_draws_are_shown_never_to_be_zero(arithmetic: str) -> None:
+    assert away_from_zero(lower(laws()["start_monitor"], arithmetic)) == {"draw": (-1.0, 1.0)}  # they are odd
+    assert away_from_zero(lower(laws()["full pid"], arithmetic)) == {}
+
+
+def test_what_a_line_is_made_into_is_not_taken_to_stay_the_same() -> None:
+    program = lower(laws()["self_tuning"], "fixed32")
+    limited = next(op for op in program.body if op.result.name == "p12_new").arguments[0]
+    low = next(op for op in program.body if op.result.name == limited)
+    meaning = Meaning(program)
+    meaning.symbol("p12_new")  # where the lower limit acts it has one value, but not in the mutant
+    value, limit = low.arguments
+    old, new = (meaning.value(f"fl_max_i32({value}, {x})", {}) for x in (limit, int(limit) - 1))
+    assert all("p12_new" not in case for pair in _where_apart(meaning, str(limited), old, new) for case in pair)
+
+
+def test_the_sign_of_a_product_keeps_a_variance_within_its_limit() -> None:
+    program = lower(laws()["self_tuning"], "fixed32")
+    store = next(op for op in program.body if op.result.name == "p11_new")
+    deep = Meaning(program, {})
+    assert deep.holds(deep.symbol(str(store.arguments[0])) <= int(store.arguments[1]))
+
+
+def test_a_limit_of_a_law_in_floating_point_is_taken_to_act() -> None:
+    program = lower(laws()["nmpc"], "float32")
+    limited = next(op for op in program.body if op.result.name == "plan_x_1_2_new")
+    assert limited.function == "clamp" and Meaning(program).ranges[str(limited.arguments[0])] == (-np.inf, np.inf)

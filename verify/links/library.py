@@ -11,6 +11,7 @@ from quantize.program import Program
 from verify.links import Hello, LinkError
 
 STEPS_MAX = 1 << 16
+LARGE_BYTE = 0x7F  # repeated it is a number near the largest of any type
 
 
 class LibraryLink:
@@ -32,7 +33,8 @@ class LibraryLink:
         return Hello(self._program.id, self._in_bytes, self._record - 8, STEPS_MAX, 0)
 
     def reset(self) -> None:
-        """Call init()."""
+        """Call init(), on memory that holds large numbers: what init() leaves out shows."""
+        ctypes.memset(self._memory, LARGE_BYTE, len(self._memory))
         self._library.host_init(self._memory)
 
     def step(self, inputs: bytes, count: int) -> bytes:
@@ -42,6 +44,17 @@ class LibraryLink:
         out = ctypes.create_string_buffer(count * self._record)
         self._library.host_steps(self._memory, inputs, out, ctypes.c_uint32(count))
         return out.raw
+
+    def step_from(self, states: bytes, size: int, inputs: bytes, count: int) -> tuple[bytes, bytes]:
+        """Run one step from each of `count` states of `size` bytes; return the answers and the states they leave."""
+        if size != len(self._memory):
+            raise LinkError(f"a state of {self._program.name} has {len(self._memory)} bytes, not {size}")
+        answers, left = bytearray(), bytearray()
+        for k in range(count):
+            ctypes.memmove(self._memory, states[k * size : (k + 1) * size], size)
+            answers += self.step(inputs[k * self._in_bytes : (k + 1) * self._in_bytes], 1)
+            left += self._memory.raw
+        return bytes(answers), bytes(left)
 
     def close(self) -> None:
         """Do nothing: the library stays loaded until the process ends."""

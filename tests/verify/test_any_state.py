@@ -1,0 +1,86 @@
+"""Steps from states that inputs take long to reach are compared too, within what the proof lets happen."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bench.mutants import Mutant, laws, mutants, planted
+from codegen.bundle import Bundle
+from codegen.emit import emit
+from codegen.target import load_target
+from quantize.lower import lower
+from quantize.program import Program
+from verify.any_state import Departures, any_state, departures
+from verify.host import build_host
+from verify.links.library import LibraryLink
+from verify.run import verify
+
+
+@cache
+def _lowered(name: str, arithmetic: str) -> Program:
+    return lower(laws()[name], arithmetic)
+
+
+def _apart(program: Program, bundle: Bundle) -> Departures:
+    link = LibraryLink(build_host(bundle, load_target("host")), program)
+    return departures(program, link, any_state(program, 1))
+
+
+def _planted(program: Program, text: str, what: str) -> tuple[Bundle, Mutant]:
+    bundle = emit(program, "firmloop generate x.toml")
+    mutant = next(m for m in mutants(bundle) if text in m.before and m.what == what)
+    return planted(bundle, mutant), mutant
+
+
+@pytest.mark.parametrize(
+    ("name", "arithmetic"),
+    [("self_tuning", "fixed16"), ("tuned pid", "float32"), ("full pid", "fixed32"), ("mpc", "float32")],
+)
+def test_the_generated_code_agrees_from_any_state(name: str, arithmetic: str) -> None:
+    program = _lowered(name, arithmetic)
+    found = _apart(program, emit(program, "firmloop generate x.toml"))
+    assert found.steps >= (400 if name == "mpc" else 10_000) and (found.differences, found.first) == (0, None)
+
+
+def test_a_limit_that_no_stimulus_reaches_is_missed_when_it_is_gone() -> None:
+    program = _lowered("self_tuning", "fixed16")
+    found = _apart(program, _planted(program, "p12_new = fl_min", "limit removed")[0])
+    assert found.differences > 0 and found.first is not None
+    assert found.first.output == "self.p12" and "p11 = " in found.first.operation
+
+
+def test_states_are_drawn_from_what_a_step_can_leave() -> None:
+    program = _lowered("self_tuning", "fixed16")
+    drawn = any_state(program, 1)
+    limit = next(op for op in program.body if op.result.name == "p12_new").result.high
+    column = drawn.columns[len(program.inputs) + [v.name for v in program.state].index("p12")]
+    assert (column.min(), column.max()) == (-limit, limit)
+    assert len(np.unique(column)) > 1000
+
+
+def test_a_verdict_on_the_host_counts_steps_from_any_state() -> None:
+    law = laws()["self_tuning"]
+    program = _lowered("self_tuning", "fixed16")
+    bundle, _ = _planted(program, "p12_new = fl_min", "limit removed")
+    verdict = verify(law, program, bundle, load_target("host"), [], 1000, 1, None, lambda share, doing: None)
+    assert verdict.differences > 0 and verdict.first is not None
+    assert verdict.first.lane.startswith("any state") and verdict.first.unit == "1"
+
+
+def test_what_init_sets_a_parameter_to_shows() -> None:
+    law = laws()["tuned pid"]
+    program = lower(law, "fixed16")
+    bundle, _ = _planted(program, "self->ki =", "store dropped")
+    verdict = verify(law, program, bundle, load_target("host"), [], 3000, 1, None, lambda share, doing: None)
+    assert verdict.differences > 0
+
+
+def test_what_init_leaves_out_shows() -> None:
+    law = laws()["state_space"]
+    program = lower(law, "float32")
+    bundle, _ = _planted(program, "self->x_1 = 0", "store dropped")
+    verdict = verify(law, program, bundle, load_target("host"), [], 1000, 1, None, lambda share, doing: None)
+    assert verdict.differences > 0
