@@ -54,6 +54,7 @@ class Meaning:
         self.truths = {op.result.name for op in program.body if op.result.number.fraction == 0 and _is_truth(op)}
         self.only: dict[str, tuple[float, ...]] = {}  # state that is what init() set, or one constant
         self._narrow_states(program)
+        self._narrow_moves(program)
         self.signed = frozenset() if self.fixed else never_minus_zero(program)
         self.assumed: list[Any] = []
         self.symbols: dict[str, Any] = {}
@@ -72,6 +73,31 @@ class Meaning:
                 low, high = (float(x) * (1 - ROOM) for x in op.arguments[1:])
                 least, most = self.ranges[op.arguments[0]]
                 self.ranges[op.arguments[0]] = (max(least, low), min(most, high))
+
+    def _narrow_moves(self, program: Program) -> None:
+        """Take in what `fl_rti.h` leaves: 1 and a plan whose moves keep their limits, or 0 and zeros.
+
+        Limited states keep theirs to `trusted` of their span, which is taken four times here.
+        """
+        for table in program.tables:
+            if table.form != "fl_rti_t":
+                continue
+            sizes, numbers = dict(table.sizes), dict(table.numbers)
+            moves, states = sizes["FL_RTI_INPUTS"], sizes["FL_RTI_STATES"]
+            before = moves + 2 + sizes["FL_RTI_LENGTH"] * states
+            slack = 4 * float(np.max(numbers["trusted"])) / np.atleast_1d(numbers["weight"])
+            slack[:moves] = 0.0
+            low, high = np.atleast_1d(numbers["low"]) - slack, np.atleast_1d(numbers["high"]) + slack
+            limited = [int(k) for k in np.atleast_1d(numbers["limited"])[:-1]]
+            for op in program.body:
+                place = int(op.arguments[1]) if op.function == "move" else -1
+                if place == moves:
+                    self.ranges[op.result.name] = (0.0, 1.0)
+                elif place >= before or (place > moves + 1 and (place - moves - 2) % states in limited):
+                    k = (place - before) % moves
+                    if place < before:
+                        k = moves + limited.index((place - moves - 2) % states)
+                    self.ranges[op.result.name] = (min(float(low[k]), 0.0), max(float(high[k]), 0.0))
 
     def unknown(self, name: str) -> Any:
         """Return what memory may hold before init()."""
@@ -227,7 +253,7 @@ class Meaning:
         for end in ("i32", "f32", "f64"):
             found[f"fl_min_{end}"] = least
             found[f"fl_max_{end}"] = most
-            found[f"fl_clamp_{end}"] = lambda x, low, high: least(most(x, low), high)
+            found[f"fl_clamp_{end}"] = lambda x, low, high: z3.If(x >= low, z3.If(x > high, high, x), low)
             found[f"fl_abs_{end}"] = lambda a: z3.If(a < 0, -a, a)
         return found
 

@@ -56,7 +56,10 @@ def example_law() -> Law:
     return design("pid", "motor_pid", table, 0.001, inputs, (Signal("output", "V", -12.0, 12.0),), None).law
 
 
-CHANGED: dict[str, dict[str, object]] = {"mpc": {"budget": 40}, "nmpc": {"warm_start": True}}  # in kinds' examples
+CHANGED: dict[str, dict[str, object]] = {  # in kinds' examples
+    "mpc": {"budget": 40},
+    "nmpc": {"warm_start": True, "iterations": 3},
+}
 
 _NUMBER = r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 
@@ -161,7 +164,7 @@ def bench(law: Law, arithmetic: str, steps: int, seed: int) -> Bench:
         emit(program, "firmloop generate motor_pid.toml"),
         blocks,
         run_blocks(program, blocks),
-        any_state(program, seed),
+        any_state(program, seed, steps),
     )
 
 
@@ -196,7 +199,7 @@ def laws() -> dict[str, Law]:
 
     The predictive one gets a budget that some searches exceed: the one that its ranges ask for is never exceeded, so
     nothing could tell a flag that never rises from one that says so. Nor could it one that never falls, as with a
-    nonlinear one that takes one step from no plan: that one starts from the plan of the sample before.
+    nonlinear one that takes one step from no plan: that one takes three, from the plan of the sample before.
     """
     table = {"kp": 0.05, "ki": 1.4, "tt_s": 0.05, "tunable": ["kp", "ki"], "ranges": {"kp": [0, 0.2], "ki": [0, 5]}}
     full = example_law()

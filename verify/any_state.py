@@ -22,7 +22,8 @@ from verify.stimuli import singles
 from verify.verdict import Difference
 
 STEPS = 20_000
-STEPS_SOLVING = 400  # of a program that solves: each takes long
+BEYOND = 4.0  # times its range on both sides, that an input is drawn from
+STEPS_SOLVING = 2_000  # of a program that solves: each takes long
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +43,11 @@ class AnyState:
     expected: list[Raw]
 
 
-def any_state(program: Program, seed: int) -> AnyState:
-    """Draw states and inputs, and run the reference on them."""
+def any_state(program: Program, seed: int, steps: int) -> AnyState:
+    """Draw states and inputs, for `steps` steps at most, and run the reference on them."""
     if not program.state:
         return AnyState([], [])
-    columns, values = _kept(program, *_drawn(program, seed))
+    columns, values = _kept(program, *_drawn(program, seed, steps))
     return AnyState(columns, _expected(program, values, len(columns[0])))
 
 
@@ -114,16 +115,24 @@ def _left(program: Program) -> list[Value]:
     return found
 
 
-def _drawn(program: Program, seed: int) -> tuple[list[Raw], Machine]:
+def _drawn(program: Program, seed: int, steps: int) -> tuple[list[Raw], Machine]:
     """Return columns of inputs and state, one step each, the state within its ranges and never -0."""
     step = opened(program)
-    blocks = singles(step, STEPS_SOLVING if program.tables else STEPS, seed)
+    steps = min(steps, STEPS_SOLVING if program.tables else STEPS)
+    blocks = singles(step, steps, seed)
+    if not program.arithmetic.startswith("fixed"):  # which takes inputs from beyond their ranges too
+        blocks = [*blocks, *singles(replace(step, inputs=tuple(map(_beyond, step.inputs))), steps, seed)]
     rows = [np.moveaxis(block.inputs, -1, 0).reshape(len(step.inputs), -1) for block in blocks]
     columns = [np.concatenate(parts) for parts in zip(*rows, strict=True)]
     for j, value in enumerate(step.inputs[len(program.inputs) :], len(program.inputs)):
         inside = (columns[j] >= value.low) & (columns[j] <= value.high)
         columns[j] = np.where(inside, columns[j], np.array(_middle(value), columns[j].dtype)) + columns[j].dtype.type(0)
     return columns, Machine(step)
+
+
+def _beyond(value: Value) -> Value:
+    reach = BEYOND * (value.high - value.low)
+    return replace(value, low=value.low - reach, high=value.high + reach)
 
 
 def _middle(value: Value) -> float:

@@ -28,6 +28,7 @@ TRIED = 4  # lanes for each that is kept
 TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
 MOST_TRIED = 2**18  # lanes in all
 PARENTS, CHILDREN = 4096, 64  # of short inputs the nearest lanes are tried again, so often,
+CHILDREN_LONG = 32  # in floating point, to meet a limit itself among its neighbors
 MOVED = 64  # and each input by up to so many of its units away: together they come nearer than one alone
 HALVINGS = 64  # of the way from one input to the other: to neighbors in any format,
 HALVINGS_SHORT = 18  # and in a short one
@@ -100,8 +101,9 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             for k in range(at):
                 state = after(machine, row(program, part[:, k], convert, kind), state)
             which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
-            if short(program):
-                order = np.repeat(nearest(which, miss, PARENTS), CHILDREN)
+            parents, children = (PARENTS, CHILDREN) if short(program) else (min(PARENTS, count), CHILDREN_LONG)
+            if short(program) or not program.arithmetic.startswith("fixed"):
+                order = np.repeat(nearest(which, miss, parents), children)
                 part, which = _moved(program, random, part[order], at), which[order]
                 state = start_state(program, len(part))
                 for k in range(at):
@@ -118,13 +120,19 @@ def _moved(program: Program, random: np.random.Generator, noise: Array, at: int)
     What moves are worth lies decades apart, as that of an input and of a difference of two; so they are drawn evenly
     over the octaves, with none at all among them, and in every other lane all inputs of a sample move together.
     """
-    unit = np.array([2.0**-v.number.fraction for v in program.inputs])
-    low, high = (np.array([getattr(v, end) for v in program.inputs]) * unit for end in ("low", "high"))
-    moves = np.floor(np.exp2(random.uniform(-1.0, math.log2(MOVED + 1), size=(len(noise), 2, len(unit)))))
+    first = max(0, at - 1)
+    scale = np.array([2.0**-v.number.fraction for v in program.inputs])
+    low, high = (np.array([getattr(v, end) for v in program.inputs]) * scale for end in ("low", "high"))
+    unit = scale
+    if not program.arithmetic.startswith("fixed"):
+        unit = np.spacing(np.abs(noise[:, first : at + 1]).astype(working_type(program))).astype(np.float64)
+    moves = np.floor(np.exp2(random.uniform(-1.0, math.log2(MOVED + 1), size=(len(noise), 2, len(scale)))))
     moves *= random.choice([-1.0, 1.0], size=moves.shape)
     moves[::2] = moves[::2, :, :1] + np.where(random.random(moves[::2].shape) < 0.5, 0.0, moves[::2])
+    if not program.arithmetic.startswith("fixed"):  # there one unit may be worth much already
+        most = np.exp2(random.uniform(0.0, math.log2(MOVED), size=(len(noise), 1, 1)))
+        moves = np.round(random.uniform(-most, most, size=moves.shape)) * (random.random(moves.shape) < 0.5)
     moves[: len(noise) // 2, 0] = 0.0
-    first = max(0, at - 1)
     noise[:, first : at + 1] = np.clip(noise[:, first : at + 1] + unit * moves[:, 2 - (at + 1 - first) :], low, high)
     return noise
 

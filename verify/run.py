@@ -74,7 +74,7 @@ def verify(
     """
     blocks = stimuli(program, recorded, steps, seed)
     traces = run_blocks(program, blocks, lambda share, doing: progress(REFERENCE_SHARE * share, doing))
-    proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop, seed)
+    proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop, (seed, steps))
     if "library" in target.links:
         comparison, details = proof.on_host()
     elif port is None or port in openers():
@@ -120,9 +120,9 @@ class _Proof:
         traces: Sequence[Trace],
         progress: Progress,
         loop: PlantLoop | None,
-        seed: int,
+        drawn: tuple[int, int],
     ) -> None:
-        self.program, self.bundle, self.target, self.loop, self.seed = program, bundle, target, loop, seed
+        self.program, self.bundle, self.target, self.loop, self.drawn = program, bundle, target, loop, drawn
         self.apart = Departures(0, 0, None)
         self.looped: LoopCheck | None = None
         self.searches: Searches | None = None
@@ -131,7 +131,7 @@ class _Proof:
     def on_host(self) -> tuple[Comparison, Details]:
         link = LibraryLink(build_host(self.bundle, self.target), self.program)
         comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
-        self.apart = departures(self.program, link, any_state(self.program, self.seed))
+        self.apart = departures(self.program, link, any_state(self.program, *self.drawn))
         sanitized = 0
         if comparison.differences == 0:
             pairs = zip(self.blocks, self.traces, strict=True)

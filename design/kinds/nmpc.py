@@ -209,21 +209,26 @@ def _flag(table: object) -> bool:
 
 def _law(request: Request, setup: Setup) -> Law:
     horizon, (n, m) = setup.horizon, (len(setup.target), len(request.outputs))
-    states, planned = _plan_signals(request, setup)
+    planned = _planned(request, setup)
     check_names(request, [signal.name for signal in planned])
     z = symbols([wire.name for wire in request.inputs])
     x = symbols([signal.name for signal in planned])
     target = [ca.SX(t) for t in setup.target]
     if setup.reference is not None:
         target[setup.led] = z[setup.reference]
-    plan = x if setup.warm else (ca.SX(0),) * (m + 1 + len(states))
+    plan = [ca.SX(0)] * (m + 1 + horizon.length * (n + m))
+    if setup.warm:
+        led, moved = x[m + 1 : m + 1 + n * _kept(horizon)], x[m + 1 + n * _kept(horizon) :]
+        twice = horizon.length - _kept(horizon)
+        plan = [*x[: m + 1], *led, *led[-n:] * twice, *moved, *moved[-m:] * twice]
     parameters = ca.vertcat(*(z[k] for k in setup.wires), *target, *plan)
     results = symbols([f"result_{k}" for k in range(horizon.results)])
     capped, infeasible = ca.SX.sym("capped"), ca.SX.sym("infeasible")
     outputs = [ca.fmin(ca.fmax(u, horizon.low[k]), horizon.high[k]) for k, u in enumerate(results[:m])]
+    states, moves = results[m + 2 :][: n * _kept(horizon)], results[m + 2 + n * horizon.length :]
     kept = [
         ca.fmin(ca.fmax(value, signal.low), signal.high)
-        for value, signal in zip((results[m], *results[m + 2 :]), planned[m:], strict=False)
+        for value, signal in zip((results[m], *states, *moves), planned[m:], strict=False)
     ]
     flags = ca.vertcat(capped, infeasible, results[m + 1] > UNSETTLED)
     everything = [ca.vertcat(*x), ca.vertcat(*z)]
@@ -258,12 +263,17 @@ def _law(request: Request, setup: Setup) -> Law:
     )
 
 
-def _plan_signals(request: Request, setup: Setup) -> tuple[list[Signal], tuple[Signal, ...]]:
-    """Name the states and moves of a plan; and all that the law keeps: last outputs, whether there is a plan, both."""
+def _kept(horizon: Horizon) -> int:
+    """Return how many samples of a plan the law keeps: moved up by one, its last state and moves stand there twice."""
+    return max(1, horizon.length - 1)
+
+
+def _planned(request: Request, setup: Setup) -> tuple[Signal, ...]:
+    """Name all that the law keeps: the last outputs, whether there is a plan, and its states and moves."""
     ranges = [request.inputs[k] for k in setup.wires]
     m, horizon = len(request.outputs), setup.horizon
     plan = []
-    for k in range(1, horizon.length + 1):
+    for k in range(1, _kept(horizon) + 1):
         for i, wire in enumerate(ranges, 1):
             middle, half = (wire.low + wire.high) / 2, WIDER * (wire.high - wire.low) / 2
             low, high = min(middle - half, 0.0), max(middle + half, 0.0)
@@ -273,10 +283,10 @@ def _plan_signals(request: Request, setup: Setup) -> tuple[list[Signal], tuple[S
         low, high = float(horizon.low[i]), float(horizon.high[i])
         return Signal(name, request.outputs[i].unit, min(low, 0.0), max(high, 0.0))
 
-    for k in range(horizon.length):
+    for k in range(_kept(horizon)):
         plan += [limited(f"plan_u_{k}_{i + 1}", i) for i in range(m)]
     last = [limited(f"last_{i + 1}", i) for i in range(m)]
-    return plan, (*last, Signal("planned", "1", 0.0, 1.0), *plan)
+    return (*last, Signal("planned", "1", 0.0, 1.0), *plan)
 
 
 PENDULUM = make_ode(

@@ -13,7 +13,7 @@ from codegen.emit import emit
 from codegen.target import load_target
 from quantize.lower import lower
 from quantize.program import Program
-from verify.any_state import Departures, any_state, departures
+from verify.any_state import STEPS, Departures, any_state, departures
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.run import verify
@@ -26,7 +26,7 @@ def _lowered(name: str, arithmetic: str) -> Program:
 
 def _apart(program: Program, bundle: Bundle) -> Departures:
     link = LibraryLink(build_host(bundle, load_target("host")), program)
-    return departures(program, link, any_state(program, 1))
+    return departures(program, link, any_state(program, 1, STEPS))
 
 
 def _planted(program: Program, text: str, what: str) -> tuple[Bundle, Mutant]:
@@ -54,7 +54,7 @@ def test_a_limit_that_no_stimulus_reaches_is_missed_when_it_is_gone() -> None:
 
 def test_states_are_drawn_from_what_a_step_can_leave() -> None:
     program = _lowered("self_tuning", "fixed16")
-    drawn = any_state(program, 1)
+    drawn = any_state(program, 1, STEPS)
     limit = next(op for op in program.body if op.result.name == "p12_new").result.high
     column = drawn.columns[len(program.inputs) + [v.name for v in program.state].index("p12")]
     assert (column.min(), column.max()) == (-limit, limit)
