@@ -51,7 +51,7 @@ static void rates(const double *p, const double *x, double v, double torque, dou
     double sum = motor_torque(p, x, v) + torque - p[B] * w * (1.0 + p[ANGLE_DAMPING] * sin(2.0 * a));
     double inductance = p[L];
     double resistance = p[R];
-    sum -= p[DRAG] * fabs(w) * w + p[LOAD] + (t >= p[STEP_TIME] ? p[STEP] : 0.0);
+    sum -= p[DRAG] * fabs(w) * w + p[LOAD];
     sum -= p[GRAVITY] * sin(a + p[GRAVITY_PHASE]) + p[COGGING] * sin(p[COGGING_N] * a + p[COGGING_PHASE]);
     sum -= p[SPRING] * a + p[CUBIC] * a * a * a + p[PERIODIC] * sin(6.283185307179586 * p[PERIODIC_HZ] * t);
     if (p[STOP_STIFFNESS] > 0.0 && a > p[STOP]) {
@@ -163,14 +163,17 @@ int truth_run(int rows, int fine, double step, const double *p, double *command,
             at[0] = x[CURRENT];
             at[1] = x[SPEED];
             at[2] = x[POSITION];
+            /* a switch inside the substep */
+            const double stepped = fmin(fmax((t + h - p[STEP_TIME]) / h, 0.0), 1.0);
+            const double pushed = torque[row] - p[STEP] * stepped;
             rub(p, x, v, 0.5 * h);
-            rates(p, x, v, torque[row], t, a);
+            rates(p, x, v, pushed, t, a);
             for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * a[s];
-            rates(p, y, v, torque[row], t, b);
+            rates(p, y, v, pushed, t, b);
             for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * b[s];
-            rates(p, y, v, torque[row], t, c);
+            rates(p, y, v, pushed, t, c);
             for (int s = 0; s < STATES; ++s) y[s] = x[s] + h * c[s];
-            rates(p, y, v, torque[row], t, d);
+            rates(p, y, v, pushed, t, d);
             for (int s = 0; s < STATES; ++s) x[s] += h / 6.0 * (a[s] + 2.0 * b[s] + 2.0 * c[s] + d[s]);
             rub(p, x, v, 0.5 * h);
             if (!isfinite(x[SPEED])) {

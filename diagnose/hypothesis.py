@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
@@ -114,22 +114,30 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
     engine = superset(plant)
     engine.hasten(_COARSE)
     engine.follow(True)
+    sizes = cache(partial(scales_of, plant, train))
     causes = []
     for use in all_uses(plant):
         if use.name in DIRECT:
             continue
-        parameters = parameters_of(plant, use.name, use.output)
-        label = label_of(plant, use)
-        keys = tuple(f"{label}.{each.name}" for each in parameters)
         effect = find_effect(use.name)
         site = site_of(plant, effect, use.output)
+        scales = partial(sizes, site.output, site.balance)
+        parameters = tuple(_waving(each, scales) for each in parameters_of(plant, use.name, use.output))
+        label = label_of(plant, use)
+        keys = tuple(f"{label}.{each.name}" for each in parameters)
         load = next((key for key, each in zip(keys, parameters, strict=True) if each.name == site.load), None)
         held = None if load is None else inertia_parameter(plant, site.balance)
         taken = None if load is None or held is None else (load, held)
         causes.append(Cause(effect, use.output, parameters, keys, taken))
-    sizes = cache(partial(scales_of, plant, train))
     starts = {cause.label: _starts(plant, cause, sizes) for cause in causes}
     return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {}, direct)
+
+
+def _waving(parameter: EffectParameter, scales: Callable[[], Scales]) -> EffectParameter:
+    """Let a wave along a way have one period in it at least: a longer one is a spring or a load, which have names."""
+    if parameter.name != "periods_per_m":
+        return parameter
+    return replace(parameter, low=max(parameter.low, 1.0 / scales().travel))
 
 
 def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float]) -> Mapping[str, float]:

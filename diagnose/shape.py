@@ -33,8 +33,9 @@ _DETERMINED = 1e-3  # least singular value of what a fit may move, of the larges
 class Shape:
     """A term of one balance, or of one reading, that follows one coordinate.
 
-    `gain` is the drop of BIC by `unknowns` hats or waves, on train and test; `points` (b, 2) are the coordinate and
-    the term there, in SI units; `train` and `test` the residuals (n, r) it leaves.
+    `gain` is the drop of BIC by `unknowns` hats or waves, on train and test, or what it is on test alone where the term
+    makes those less likely: it then only follows a disturbance. `points` (b, 2) are the coordinate and the term there,
+    in SI units; `train` and `test` the residuals (n, r) it leaves.
     """
 
     balance: str
@@ -89,8 +90,9 @@ def best_shape(search: Search, rival: Rival) -> Shape | None:
     for noises in (rival.noises, tuple(white(noise.rms) for noise in rival.noises)):
         gains = _promised(base, moved, noises)
         picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
-    without = min(_weighed(base, ())[0], rival.score)
-    shapes = [_shape(base, choices[place], without) for place in dict.fromkeys(picked)]
+    bare = _weighed(base, ())
+    without = min(bare[0], rival.score), _unlikely(base, bare[2][base.train :])
+    shapes = [_shape(base, choices[place], *without) for place in dict.fromkeys(picked)]
     return max(shapes, key=lambda each: each.gain, default=None)
 
 
@@ -198,15 +200,19 @@ def _solved(tall: Sequence[Array], residuals: Sequence[Array], noises: Sequence[
 
 def _score(base: _Base, left: Sequence[Array], unknowns: int) -> float:
     """Return BIC on train, and -2 log likelihood on test, as a rival's score is made."""
-    scene, total = base.search.scene, 0.0
-    for parts in (left[: base.train], left[base.train :]):
-        rows = sum(len(part) for part in parts)
-        total += sum(2.0 * rows * float(np.log(noise.scale)) for noise in noises_of(scene, parts)) if parts else 0.0
+    total = _unlikely(base, left[: base.train]) + _unlikely(base, left[base.train :])
     rows = sum(part.size for part in left[: base.train])
     return total + (len(base.rival.fitted.coordinates) + unknowns) * float(np.log(rows))
 
 
-def _shape(base: _Base, term: Term, without: float) -> Shape:
+def _unlikely(base: _Base, parts: Sequence[Array]) -> float:
+    """Return -2 log likelihood of residuals (n, r), but for a constant."""
+    rows = sum(len(part) for part in parts)
+    return sum(2.0 * rows * float(np.log(n.scale)) for n in noises_of(base.search.scene, parts)) if parts else 0.0
+
+
+def _shape(base: _Base, term: Term, without: float, unseen: float) -> Shape:
+    """Weigh a term by the score `without` it, and by -2 log likelihood of the test recordings without it, `unseen`."""
     moved = _moved(base, term, len(base.recordings))
     score, answer, left = _weighed(base, moved, term.coordinate.pitch > 0.0)
     centres = term.coordinate.centres(base.train)
@@ -214,4 +220,6 @@ def _shape(base: _Base, term: Term, without: float) -> Shape:
     if not (term.coordinate.memory or term.coordinate.pitch):
         points[:, 1] = term.coordinate.shapes(centres, base.train) @ answer
     train, test = left[: base.train], left[base.train :]
-    return Shape(term.kind, term.coordinate.name, len(answer), without - score, points, train, test)
+    gain, seen = without - score, unseen - _unlikely(base, test)
+    gain = min(gain, seen) if test and seen <= 0.0 else gain
+    return Shape(term.kind, term.coordinate.name, len(answer), gain, points, train, test)

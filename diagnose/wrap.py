@@ -41,7 +41,7 @@ def unwrapped(
         columns = [recording.columns[signal.name] for recording in train]
         wrap = _wrap(columns)
         if wrap is not None:
-            moved = [_unrolled(recording, signal.name, wrap[0]) for recording in (*train, *test)]
+            moved = [_unrolled(plant, recording, signal.name, wrap[0]) for recording in (*train, *test)]
         else:
             wrap = _folded(columns, [_expected(plant, recording, signal.name) for recording in train])
             if wrap is None:
@@ -177,5 +177,15 @@ def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Re
     return _with_column(recording, name, seen + reach * np.round(away / reach))
 
 
-def _unrolled(recording: Recording, name: str, reach: float) -> Recording:
-    return _with_column(recording, name, np.unwrap(recording.columns[name], period=reach))
+def _unrolled(plant: Plant, recording: Recording, name: str, reach: float) -> Recording:
+    """Follow the reading from row to row, or what it is away from the plant as given, whichever stays nearer to that.
+
+    A current may rise by more than half a range from one row to the next, and then fall through the end of the range:
+    the reading alone shows only the second.
+    """
+    seen, expected = recording.columns[name], _expected(plant, recording, name)
+    plain = np.unwrap(seen, period=reach)
+    if not np.all(np.isfinite(expected)):
+        return _with_column(recording, name, plain)
+    beside = expected + np.unwrap(seen - expected, period=reach)
+    return _with_column(recording, name, min(plain, beside, key=lambda each: float(np.std(each - expected))))

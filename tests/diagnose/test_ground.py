@@ -8,6 +8,8 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+from bench.truth import FINE, run
+from diagnose.hypothesis import make_scene
 from diagnose.prepare import check_apart, check_clock, check_nominal, check_same
 from identify.attach import with_effects
 from identify.kinds import make_plant
@@ -121,3 +123,23 @@ def test_a_test_that_was_fitted_is_told() -> None:
         with pytest.raises(IdentifyError, match=rf"{one.source} repeats 1\.csv from {begin}"):
             check_apart(plant, [seen], [one])
     check_apart(plant, [seen], [recorded(plant, 10.0, seed=2)])
+
+
+def test_a_wave_along_a_way_has_a_period_in_it() -> None:
+    """A longer one is a load or a spring under another name."""
+    seen = SEEN["stage"]
+    scene = make_scene(BARE["stage"], [seen], (), np.zeros(2))
+    travel = np.ptp(seen.columns["position_m"])
+    for name in ("cogging_torque", "torque_ripple"):
+        cause = scene.cause(name)
+        assert cause is not None
+        (low,) = [each.low for each in cause.parameters if each.name == "periods_per_m"]
+        assert low == pytest.approx(1.0 / travel, rel=0.05)
+
+
+def test_the_truth_switches_a_load_inside_a_substep() -> None:
+    """Of a mass on which nothing else acts, the speed tells the moment to any digit."""
+    begin, force, mass, step = 0.00403217, 2.0, 3.0, 1e-3
+    values = {"kt": 1.0, "ke": 1.0, "R": 1.0, "L": 1.0, "J": mass, "step": force, "step_time": begin}
+    _, fine = run(values, np.zeros(9), step, None, np.zeros(9))
+    assert fine["speed"][7 * FINE] == pytest.approx(-force / mass * (7 * step - begin), rel=1e-9)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.blind_cases import single_case, write_case
+from bench.blind_cases import draw_case, single_case, write_case
 from firmloop.cli import main
 from tests.diagnose.cases import BY_NAME
 
@@ -68,3 +68,9 @@ def test_what_has_no_name_is_unknown(
     location = said["location"]
     assert isinstance(location, dict)
     assert (location["equation"], location["coordinate"]) == (equation, coordinate)
+
+
+def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Path) -> None:
+    """A stage that dwells at a few places while a slow force acts on it: that force seems to follow the place."""
+    write_case(draw_case(140026), tmp_path / "case", tmp_path / "labels")
+    assert main(["diagnose", str(tmp_path / "case" / "project.toml"), "--out", str(tmp_path / "out")]) == 0
