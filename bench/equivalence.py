@@ -250,7 +250,7 @@ def _at_the_start(program: Program, meaning: Meaning, state: str, mutant: Mutant
             return None
         touched = {f"self.{state}"}
         for op in program.body:
-            touched |= {op.result.name} if touched & set(op.arguments) else set()
+            touched |= {op.result.name} if touched & set(_read(program, op)) else set()
         ends = []
         for other in (starts[state], left):
             given = {f"self.{name}": value for name, value in starts.items()} | {f"self.{state}": other}
@@ -267,3 +267,13 @@ def _at_the_start(program: Program, meaning: Meaning, state: str, mutant: Mutant
     if all(meaning.same(one, other) for one, other in zip(*ends, strict=True)):
         return "the first step does the same, whatever stands there, by z3"
     return None
+
+
+def _read(program: Program, op: Op) -> tuple[object, ...]:
+    """Return what an operation reads in the first step: a nonlinear one without a plan reads none of it."""
+    if op.function != "improve":
+        return op.arguments
+    sizes = dict(program.tables[0].sizes)
+    planned = 2 + 2 * sizes["FL_RTI_STATES"] + sizes["FL_RTI_INPUTS"]  # behind table and routine
+    starts = {f"self.{v.name}": x for v, x in zip(program.state, program.start, strict=True)}
+    return op.arguments[: planned + 1] if starts.get(str(op.arguments[planned])) == 0 else op.arguments

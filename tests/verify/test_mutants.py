@@ -87,5 +87,5 @@ def test_the_sign_of_a_product_keeps_a_variance_within_its_limit() -> None:
 
 def test_a_limit_of_a_law_in_floating_point_is_taken_to_act() -> None:
     program = lower(laws()["nmpc"], "float32")
-    limited = next(op for op in program.body if op.result.name == "plan_x_1_2_new")
+    limited = next(op for op in program.body if op.result.name == "plan_x_1_1_new")
     assert limited.function == "clamp" and Meaning(program).ranges[str(limited.arguments[0])] == (-np.inf, np.inf)

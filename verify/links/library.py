@@ -11,7 +11,7 @@ from quantize.program import Program
 from verify.links import Hello, LinkError
 
 STEPS_MAX = 1 << 16
-LARGE_BYTE = 0x7F  # repeated it is a number near the largest of any type
+FILLS = (0x7F, 0xFF)  # repeated: a number near the largest of any type, and none, or -1
 
 
 class LibraryLink:
@@ -22,7 +22,7 @@ class LibraryLink:
             self._library = ctypes.CDLL(str(library))
         except OSError as error:
             raise LinkError(f"the library of {program.name} cannot be loaded: {error}") from None
-        self._program = program
+        self._program, self._resets = program, 0
         self._in_bytes = sum(v.number.bits // 8 for v in (*program.inputs, *program.parameters))
         self._record = sum(v.number.bits // 8 for v in program.outputs) + 8
         self._library.host_state_bytes.restype = ctypes.c_uint32
@@ -33,8 +33,9 @@ class LibraryLink:
         return Hello(self._program.id, self._in_bytes, self._record - 8, STEPS_MAX, 0)
 
     def reset(self) -> None:
-        """Call init(), on memory that holds large numbers: what init() leaves out shows."""
-        ctypes.memset(self._memory, LARGE_BYTE, len(self._memory))
+        """Call init(), on memory that holds large numbers or none, by turns: what init() leaves out shows."""
+        ctypes.memset(self._memory, FILLS[self._resets % len(FILLS)], len(self._memory))
+        self._resets += 1
         self._library.host_init(self._memory)
 
     def step(self, inputs: bytes, count: int) -> bytes:
