@@ -28,7 +28,7 @@ TRIED = 4  # lanes for each that is kept
 TRIED_SHORT = 256  # the same where inputs are short: each of their units moves a long value by thousands
 MOST_TRIED = 2**18  # lanes in all
 PARENTS, CHILDREN = 4096, 64  # of short inputs the nearest lanes are tried again, so often,
-CHILDREN_LONG = 32  # in floating point, to meet a limit itself among its neighbors
+PARENTS_LONG, CHILDREN_LONG = 512, 32  # in floating point, to meet a limit itself among its neighbors
 MOVED = 64  # and each input by up to so many of its units away: together they come nearer than one alone
 HALVINGS = 64  # of the way from one input to the other: to neighbors in any format,
 HALVINGS_SHORT = 18  # and in a short one
@@ -101,7 +101,7 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
             for k in range(at):
                 state = after(machine, row(program, part[:, k], convert, kind), state)
             which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
-            parents, children = (PARENTS, CHILDREN) if short(program) else (min(PARENTS, count), CHILDREN_LONG)
+            parents, children = (PARENTS, CHILDREN) if short(program) else (min(PARENTS_LONG, count), CHILDREN_LONG)
             if short(program) or not program.arithmetic.startswith("fixed"):
                 order = np.repeat(nearest(which, miss, parents), children)
                 part, which = _moved(program, random, part[order], at), which[order]
