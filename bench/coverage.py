@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from scipy.signal import lfilter
 
 from bench.real_steps import FILE, OUTPUT, model, pieces
 from identify.condition import NONE
@@ -107,7 +106,7 @@ def recorded(name: str, repeats: int) -> dict[str, float]:
 
     def draw(seed: int) -> Recording:
         drawn = np.random.default_rng(seed).choice(innovations, 2 * len(clean))
-        noisy = clean + lfilter([1.0], [1.0, *colour.coefficients], drawn)[len(clean) :]
+        noisy = clean + colour.color(drawn)[len(clean) :]
         return make_recording(whole.time, {**whole.columns, OUTPUT: noisy}, "", "")
 
     return shares(truth.plant, draw, model(name), repeats)

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -195,10 +195,7 @@ def _where_apart(meaning: Meaning, name: str, old: Any, new: Any) -> list[tuple[
     Which of these have but one value then is seen, and its number put in its place; 0 of a float is two cases. What
     the rest of the step makes of `name` is no operand: it is another in the mutant.
     """
-    made = {name}
-    for op in meaning.program.body:
-        if made & set(op.arguments):
-            made.add(op.result.name)
+    made = _made_of(meaning.program, name, lambda op: op.arguments)
     cases: list[tuple[dict[str, Any], dict[str, Any]]] = [({name: old}, {name: new})]
     solver = limited(z3.Solver(), EFFORT)
     solver.add(*meaning.assumed, old != new)
@@ -248,9 +245,7 @@ def _at_the_start(program: Program, meaning: Meaning, state: str, mutant: Mutant
         left = meaning.value(changed[2], {}) if changed is not None else meaning.unknown(state)
         if changed is not None and changed[1] != state:
             return None
-        touched = {f"self.{state}"}
-        for op in program.body:
-            touched |= {op.result.name} if touched & set(_read(program, op)) else set()
+        touched = _made_of(program, f"self.{state}", partial(_read, program))
         ends = []
         for other in (starts[state], left):
             given = {f"self.{name}": value for name, value in starts.items()} | {f"self.{state}": other}
@@ -267,6 +262,15 @@ def _at_the_start(program: Program, meaning: Meaning, state: str, mutant: Mutant
     if all(meaning.same(one, other) for one, other in zip(*ends, strict=True)):
         return "the first step does the same, whatever stands there, by z3"
     return None
+
+
+def _made_of(program: Program, name: str, read: Callable[[Op], tuple[object, ...]]) -> set[object]:
+    """Return `name` and what the rest of the step makes of it; `read` says what an operation reads."""
+    made: set[object] = {name}
+    for op in program.body:
+        if made & set(read(op)):
+            made.add(op.result.name)
+    return made
 
 
 def _read(program: Program, op: Op) -> tuple[object, ...]:

@@ -83,21 +83,18 @@ class Meaning:
             if table.form != "fl_rti_t":
                 continue
             sizes, numbers = dict(table.sizes), dict(table.numbers)
-            moves, states = sizes["FL_RTI_INPUTS"], sizes["FL_RTI_STATES"]
-            before = moves + 2 + sizes["FL_RTI_LENGTH"] * states
+            moves, anything = sizes["FL_RTI_INPUTS"], (-math.inf, math.inf)
             slack = 4 * float(np.max(numbers["trusted"])) / np.atleast_1d(numbers["weight"])
             slack[:moves] = 0.0
             low, high = np.atleast_1d(numbers["low"]) - slack, np.atleast_1d(numbers["high"]) + slack
-            limited = [int(k) for k in np.atleast_1d(numbers["limited"])[:-1]]
+            kept = [(min(float(a), 0.0), max(float(b), 0.0)) for a, b in zip(low, high, strict=True)]
+            limited = dict(zip(np.atleast_1d(numbers["limited"]), kept[moves:], strict=False))
+            states = [limited.get(k, anything) for k in range(sizes["FL_RTI_STATES"])]
+            length = sizes["FL_RTI_LENGTH"]
+            ends = [*[anything] * moves, (0.0, 1.0), anything, *states * length, *kept[:moves] * length]
             for op in program.body:
-                place = int(op.arguments[1]) if op.function == "move" else -1
-                if place == moves:
-                    self.ranges[op.result.name] = (0.0, 1.0)
-                elif place >= before or (place > moves + 1 and (place - moves - 2) % states in limited):
-                    k = (place - before) % moves
-                    if place < before:
-                        k = moves + limited.index((place - moves - 2) % states)
-                    self.ranges[op.result.name] = (min(float(low[k]), 0.0), max(float(high[k]), 0.0))
+                if op.function == "move":
+                    self.ranges[op.result.name] = ends[int(op.arguments[1])]
 
     def unknown(self, name: str) -> Any:
         """Return what memory may hold before init()."""
@@ -177,7 +174,7 @@ class Meaning:
         op = self.writers.get(name)
         if op is None:
             return ()
-        if op.function in ("select", "copy"):
+        if op.function in CHOSEN:
             return tuple(int(x) for x in _literals(op))
         named = [a for a in op.arguments if isinstance(a, str)]
         if len(named) != 1 or op.function in LARGE:

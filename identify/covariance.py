@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.few_samples import covariance_under, noises_of, widening
+from identify.few_samples import deviations_under, noises_of, widened
 from identify.least_squares import triangle
 
 Array = NDArray[np.float64]
@@ -78,9 +78,9 @@ def uncertainty(
     robust = inverse @ meat @ inverse
     sway = [block @ inverse for block in clean]
     noises = noises_of(residuals)
-    plain = np.sqrt(np.diag(covariance_under(noises, sway)))
+    plain = deviations_under(noises, sway)
     if np.any(plain**2 * _FEW > np.diag(inverse) * rows):
-        plain = plain * widening(noises, clean, own, sway, lost**0.5)
+        plain = widened(noises, clean, own, sway, lost**0.5)
     wider = np.maximum(plain / np.sqrt(np.maximum(np.diag(robust), 1e-300)), 1.0)
     covariance = lost * robust * np.outer(wider, wider) / np.outer(norms, norms)
     return Uncertainty(0.5 * (covariance + covariance.T), tuple(int(k) for k in blind), int(np.sum(~seen)))

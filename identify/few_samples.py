@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from identify.noise import Noise, fit_noise
 from identify.normal import NORMAL_95
@@ -37,24 +36,23 @@ def _stationary(residuals: Sequence[Array]) -> Noise:
     return replace(noise, coefficients=noise.coefficients * shrunk)
 
 
-def covariance_under(noises: Sequence[Noise], sway: Sequence[Array]) -> Array:
-    """Covariance (k, k) of sum sway * noise, with sway (q, r, k) of every experiment: sway' C sway."""
+def deviations_under(noises: Sequence[Noise], sway: Sequence[Array]) -> Array:
+    """Return standard deviations (k,) of sum sway * noise, with sway (q, r, k) of every experiment: of sway' C sway."""
     count = sway[0].shape[2]
-    total = np.zeros((count, count))
+    total = np.zeros(count)
     for column, noise in enumerate(noises if count else ()):
         for each in sway:
             # The noise is e / A, so that sway' noise is e times sway sent through 1 / A backwards.
-            turned = lfilter([1.0], [1.0, *noise.coefficients], each[::-1, column], axis=0)
-            total += noise.scale**2 * (turned.T @ turned)
-    return total
+            total += noise.scale**2 * np.sum(noise.color(each[::-1, column]) ** 2, axis=0)
+    return np.sqrt(total)
 
 
-def widening(
+def widened(
     noises: Sequence[Noise], slopes: Sequence[Array], own: Sequence[Array], sway: Sequence[Array], lost: float
 ) -> Array:
-    """Return (k,): how much wider standard deviations have to be, that 1.96 of them hold 95 % of the estimates.
+    """Return the deviations under `noises` (k,), widened such that 1.96 of them hold 95 % of the estimates.
 
-    The deviations meant are `lost` times those of `covariance_under`, for the degrees of freedom that the fit has used.
+    They are to be multiplied by `lost`, for the degrees of freedom that the fit has used.
 
     `slopes` (q, r, k) of the parameters, with what is `own` (q r, n; orthonormal) to each experiment taken out, and
     `sway` (q, r, k), what each row's noise does to the parameters. Two faults are mended: estimates are spread wider in
@@ -70,17 +68,15 @@ def widening(
         for part, slope, span in zip(drawn, slopes, own, strict=True):
             flat = part.ravel()
             left.append((flat - span @ (span.T @ flat)).reshape(part.shape) - slope @ error)
-        told.append(lost * np.sqrt(np.diag(covariance_under(noises_of(left), sway))))
+        told.append(lost * deviations_under(noises_of(left), sway))
         apart.append(np.abs(error) / np.maximum(told[-1], 1e-300))
     wider = np.quantile(apart, 0.95, axis=0) / NORMAL_95
-    shy = np.sqrt(np.diag(covariance_under(noises, sway))) / np.maximum(np.median(told, axis=0), 1e-300)
-    return np.asarray(np.maximum(wider, 1.0) * np.maximum(shy, 1.0))
+    plain = deviations_under(noises, sway)
+    shy = plain / np.maximum(np.median(told, axis=0), 1e-300)
+    return np.asarray(plain * np.maximum(wider, 1.0) * np.maximum(shy, 1.0))
 
 
 def _draw(noises: Sequence[Noise], rows: int, random: np.random.Generator) -> Array:
     """Return noise (rows, r) of each output's autoregression."""
-    columns = [
-        lfilter([1.0], [1.0, *noise.coefficients], random.normal(0.0, noise.scale, _SETTLE + rows))[_SETTLE:]
-        for noise in noises
-    ]
+    columns = [noise.color(random.normal(0.0, noise.scale, _SETTLE + rows))[_SETTLE:] for noise in noises]
     return np.stack(columns, axis=1)

@@ -16,6 +16,7 @@ import casadi as ca
 from design.law import Law, Scalar
 from quantize.first_sample import merged
 from quantize.graph import Graph, Node, law_graph, pruned, read_graph
+from quantize.limits import with_limits
 from quantize.vanishing import vanishes
 
 PASSING = ("add", "sub", "neg", "twice", "mul", "square")  # not finite where any operand is not, and not the constant 0
@@ -107,7 +108,8 @@ def _solving(law: Law) -> Opened:
     """Start each state variable of a law that solves where `fresh`; its inputs do not say where that is."""
     assert law.first is None and not law.opening and not law.tunable, "its state starts as declared, and nobody sets it"
     graph = law_graph(law)
-    if all(_limited(graph, k) for k in graph.results[0]):  # then nothing is ever lost
+    limited = with_limits(graph)
+    if all(limited.nodes[k].function == "clamp" for k in limited.results[0]):  # a limit for a NaN: nothing is ever lost
         return Opened(law, graph, (), None)
     nodes = [Node("argument", (), 0.0, (2, 0))]
     place: dict[int, int] = {}
@@ -119,15 +121,6 @@ def _solving(law: Law) -> Opened:
         place[k] = len(nodes) - 1
     begun = replace(graph, nodes=tuple(nodes), results=tuple(tuple(place[k] for k in row) for row in graph.results))
     return Opened(law, begun, _probes(begun, range(len(law.state))), None)
-
-
-def _limited(graph: Graph, k: int) -> bool:
-    """Tell whether node `k` keeps two finite limits whatever reaches it: max() and min() give the limit for a NaN."""
-    found = set()
-    while graph.nodes[k].function in ("min", "max") and graph.nodes[graph.nodes[k].arguments[1]].function == "constant":
-        found.add(graph.nodes[k].function)
-        k = graph.nodes[k].arguments[0]
-    return found == {"min", "max"}
 
 
 def _joined(graph: Graph, before: int) -> Graph:

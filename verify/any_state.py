@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from codegen.view import physical
 from quantize.program import Op, Program, Value
+from verify.compare import record_type
 from verify.links.library import LibraryLink
 from verify.reference import Machine, Raw, element_type, working_type
 from verify.settings import records
@@ -47,8 +48,9 @@ def any_state(program: Program, seed: int, steps: int) -> AnyState:
     """Draw states and inputs, for `steps` steps at most, and run the reference on them."""
     if not program.state:
         return AnyState([], [])
-    columns, values = _kept(program, *_drawn(program, seed, steps))
-    return AnyState(columns, _expected(program, values, len(columns[0])))
+    step = opened(program)
+    columns, values = _kept(program, step, _drawn(program, step, seed, steps))
+    return AnyState(columns, _expected(program, step, values, len(columns[0])))
 
 
 def departures(program: Program, link: LibraryLink, drawn: AnyState) -> Departures:
@@ -115,9 +117,8 @@ def _left(program: Program) -> list[Value]:
     return found
 
 
-def _drawn(program: Program, seed: int, steps: int) -> tuple[list[Raw], Machine]:
+def _drawn(program: Program, step: Program, seed: int, steps: int) -> list[Raw]:
     """Return columns of inputs and state, one step each, the state within its ranges and never -0."""
-    step = opened(program)
     steps = min(steps, STEPS_SOLVING if program.tables else STEPS)
     blocks = singles(step, steps, seed)
     if not program.arithmetic.startswith("fixed"):  # which takes inputs from beyond their ranges too
@@ -127,7 +128,7 @@ def _drawn(program: Program, seed: int, steps: int) -> tuple[list[Raw], Machine]
     for j, value in enumerate(step.inputs[len(program.inputs) :], len(program.inputs)):
         inside = (columns[j] >= value.low) & (columns[j] <= value.high)
         columns[j] = np.where(inside, columns[j], np.array(_middle(value), columns[j].dtype)) + columns[j].dtype.type(0)
-    return columns, Machine(step)
+    return columns
 
 
 def _beyond(value: Value) -> Value:
@@ -140,23 +141,22 @@ def _middle(value: Value) -> float:
     return float(np.floor((low + high) / 2)) if value.number.kind == "fixed" else (low + high) / 2
 
 
-def _kept(program: Program, columns: list[Raw], machine: Machine) -> tuple[list[Raw], dict[str, Raw]]:
+def _kept(program: Program, step: Program, columns: list[Raw]) -> tuple[list[Raw], dict[str, Raw]]:
     """Return the steps whose values all keep their ranges, and these values by name."""
-    kind, count = working_type(program), len(columns[0])
+    machine, kind, count = Machine(step), working_type(program), len(columns[0])
     with np.errstate(all="ignore"):
         named = machine.named(machine.step([column.astype(kind) for column in columns], []))
     keeps = np.ones(count, bool)
-    for op in machine.program.body:
+    for op in step.body if program.arithmetic.startswith("fixed") else ():
         values = np.asarray(named[op.result.name])
-        if values.ndim <= 1 and program.arithmetic.startswith("fixed"):
+        if values.ndim <= 1:
             keeps &= (values >= op.result.low) & (values <= op.result.high)
-    ends = {a.source for a in machine.program.results} | {b.source for b in program.status}
+    ends = {a.source for a in step.results} | {b.source for b in program.status}
     return [c[keeps] for c in columns], {name: np.broadcast_to(named[name], count)[keeps] for name in ends}
 
 
-def _expected(program: Program, slots: dict[str, Raw], count: int) -> list[Raw]:
+def _expected(program: Program, step: Program, slots: dict[str, Raw], count: int) -> list[Raw]:
     """Return the columns of outputs, status and next states as the C holds them."""
-    step = opened(program)
     outputs = [slots[a.source] for a in step.results]
     status = np.zeros(count, np.uint32)
     for bit in program.status:
@@ -178,8 +178,7 @@ def _stepped(program: Program, link: LibraryLink, columns: list[Raw]) -> list[Ra
     ]
     inputs, asked = np.stack(typed[:many], axis=-1), np.stack(typed[first:], axis=-1) if program.tunable else None
     answers, after = link.step_from(memory.tobytes(), memory.itemsize, records(program, inputs, asked), len(memory))
-    record = [(f"out_{v.name}", element_type(v.number)) for v in program.outputs]
-    got = np.frombuffer(answers, dtype=[*record, ("status", "<u4"), ("ticks", "<u4")])
+    got = np.frombuffer(answers, dtype=record_type(program))
     left = np.frombuffer(after, dtype=memory.dtype)
     outputs = [got[f"out_{v.name}"] for v in program.outputs]
     return [*outputs, got["status"], *(left[v.name] for v in program.state)]

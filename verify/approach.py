@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantize.program import Program
-from verify.edges import Array, Convert, Edge, after, limits, nearest, row, short, to_an_edge
+from verify.edges import Array, Convert, Edge, limits, nearest, row, short, spans_of, state_before, to_an_edge
 from verify.reference import Machine, Raw, start_state, working_type
 
 TRIED = 512  # lanes for each limit
@@ -86,9 +86,9 @@ def _about(
 
     The sample that is moved is the last one that the value depends on.
     """
-    spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
+    spans = spans_of(program)
     lanes, wanted = TRIED_SHORT if short(program) else TRIED, [crossing.edge]
-    machine, kind = Machine(program), working_type(program)
+    machine = Machine(program)
     low, high = np.transpose(spans)
     for wait in range(min(WAIT, crossing.at) + 1):
         at = crossing.at - wait
@@ -97,9 +97,7 @@ def _about(
         early = inputs[:, max(0, at - VARIED) : at]
         early += AMOUNT * (high - low) * random.uniform(-1.0, 1.0, size=early.shape)
         inputs[:, max(0, at - VARIED) : at] = np.clip(early, low, high)
-        state = start_state(program, lanes)
-        for k in range(at):
-            state = after(machine, row(program, inputs[:, k], convert, kind), state)
+        state = state_before(program, machine, inputs[:, :at], convert)
         inputs[:, at] = random.uniform(low, high, size=(lanes, len(spans)))
         which, miss = to_an_edge(program, machine, random, inputs, at, state, wanted, convert, wait)
         if np.isfinite(miss).any():

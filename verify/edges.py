@@ -87,7 +87,7 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
     That is the first one in a quarter of the lanes, the last but one in the others: the last shows what it left.
     `convert` rounds physical values into the type of an input.
     """
-    spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
+    spans = spans_of(program)
     wanted = limits(program)
     many = lanes * _tried(program, lanes) if wanted else lanes
     noise = drawn(random, spans, many, length)
@@ -97,17 +97,13 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
         for at, count in ((0, lanes - lanes * 3 // 4), (max(0, length - 2), lanes * 3 // 4)):
             part = noise[: many * count // lanes]
             noise = noise[len(part) :]
-            state = start_state(program, len(part))
-            for k in range(at):
-                state = after(machine, row(program, part[:, k], convert, kind), state)
+            state = state_before(program, machine, part[:, :at], convert)
             which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
             parents, children = (PARENTS, CHILDREN) if short(program) else (min(PARENTS_LONG, count), CHILDREN_LONG)
             if short(program) or not program.arithmetic.startswith("fixed"):
                 order = np.repeat(nearest(which, miss, parents), children)
                 part, which = _moved(program, random, part[order], at), which[order]
-                state = start_state(program, len(part))
-                for k in range(at):
-                    state = after(machine, row(program, part[:, k], convert, kind), state)
+                state = state_before(program, machine, part[:, :at], convert)
                 miss = _missed(machine, row(program, part[:, at], convert, kind), state, wanted, which)
             kept.append(part[nearest(which, miss, count, random.random(len(miss)))])
         noise = np.concatenate(kept)
@@ -120,18 +116,17 @@ def _moved(program: Program, random: np.random.Generator, noise: Array, at: int)
     What moves are worth lies decades apart, as that of an input and of a difference of two; so they are drawn evenly
     over the octaves, with none at all among them, and in every other lane all inputs of a sample move together.
     """
-    first = max(0, at - 1)
-    scale = np.array([2.0**-v.number.fraction for v in program.inputs])
-    low, high = (np.array([getattr(v, end) for v in program.inputs]) * scale for end in ("low", "high"))
-    unit = scale
-    if not program.arithmetic.startswith("fixed"):
+    first, size = max(0, at - 1), (len(noise), 2, len(program.inputs))
+    low, high = np.transpose(spans_of(program))
+    if program.arithmetic.startswith("fixed"):
+        unit = np.array([2.0**-v.number.fraction for v in program.inputs])
+        moves = np.floor(np.exp2(random.uniform(-1.0, math.log2(MOVED + 1), size=size)))
+        moves *= random.choice([-1.0, 1.0], size=size)
+        moves[::2] = moves[::2, :, :1] + np.where(random.random(moves[::2].shape) < 0.5, 0.0, moves[::2])
+    else:  # one unit may be worth much already
         unit = np.spacing(np.abs(noise[:, first : at + 1]).astype(working_type(program))).astype(np.float64)
-    moves = np.floor(np.exp2(random.uniform(-1.0, math.log2(MOVED + 1), size=(len(noise), 2, len(scale)))))
-    moves *= random.choice([-1.0, 1.0], size=moves.shape)
-    moves[::2] = moves[::2, :, :1] + np.where(random.random(moves[::2].shape) < 0.5, 0.0, moves[::2])
-    if not program.arithmetic.startswith("fixed"):  # there one unit may be worth much already
         most = np.exp2(random.uniform(0.0, math.log2(MOVED), size=(len(noise), 1, 1)))
-        moves = np.round(random.uniform(-most, most, size=moves.shape)) * (random.random(moves.shape) < 0.5)
+        moves = np.round(random.uniform(-most, most, size=size)) * (random.random(size) < 0.5)
     moves[: len(noise) // 2, 0] = 0.0
     noise[:, first : at + 1] = np.clip(noise[:, first : at + 1] + unit * moves[:, 2 - (at + 1 - first) :], low, high)
     return noise
@@ -218,8 +213,7 @@ def to_an_edge(
             above = np.stack([np.broadcast_to(edge.above(machine, slots), len(noise)) for edge in wanted])
             return np.where(odd, above > 0, above >= 0), above
 
-    spans = [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
-    here, there = noise[:, at], drawn(random, spans, len(noise), 1)[:, 0]
+    here, there = noise[:, at], drawn(random, spans_of(program), len(noise), 1)[:, 0]
     crossed = beyond(here)[0] != beyond(there)[0]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
     side = beyond(here)[0][which, lanes]
@@ -236,6 +230,19 @@ def to_an_edge(
 def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
     """Return one sample's physical inputs (lanes, m) as the program reads them."""
     return [convert(v, inputs[:, j]).astype(kind) for j, v in enumerate(program.inputs)]
+
+
+def spans_of(program: Program) -> list[tuple[float, float]]:
+    """Return the range of every input in its unit."""
+    return [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
+
+
+def state_before(program: Program, machine: Machine, noise: Array, convert: Convert) -> list[Raw]:
+    """Return the state behind the samples of `noise` (lanes, length, m), from what init() sets."""
+    kind, state = working_type(program), start_state(program, len(noise))
+    for k in range(noise.shape[1]):
+        state = after(machine, row(program, noise[:, k], convert, kind), state)
+    return state
 
 
 def after(machine: Machine, inputs: list[Raw], state: list[Raw]) -> list[Raw]:

@@ -17,6 +17,7 @@ from verify.any_state import STEPS, Departures, any_state, departures
 from verify.host import build_host
 from verify.links.library import LibraryLink
 from verify.run import verify
+from verify.verdict import Verdict
 
 
 @cache
@@ -61,26 +62,21 @@ def test_states_are_drawn_from_what_a_step_can_leave() -> None:
     assert len(np.unique(column)) > 1000
 
 
+def _verdict(name: str, arithmetic: str, text: str, what: str, steps: int) -> Verdict:
+    program = _lowered(name, arithmetic)
+    bundle, _ = _planted(program, text, what)
+    return verify(laws()[name], program, bundle, load_target("host"), [], steps, 1, None, lambda share, doing: None)
+
+
 def test_a_verdict_on_the_host_counts_steps_from_any_state() -> None:
-    law = laws()["self_tuning"]
-    program = _lowered("self_tuning", "fixed16")
-    bundle, _ = _planted(program, "p12_new = fl_min", "limit removed")
-    verdict = verify(law, program, bundle, load_target("host"), [], 1000, 1, None, lambda share, doing: None)
+    verdict = _verdict("self_tuning", "fixed16", "p12_new = fl_min", "limit removed", 1000)
     assert verdict.differences > 0 and verdict.first is not None
     assert verdict.first.lane.startswith("any state") and verdict.first.unit == "1"
 
 
 def test_what_init_sets_a_parameter_to_shows() -> None:
-    law = laws()["tuned pid"]
-    program = lower(law, "fixed16")
-    bundle, _ = _planted(program, "self->ki =", "store dropped")
-    verdict = verify(law, program, bundle, load_target("host"), [], 3000, 1, None, lambda share, doing: None)
-    assert verdict.differences > 0
+    assert _verdict("tuned pid", "fixed16", "self->ki =", "store dropped", 3000).differences > 0
 
 
 def test_what_init_leaves_out_shows() -> None:
-    law = laws()["state_space"]
-    program = lower(law, "float32")
-    bundle, _ = _planted(program, "self->x_1 = 0", "store dropped")
-    verdict = verify(law, program, bundle, load_target("host"), [], 1000, 1, None, lambda share, doing: None)
-    assert verdict.differences > 0
+    assert _verdict("state_space", "float32", "self->x_1 = 0", "store dropped", 1000).differences > 0
