@@ -11,7 +11,8 @@ have: those of the proven ranges. These arguments are tried:
    not end), and the grid on which each state is kept: a power of two apart from where it starts, shown by induction,
    and of a float that follows from itself alone that it never is 0;
 5. one state has the other sign in the mutant, always, and nothing else shows it;
-6. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
+6. all that is made of it are sums, of which it is only asked whether they are finite, see `bench/finite.py`;
+7. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
 
 The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
 within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
@@ -29,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import z3
 
+from bench.finite import only_asked_whether_finite
 from bench.meaning import EFFORT, Meaning, limited
 from bench.orbit import away_from_zero
 from codegen.view import statement
@@ -40,6 +42,8 @@ from verify.stimuli import characters
 if TYPE_CHECKING:
     from bench.mutants import Mutant
 
+KEEPING = ("add", "sub", "neg", "copy", "mul", "wide", "mac", "shl")  # what goes in differently comes out differently
+CUT = EFFORT // 10  # to see that two values in the middle of a step are the same
 LANES, SAMPLES = 4, 500  # of a run that tells which grids to look for
 LINE = re.compile(r"\s*const (\w+) (\w+) = (.*);")
 
@@ -58,6 +62,7 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
         return _fits(program, name, after[1]) if before[3] == after[3] else None
     whole = cache(lambda: _deep(program))
     tries: tuple[Callable[[], str | None], ...] = (
+        lambda: _finite(program, name, after[3]),
         lambda: _same_line(program, meaning, name, before[3], after[3]),
         lambda: _same_line(program, Meaning(program, whole().grids, whole().away), name, before[3], after[3]),
         lambda: _same_line(program, whole(), name, before[3], after[3]),
@@ -138,6 +143,12 @@ def _turned(program: Program, meaning: Meaning, name: str, after: str) -> str | 
             if turned.source in negated and not shown & (negated | turned_truths):
                 return f"{turned.target} has the other sign, which nothing shows, by z3"
     return None
+
+
+def _finite(program: Program, name: str, after: str) -> str | None:
+    if program.arithmetic.startswith("fixed") or not only_asked_whether_finite(program, name, after):
+        return None
+    return "of the sums made of it only is asked whether they are finite, and they are as before"
 
 
 def _symmetric(program: Program, op: Op, place: str, meaning: Meaning) -> bool:
@@ -223,13 +234,20 @@ def _with(
 
 
 def _same_step(program: Program, meaning: Meaning, one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Compare what the rest of the step makes of the values that are given for both."""
+    """Compare what the rest of the step makes of the values that are given for both.
+
+    Where an operation that drops places, or chooses, gives the same of both, what reads it is the same too.
+    """
     pair, known = [dict(one), dict(other)], set(one)
     for op in program.body:
-        if op.result.name not in known and any(argument in pair[0] for argument in op.arguments):
+        name = op.result.name
+        if name not in known and any(argument in pair[0] for argument in op.arguments):
             text = statement(op, program).partition(" = ")[2]
             for given in pair:
-                given[op.result.name] = z3.simplify(meaning.value(text, given))
+                given[name] = z3.simplify(meaning.value(text, given))
+            if op.function not in KEEPING and meaning.same(pair[0][name], pair[1][name], CUT):
+                for given in pair:
+                    del given[name]
     ends = [*program.results, *program.next_state, *program.status]
     reached = {end.source for end in ends if end.source in pair[0]}
     return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))

@@ -189,18 +189,18 @@ class Meaning:
         start = dict(zip((v.name for v in self.program.state), self.program.start, strict=True))[state]
         return (value - int(start)) & (self.grids[state] - 1) == 0
 
-    def holds(self, condition: Any) -> bool:
+    def holds(self, condition: Any, effort: int = EFFORT) -> bool:
         """Whether a condition follows from the assumptions, or from fewer of them, which can be easier to see.
 
         Bit by bit a short chain of additions and choices is seen at once, which z3 may miss by itself.
         """
         bitwise = z3.Then("simplify", *([] if self.fixed else ["fpa2bv", "simplify"]), "solve-eqs", "bit-blast", "sat")
-        for solver, assumed, effort in (
-            (bitwise.solver(), self.assumed, EFFORT // 5),
-            (z3.Solver(), (), EFFORT // 5),
-            (z3.Solver(), self.assumed, EFFORT),
+        for solver, assumed, share in (
+            (bitwise.solver(), self.assumed, effort // 5),
+            (z3.Solver(), (), effort // 5),
+            (z3.Solver(), self.assumed, effort),
         ):
-            limited(solver, effort).add(*assumed, z3.Not(condition))
+            limited(solver, share).add(*assumed, z3.Not(condition))
             if solver.check() == z3.unsat:
                 return True
         return False
@@ -212,9 +212,9 @@ class Meaning:
         kind = np.float32 if self.sort == FLOATS["float32"] else np.float64
         return z3.FPVal(float(kind(text)), self.sort)
 
-    def same(self, one: Any, other: Any) -> bool:
+    def same(self, one: Any, other: Any, effort: int = EFFORT) -> bool:
         """Whether two terms are equal, bit for bit, under the assumptions."""
-        return not (z3.is_bool(one) or z3.is_bool(other)) and self.holds(one == other)
+        return not (z3.is_bool(one) or z3.is_bool(other)) and self.holds(one == other, effort)
 
     def _functions(self) -> dict[str, Any]:
         one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)

@@ -12,8 +12,6 @@ from bench.blind_cases import draw_case, single_case, write_case
 from firmloop.cli import main
 from tests.diagnose.cases import BY_NAME
 
-_DAMPING = "speed, by position_rad (per turn)"
-
 
 def _said(
     folder: Path, outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool
@@ -33,15 +31,6 @@ def _said(
     [
         ("periodic_torque", "flat_motor", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
         ("one_sided_gain", "flat_motor", ("speed",), "staircase", False, "torque", "voltage_V"),
-        (
-            "angle_dependent_damping",
-            "flat_motor",
-            ("position", "current"),
-            "steps",
-            False,
-            "torque",
-            "speed, by position_rad (per turn)",
-        ),
         (
             "angle_dependent_damping",
             "linear_stage",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.equivalence import _where_apart, equivalent
+from bench.finite import only_asked_whether_finite
 from bench.meaning import Meaning
 from bench.mutants import Mutant, bench, chosen, example_law, laws, mutants, planted
 from bench.orbit import away_from_zero
@@ -89,3 +90,27 @@ def test_a_limit_of_a_law_in_floating_point_is_taken_to_act() -> None:
     program = lower(laws()["nmpc"], "float32")
     limited = next(op for op in program.body if op.result.name == "plan_x_1_1_new")
     assert limited.function == "clamp" and Meaning(program).ranges[str(limited.arguments[0])] == (-np.inf, np.inf)
+
+
+def test_a_sum_of_which_is_only_asked_whether_it_is_finite() -> None:
+    program = lower(laws()["self_tuning"], "float64")
+    writers = {op.result.name: op for op in program.body}
+    last = next(op for op in program.body if op.function == "lost").arguments[0]
+    chain = [str(last)]
+    while writers[chain[-1]].function == "add":
+        chain.append(str(writers[chain[-1]].arguments[0]))
+    first = writers[chain[-2]]
+    limited, other = map(str, first.arguments)
+    assert only_asked_whether_finite(program, first.result.name, f"{limited} - {other}")
+    assert not only_asked_whether_finite(program, first.result.name, f"{limited} + in->measurement")
+    assert not only_asked_whether_finite(program, first.result.name, f"{limited} * 1e308 * 10.0")
+    assert not only_asked_whether_finite(program, limited, other)  # it is kept besides
+
+
+@pytest.mark.slow
+def test_what_a_rounding_drops_is_the_same_behind_it() -> None:
+    """0.4 by whole steps of 256 never comes so near to the middle of two values that one more unit of it shows."""
+    judge = bench(laws()["fuzzy_pid"], "fixed32", 1_000, 1)
+    factors = [m for m in mutants(judge.bundle) if m.what == "number 1717986918 -> 1717986919" and "wide" in m.before]
+    judged = [equivalent(judge.program, m) for m in factors]
+    assert sum(why is not None for why in judged) >= 1
