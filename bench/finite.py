@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import ast
 import math
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,28 +22,27 @@ SUMS = ("add", "sub", "neg", "copy")
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The largest magnitude a value has where it is finite, and whether it always is."""
+    """The largest magnitude a value has where it is finite, and that it is not where one of `lost` is not."""
 
     most: float
-    finite: bool
+    lost: frozenset[str]
 
 
 def only_asked_whether_finite(program: Program, name: str, after: str) -> bool:
     """Tell whether the expression `after` may stand for the value `name`: no more is asked of it than to be finite."""
     largest = float(np.finfo(working_type(program)).max)
     reaches = _reaches(program, largest)
-    new = _of_text(after, reaches)
-    if new is None or not new.finite or not reaches[name].finite:
+    old, new = reaches[name], _of_text(after, reaches)
+    if new is None or new.lost != old.lost or max(new.most, old.most) >= largest:
         return False
-    reaches[name] = Reach(max(new.most, reaches[name].most), True)
+    reaches[name] = Reach(max(new.most, old.most), old.lost)
     sums, asked = {name}, False
     shown = {end.source for end in (*program.results, *program.next_state, *program.status)}
     for op in program.body:
         if not sums & set(op.arguments):
             continue
         if op.function in SUMS:
-            terms = [_of(a, reaches) for a in op.arguments]
-            reaches[op.result.name] = Reach(sum(term.most for term in terms), all(term.finite for term in terms))
+            reaches[op.result.name] = _joined([_of(a, reaches) for a in op.arguments], sum)
             sums.add(op.result.name)
         elif op.function != "lost":
             return False
@@ -52,27 +53,35 @@ def only_asked_whether_finite(program: Program, name: str, after: str) -> bool:
 
 def _reaches(program: Program, largest: float) -> dict[str, Reach]:
     """Return what inputs, state and every operation reach; of those not known here, that they may be anything."""
-    anything = Reach(largest, False)
-    found = {f"in.{v.name}": anything for v in program.inputs} | {f"self.{v.name}": anything for v in program.state}
+    found = {f"in.{v.name}": Reach(largest, frozenset({f"in.{v.name}"})) for v in program.inputs}
+    for v in program.state:
+        most = largest if v.name == program.unset else min(max(-v.low, v.high), largest)
+        found[f"self.{v.name}"] = Reach(most, frozenset({f"self.{v.name}"}))
     for op in program.body:
-        terms, numbers = [_of(a, found) for a in op.arguments], [a for a in op.arguments if not isinstance(a, str)]
-        finite, most = all(term.finite for term in terms), [term.most for term in terms]
+        terms, name = [_of(a, found) for a in op.arguments], op.result.name
         match op.function:
-            case "clamp" | "beyond" if len(numbers) == 2:
-                found[op.result.name] = Reach(max(most[1:]), True)  # of what is no number too: that gives the lower
+            case "clamp" | "beyond" if not any(isinstance(a, str) for a in op.arguments[1:]):
+                made = Reach(max(term.most for term in terms[1:]), frozenset())  # no number gives the lower limit
             case "add" | "sub" | "neg" | "copy":
-                found[op.result.name] = Reach(sum(most), finite and sum(most) < largest)
+                made = _joined(terms, sum)
             case "mul":
-                found[op.result.name] = Reach(math.prod(most), finite and math.prod(most) < largest)
-            case "select":
-                found[op.result.name] = Reach(max(most[1:]), terms[1].finite and terms[2].finite)
+                made = _joined(terms, math.prod)
+            case "select" if not terms[1].lost | terms[2].lost:
+                made = _joined(terms[1:], max)
             case _:
-                found[op.result.name] = anything
+                made = Reach(largest, frozenset({name}))
+        found[name] = made if made.most < largest else Reach(largest, frozenset({name}))
     return found
 
 
+def _joined(terms: Sequence[Reach], most: Callable[[list[float]], float]) -> Reach:
+    return Reach(most([term.most for term in terms]), frozenset().union(*(term.lost for term in terms)))
+
+
 def _of(value: str | int | float, reaches: dict[str, Reach]) -> Reach:
-    return reaches[value] if isinstance(value, str) else Reach(abs(float(value)), True)
+    if isinstance(value, str):
+        return reaches.get(value, Reach(math.inf, frozenset({value})))
+    return Reach(abs(float(value)), frozenset())
 
 
 def _of_text(text: str, reaches: dict[str, Reach]) -> Reach | None:
@@ -81,7 +90,7 @@ def _of_text(text: str, reaches: dict[str, Reach]) -> Reach | None:
     def reach(node: ast.expr) -> Reach | None:
         match node:
             case ast.Constant(value=int() | float() as number):
-                return Reach(abs(number), True)
+                return Reach(abs(number), frozenset())
             case ast.Name(id=name):
                 return reaches.get(name.replace("_dot_", "."))
             case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -90,11 +99,10 @@ def _of_text(text: str, reaches: dict[str, Reach]) -> Reach | None:
                 one, other = reach(left), reach(right)
                 if one is None or other is None:
                     return None
-                most = one.most * other.most if isinstance(sign, ast.Mult) else one.most + other.most
-                return Reach(most, one.finite and other.finite)
+                return _joined([one, other], math.prod if isinstance(sign, ast.Mult) else sum)
         return None
 
-    plain = text.replace("->", "_dot_").replace("F", "")
+    plain = re.sub(r"(?<=[0-9.])F\b", "", text.replace("->", "_dot_"))
     try:
         return reach(ast.parse(plain.strip(), mode="eval").body)
     except SyntaxError:

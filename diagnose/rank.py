@@ -33,8 +33,6 @@ SLOW = (
     "gravity_torque",
     "end_stop",
 )
-_MOMENTS = ("load_step.time_s",)
-_END = 0.02  # of a recording
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
@@ -91,7 +89,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        if gain < max(_bar(scene, chosen), MINOR * sum(gains)) or larger(chosen, base):
+        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base):
             best = base
             break
         gains.append(gain)
@@ -117,7 +115,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
         return None
     chosen = simplest(rivals, base.score)
     gain = base.score - chosen.score
-    if gain < _bar(scene, chosen) or larger(chosen, base):
+    if gain < _bar(chosen) or larger(chosen, base):
         return None
     gains = (*found.gains, gain)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
@@ -190,14 +188,8 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
 
 
-def _bar(scene: Scene, rival: Rival) -> float:
-    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
-
-    None is enough for what begins with the last rows: the ends of recordings are rarely what they seem.
-    """
-    moment = next((rival.fitted.point.values[key] for key in rival.fitted.causes[-1].keys if key in _MOMENTS), None)
-    if moment is not None and moment > (1.0 - _END) * max(float(recording.time[-1]) for recording in scene.train):
-        return np.inf
+def _bar(rival: Rival) -> float:
+    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
     slow = rival.fitted.causes[-1].effect.name in SLOW
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)

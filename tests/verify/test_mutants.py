@@ -13,6 +13,7 @@ from bench.orbit import away_from_zero
 from bench.zeros import never_minus_zero
 from codegen.emit import emit
 from quantize.lower import lower
+from quantize.program import Program
 
 
 @pytest.mark.parametrize(("name", "arithmetic"), [("full pid", "fixed32"), ("tuned pid", "float32")])
@@ -105,6 +106,15 @@ def test_a_sum_of_which_is_only_asked_whether_it_is_finite() -> None:
     assert not only_asked_whether_finite(program, first.result.name, f"{limited} + in->measurement")
     assert not only_asked_whether_finite(program, first.result.name, f"{limited} * 1e308 * 10.0")
     assert not only_asked_whether_finite(program, limited, other)  # it is kept besides
+    solved = lower(laws()["mpc"], "float32")  # whose move may be no number, with either sign
+    guarded = next(op for op in solved.body if op.result.name in _asked(solved))
+    one, other = (str(a).replace("self.", "self->") for a in guarded.arguments)
+    assert only_asked_whether_finite(solved, guarded.result.name, f"{one} - {other}")
+    assert not only_asked_whether_finite(solved, guarded.result.name, f"{one} - {one}")
+
+
+def _asked(program: Program) -> set[object]:
+    return {op.arguments[0] for op in program.body if op.function == "lost"}
 
 
 @pytest.mark.slow
