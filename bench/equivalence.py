@@ -12,7 +12,8 @@ have: those of the proven ranges. These arguments are tried:
    and of a float that follows from itself alone that it never is 0;
 5. one state has the other sign in the mutant, always, and nothing else shows it;
 6. all that is made of it are sums, of which it is only asked whether they are finite, see `bench/finite.py`;
-7. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
+7. its limit never acts, see `bench/boxes.py`: then 1 and 2 for the values that are left;
+8. for a line of init(): the whole first step gives the same outputs, status and state for any inputs.
 
 The range of what a state's last limit is given is narrower than the sum of its terms says: the law keeps its state
 within the range it declares (`why` in proof.json), which is widened by 1 % for roundings; half of that is left to them
@@ -30,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import z3
 
+from bench.boxes import stays_within
 from bench.finite import only_asked_whether_finite
 from bench.meaning import EFFORT, Meaning, limited
 from bench.orbit import away_from_zero
@@ -64,6 +66,7 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
     tries: tuple[Callable[[], str | None], ...] = (
         lambda: _finite(program, name, after[3]),
         lambda: _same_line(program, meaning, name, before[3], after[3]),
+        lambda: _idle(program, name, before[3], after[3]),
         lambda: _same_line(program, Meaning(program, whole().grids, whole().away), name, before[3], after[3]),
         lambda: _same_line(program, whole(), name, before[3], after[3]),
         lambda: _turned(program, meaning, name, after[3]),
@@ -72,7 +75,7 @@ def equivalent(program: Program, mutant: Mutant) -> str | None:
         try:
             why = attempt()
         except (z3.Z3Exception, SyntaxError, TypeError, KeyError, NameError, AttributeError, ValueError):
-            return None  # a text that is no expression of ours
+            continue  # a text that is no expression of ours
         if why is not None:
             return why
     return None
@@ -149,6 +152,26 @@ def _finite(program: Program, name: str, after: str) -> str | None:
     if program.arithmetic.startswith("fixed") or not only_asked_whether_finite(program, name, after):
         return None
     return "of the sums made of it only is asked whether they are finite, and they are as before"
+
+
+def _idle(program: Program, name: str, before: str, after: str) -> str | None:
+    """Look whether the limits of a line in fixed point are such that what it limits keeps them by itself."""
+    meaning = Meaning(program)
+    op = meaning.writers[name]
+    value = op.arguments[0]
+    limits = [int(x) for x in re.findall(r"(?<!\w)-?\d+", before + after)]
+    if not meaning.fixed or op.function not in ("min", "max") or not isinstance(value, str) or not limits:
+        return None
+    least, most = meaning.ranges[value]
+    if op.function == "max" and stays_within(program, meaning.ranges, value, max(limits), most):
+        least = max(limits)
+    if op.function == "min" and stays_within(program, meaning.ranges, value, least, min(limits)):
+        most = min(limits)
+    if (least, most) == meaning.ranges[value]:
+        return None
+    meaning.ranges[value] = least, most
+    why = _same_line(program, meaning, name, before, after)
+    return None if why is None else f"the limit never acts, by intervals, and so {why}"
 
 
 def _symmetric(program: Program, op: Op, place: str, meaning: Meaning) -> bool:
@@ -236,7 +259,7 @@ def _with(
 def _same_step(program: Program, meaning: Meaning, one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Compare what the rest of the step makes of the values that are given for both.
 
-    Where an operation that drops places, or chooses, gives the same of both, what reads it is the same too.
+    Where an operation that drops places, or chooses, gives the same of both, that is put in for both.
     """
     pair, known = [dict(one), dict(other)], set(one)
     for op in program.body:
@@ -245,9 +268,9 @@ def _same_step(program: Program, meaning: Meaning, one: dict[str, Any], other: d
             text = statement(op, program).partition(" = ")[2]
             for given in pair:
                 given[name] = z3.simplify(meaning.value(text, given))
-            if op.function not in KEEPING and meaning.same(pair[0][name], pair[1][name], CUT):
-                for given in pair:
-                    del given[name]
+            one_way, other_way = pair[0][name], pair[1][name]
+            if op.function not in KEEPING and not one_way.eq(other_way) and meaning.same(one_way, other_way, CUT):
+                pair[1][name] = one_way
     ends = [*program.results, *program.next_state, *program.status]
     reached = {end.source for end in ends if end.source in pair[0]}
     return all(meaning.same(pair[0][source], pair[1][source]) for source in sorted(reached))

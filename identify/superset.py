@@ -10,6 +10,7 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from identify.assembly import Assembly
 from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
@@ -154,6 +155,12 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         for index, signal in enumerate(bare.states):
             if signal.name in recording.columns:
                 states[:, index] = recording.columns[signal.name]
+        if assembly.position >= 0 and bare.states[assembly.speed].name in recording.columns:
+            if bare.states[assembly.position].name not in recording.columns:
+                begun = states[0, assembly.position]
+                states[:, assembly.position] = begun + cumulative_trapezoid(
+                    states[:, assembly.speed], recording.time, initial=0.0
+                )
         column = recording.columns[plant.outputs[output].name]
         low, high = min(low, float(column.min())), max(high, float(column.max()))
         see("input", course.drive[:, 0])

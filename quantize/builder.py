@@ -57,7 +57,7 @@ class Builder:
         if key in self.known and not name:
             return self.known[key]
         intervals: list[Interval | int | float] = [(a.low, a.high) if isinstance(a, Term) else a for a in arguments]
-        low, high = EVERY[function].bound(*_as_intervals(function, intervals))
+        low, high = EVERY[function].bound(*as_intervals(function, intervals))
         self.wish = ("", "")
         value = Value(self.fresh(name or "t"), unit, number, low, high)
         self.check(value, function)
@@ -99,7 +99,7 @@ class Builder:
         return f"{name}{k}"
 
 
-def _as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
+def as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
     """Literals become degenerate intervals, except shifts and clamp limits, which the rules take as numbers."""
     plain = (1, 2) if function in LIMITS else EVERY[function].whole
     return [a if isinstance(a, tuple) or k in plain else (a, a) for k, a in enumerate(arguments)]

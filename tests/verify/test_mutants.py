@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.boxes import stays_within
 from bench.equivalence import _where_apart, equivalent
 from bench.finite import only_asked_whether_finite
 from bench.meaning import Meaning
@@ -115,6 +116,21 @@ def test_a_sum_of_which_is_only_asked_whether_it_is_finite() -> None:
 
 def _asked(program: Program) -> set[object]:
     return {op.arguments[0] for op in program.body if op.function == "lost"}
+
+
+def test_a_limit_that_a_product_of_two_values_never_reaches() -> None:
+    """An estimate x of 1 / b is brought nearer by x (2 - b x), which is 1 / b at most; b has a lower limit."""
+    program = lower(laws()["self_tuning"], "fixed32")
+    writers = {op.result.name: op for op in program.body}
+    upper = writers["inverse_new"]
+    nearer, limit = str(writers[str(upper.arguments[0])].arguments[0]), int(upper.arguments[1])
+    ranges = Meaning(program).ranges
+    x = np.arange(limit - 2_000_000, limit + 1)  # all b beside the lowest give less, as do all x further off
+    lowest = int(ranges["b_new"][0])
+    most = int(np.max((x * (2**27 - ((lowest * x + 2**18) >> 19)) + 2**25) >> 26))
+    assert most < limit
+    assert stays_within(program, ranges, nearer, ranges[nearer][0], most)
+    assert not stays_within(program, ranges, nearer, ranges[nearer][0], most - 1)
 
 
 @pytest.mark.slow
