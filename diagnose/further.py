@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+from diagnose.hypothesis import Scene
 from diagnose.plain import believed, leap, slow_rivals
 from diagnose.profile import profiled
-from diagnose.rank import MOST_EFFECTS, Progress, Search, further, settled
-from diagnose.refit import ended, noises_of, with_doubt
+from diagnose.rank import MOST_EFFECTS, Progress, Search, further, levelled, pruned, settled
+from diagnose.refit import Fitted, ended, noises_of, with_doubt
+from diagnose.rival import TIE, Rival, rated
 from diagnose.shape import Shape, best_shape, weighed
 from identify.course import LONGEST_CHANGE
 
@@ -42,18 +44,28 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
-    return _confirmed(found), shape
+    return _confirmed(levelled(found) if found.best.fitted.causes else found), shape
 
 
 def _confirmed(found: Search) -> Search:
     """Fit the best once more by finer steps and with the noise it leaves, so that its intervals are its own.
 
-    The score stays that of the search, by which rivals were compared.
+    The score stays that of the search, by which rivals were compared; but an effect that only stood for how far the
+    others were from their best goes.
     """
     scene, best = found.scene, found.best
     if not best.fitted.causes:
         return found
     scene.engine.hasten(LONGEST_CHANGE)
-    finer = profiled(scene, ended(scene, best.fitted, best.noises), best.noises)
+    finer = _finer(scene, best)
+    if len(best.fitted.causes) > 1:
+        whole = rated(scene, finer)
+        slim = pruned(scene, whole) if best.score - whole.score > TIE else whole
+        if slim is not whole:
+            finer = _finer(scene, slim)
     finer = with_doubt(scene, finer, best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
+
+
+def _finer(scene: Scene, rival: Rival) -> Fitted:
+    return profiled(scene, ended(scene, rival.fitted, rival.noises), rival.noises)

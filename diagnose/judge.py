@@ -14,9 +14,9 @@ from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ra
 from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
-from diagnose.rank import Search
+from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import Fitted, fit_starts, residual_of, variances
-from diagnose.rival import CONTAINS, TIE, Rival, innovations, unseen_residuals
+from diagnose.rival import TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
+_SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
+_SUBTLE_TIE = 2.5 * TIE  # explanations closer than this are not told apart by what is less
+_HINT = 0.5 * TIE  # what a richer explanation is better by, where that is too little to name it
 _LAGS = 20
 _FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
 _FIRM = 0.1  # of a parameter, as one deviation: it is well determined
@@ -110,26 +113,18 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     explained = search.nominal.score - search.best.score
     if left > max(SHAPE_GAIN, SHAPE_SHARE * explained):
         return "unknown_physics", ()
-    tied = tuple(rival for rival in _rivals(search) if rival.score - search.best.score < TIE)
-    return ("ambiguous" if tied else "explained"), tied
+    if _shows(search):
+        tied = [rival for rival in rivals_of(search) if rival.score - search.best.score < TIE]
+    else:
+        tied = [rival for rival in rivals_of(search) if rival.score - search.best.score < _SUBTLE_TIE]
+        tied += [rival for rival in richer_of(search) if search.best.score - rival.score > _HINT]
+    return ("ambiguous" if tied else "explained"), tuple(tied)
 
 
-def _rivals(search: Search) -> tuple[Rival, ...]:
-    """Return other explanations with as many effects; one that only contains or is contained is no rival."""
-    count = len(search.best.fitted.causes)
-    mine = set(search.best.fitted.names)
-    found = []
-    for rival in (each for turn in search.rounds for each in turn):
-        names = set(rival.fitted.names)
-        if len(rival.fitted.causes) != count or set(rival.fitted.causes) == set(search.best.fitted.causes):
-            continue
-        ours, theirs = mine - names, names - mine
-        if any(other in CONTAINS.get(name, ()) for name in theirs for other in ours):
-            continue
-        if any(other in CONTAINS.get(name, ()) for name in ours for other in theirs):
-            continue
-        found.append(rival)
-    return tuple(sorted(found, key=lambda each: each.score))
+def _shows(search: Search) -> bool:
+    """Tell whether what is missing is as large as the noise in some output: below it all rests on the noise model."""
+    before, after = _noise_rms(search.nominal), _noise_rms(search.best)
+    return any(one > _SHOWN * other for one, other in zip(before, after, strict=True))
 
 
 def _noise_rms(rival: Rival) -> tuple[float, ...]:
@@ -199,7 +194,7 @@ def _named(search: Search, shown: Rival, verdict: Verdict, rivals: Sequence[Riva
 
 def _certainty(search: Search, shown: Rival) -> float:
     """Probability against the runner-up."""
-    others = _rivals(search)
+    others = rivals_of(search)
     return _weights([shown, *others])[0]
 
 
@@ -274,7 +269,7 @@ def _with_interval(each: Estimate) -> str:
 
 def _alternatives(search: Search, shown: Rival, rivals: Sequence[Rival]) -> tuple[Alternative, ...]:
     found: dict[str, Alternative] = {}
-    others = [rival for rival in _rivals(search) if rival not in rivals][:4]
+    others = [rival for rival in rivals_of(search) if rival not in rivals][:4]
     weights = _weights([shown, *others])
     mine = set(shown.fitted.causes)
     for weight, rival in zip(weights[1:], others, strict=True):

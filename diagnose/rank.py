@@ -40,6 +40,7 @@ _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
 _WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
 _CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
+_NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
 _SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _ROUND = 10.0  # s of computing after which a round tries no further cause
@@ -129,11 +130,48 @@ def settled(found: Search) -> Search:
     return replace(found, best=best, rounds=(*found.rounds, tried))
 
 
+def levelled(found: Search) -> Search:
+    """Polish the rivals that are near the best as that was: they may be as good."""
+    scene, best = found.scene, found.best
+    near = [each for each in rivals_of(found) if each.score - best.score < _NEAR]
+    distinct = list({frozenset(each.fitted.causes): each for each in reversed(near)}.values())[::-1][:_LEVELLED]
+    polished = sorted((_unwhitened(scene, each) for each in distinct), key=lambda each: each.score)
+    if not polished or polished[0].score >= best.score:
+        return replace(found, rounds=(*found.rounds, tuple(polished)))
+    return replace(found, best=polished[0], rounds=(*found.rounds, (best, *polished)))
+
+
+def rivals_of(search: Search) -> tuple[Rival, ...]:
+    """Return other explanations with as many effects; one that only contains or is contained is no rival."""
+    return tuple(rival for rival, theirs, ours in _others(search) if not (_hold(theirs, ours) or _hold(ours, theirs)))
+
+
+def richer_of(search: Search) -> tuple[Rival, ...]:
+    """Return the explanations that have the best as a special case and explain more."""
+    score = search.best.score
+    return tuple(rival for rival, theirs, ours in _others(search) if _hold(theirs, ours) and rival.score < score)
+
+
+def _others(search: Search) -> list[tuple[Rival, set[str], set[str]]]:
+    """Return the explanations with as many effects, best first, with what only they have and what only the best has."""
+    mine = search.best.fitted
+    every = sorted((each for turn in search.rounds for each in turn), key=lambda each: each.score)
+    return [
+        (each, set(each.fitted.names) - set(mine.names), set(mine.names) - set(each.fitted.names))
+        for each in every
+        if len(each.fitted.causes) == len(mine.causes) and set(each.fitted.causes) != set(mine.causes)
+    ]
+
+
+def _hold(some: set[str], others: set[str]) -> bool:
+    return any(other in CONTAINS.get(name, ()) for name in some for other in others)
+
+
 def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
     """Drop what is not needed, and put what is mistaken for an effect in its place; the best and all that was tried."""
-    pruned = _pruned(scene, best)
-    swap, tried = swapped(scene, pruned, sum(gains))
-    return merged(scene, swap if swap is pruned else _pruned(scene, swap)), tried
+    slim = pruned(scene, best)
+    swap, tried = swapped(scene, slim, sum(gains))
+    return merged(scene, swap if swap is slim else pruned(scene, swap)), tried
 
 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:
@@ -310,7 +348,7 @@ def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
     return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
 
 
-def _pruned(scene: Scene, best: Rival) -> Rival:
+def pruned(scene: Scene, best: Rival) -> Rival:
     """Drop effects one by one as long as the rest explains as much."""
     while len(best.fitted.causes) > 1:
         slimmer = []
