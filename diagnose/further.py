@@ -30,7 +30,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         rivals = slow_rivals(found, progress)
     slow = believed(found, rivals, progress)
     if slow is not found:  # counted in independent samples: a shape would be weighed against another likelihood
-        return slow, None
+        doubted = with_doubt(slow.scene, slow.best.fitted, slow.best.noises)
+        return replace(slow, best=replace(slow.best, fitted=doubted)), None
     progress(0.9, "looking for what has no name")
     shape = best_shape(found, found.best)
     while (

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
-COLORED_THRESHOLD = 36.0  # the same where there is a slow disturbance
+COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
 SLOW_THRESHOLD = 70.0  # and there for effects that look like one
 SLOW = (
     "load_torque",
