@@ -104,7 +104,7 @@ def _whitened(found: Search, plain: Search) -> Search:
     if best.score >= rated(scene, fitted).score or _ratios(scene, fitted, again)[1] < _CLEAR:
         return plain
     gain = found.nominal.score - best.score
-    return replace(found, best=best, rounds=(*found.rounds, (best,)), gains=(gain,))
+    return replace(found, best=best, rounds=((best,),), gains=(gain,))
 
 
 def _without(scene: Scene, fitted: Fitted, gone: Cause) -> Fitted:
