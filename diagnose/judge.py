@@ -122,7 +122,12 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
 
 
 def _shows(search: Search) -> bool:
-    """Tell whether what is missing is as large as the noise in some output: below it all rests on the noise model."""
+    """Tell whether what is missing is as large as the noise in some output: below it all rests on the noise model.
+
+    Where independent samples are counted, no such model is asked.
+    """
+    if any(noise.scale > noise.rms for noise in search.best.noises):
+        return True
     before, after = _noise_rms(search.nominal), _noise_rms(search.best)
     return any(one > _SHOWN * other for one, other in zip(before, after, strict=True))
 
