@@ -16,7 +16,7 @@ from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import Fitted, fit_starts, residual_of, variances
-from diagnose.rival import TIE, Rival, innovations, unseen_residuals
+from diagnose.rival import MINOR, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -32,7 +32,6 @@ SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a 
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 _SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
-_SUBTLE_TIE = 2.5 * TIE  # explanations closer than this are not told apart by what is less
 _HINT = 0.5 * TIE  # what a richer explanation is better by, where that is too little to name it
 _LAGS = 20
 _FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
@@ -113,11 +112,10 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     explained = search.nominal.score - search.best.score
     if left > max(SHAPE_GAIN, SHAPE_SHARE * explained):
         return "unknown_physics", ()
-    if _shows(search):
-        tied = [rival for rival in rivals_of(search) if rival.score - search.best.score < TIE]
-    else:
-        tied = [rival for rival in rivals_of(search) if rival.score - search.best.score < _SUBTLE_TIE]
-        tied += [rival for rival in richer_of(search) if search.best.score - rival.score > _HINT]
+    shows = _shows(search)
+    bar = TIE if shows else max(TIE, MINOR * explained)
+    tied = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
+    tied += [rival for rival in richer_of(search) if not shows and search.best.score - rival.score > _HINT]
     return ("ambiguous" if tied else "explained"), tuple(tied)
 
 

@@ -15,7 +15,7 @@ from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, noises_of
 from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, extended, larger, rated, simplest
 from diagnose.screen import Screened, ground, screen
-from diagnose.swap import enriched, merged, reduced, swapped
+from diagnose.swap import merged, relatives, swapped
 from identify.noise import white
 
 Array = NDArray[np.float64]
@@ -328,10 +328,7 @@ def _round(
         return ()
     best_one = min(fits, key=lambda each: each.score)
     known = {each.fitted.causes for each in fits}
-    fits += [
-        each for each in (*reduced(scene, best_one), *enriched(scene, best_one)) if each.fitted.causes not in known
-    ]
-    return tuple(sorted(fits, key=lambda each: each.score))
+    return tuple(sorted([*fits, *relatives(scene, best_one, known)], key=lambda each: each.score))
 
 
 def _too_large(fitted: Fitted) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -62,28 +62,30 @@ def merged(scene: Scene, best: Rival) -> Rival:
     return best
 
 
-def reduced(scene: Scene, rich: Rival) -> list[Rival]:
-    """Fit what the newest effect contains, from the values that both have by the same name."""
-    newest = rich.fitted.causes[-1]
-    names = CONTAINS.get(newest.effect.name, ())
-    return [_translated(scene, rich, newest, cause) for cause in scene.causes if cause.effect.name in names]
-
-
-def enriched(scene: Scene, simple: Rival) -> list[Rival]:
-    """Fit what contains the newest effect, from the values that both have by the same name."""
-    newest = simple.fitted.causes[-1]
-    names = containing(newest.effect.name)
+def relatives(scene: Scene, rival: Rival, known: Collection[tuple[Cause, ...]]) -> list[Rival]:
+    """Fit what the newest effect contains and what contains it, but for `known` causes, from the values they share."""
+    newest = rival.fitted.causes[-1]
+    names = (*CONTAINS.get(newest.effect.name, ()), *containing(newest.effect.name))
+    kept = rival.fitted.causes[:-1]
     return [
-        _translated(scene, simple, newest, cause)
+        _translated(scene, rival, newest, cause)
         for cause in scene.causes
-        if cause.effect.name in names and _alike(newest, cause)
+        if cause.effect.name in names and (*kept, cause) not in known
     ]
 
 
 def _alike(one: Cause, other: Cause) -> dict[str, str]:
-    """Map parameters of the other to those of the first that have the same name."""
+    """Map parameters of the other to those of the first that have the same name.
+
+    What contains an effect of one parameter has it as all its parameters of that unit.
+    """
     mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
-    return {key: mine[each.name] for key, each in zip(other.keys, other.parameters, strict=True) if each.name in mine}
+    alone = len(mine) == 1 and one.effect.name in CONTAINS.get(other.effect.name, ())
+    found = {}
+    for key, each in zip(other.keys, other.parameters, strict=True):
+        if each.name in mine or (alone and each.unit == one.parameters[0].unit):
+            found[key] = mine.get(each.name, one.keys[0])
+    return found
 
 
 def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
