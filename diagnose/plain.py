@@ -87,7 +87,8 @@ def _refined(plain: Search) -> Search:
         if min(_ratios(scene, finer, least)) < _BETTER:
             break
         finer = polished(scene, least, best.noises)
-    if _size(finer.residuals, best.fitted.residuals) < 1.0 and _same_machine(plain.nominal.fitted, finer):
+    allowed = 1.0 if len(finer.causes) == len(best.fitted.causes) else 1.0 / _BETTER
+    if _size(finer.residuals, best.fitted.residuals) < allowed and _same_machine(plain.nominal.fitted, finer):
         return replace(plain, best=_rated(scene, finer, _independent(finer.residuals)))
     return plain
 
