@@ -85,7 +85,10 @@ def walk(text: str, recordings: Path, folder: Path, more: str) -> dict[str, obje
 
 @pytest.mark.recordings
 @pytest.mark.qemu
-@pytest.mark.parametrize("text", [BALL_AND_HOOP, EMPS], ids=["ball_and_hoop", "emps"])
+@pytest.mark.parametrize(
+    "text",
+    [pytest.param(BALL_AND_HOOP, id="ball_and_hoop"), pytest.param(EMPS, id="emps", marks=pytest.mark.slow)],
+)
 def test_walk_on_host_and_cortex_m(text: str, recordings: Path, tmp_path: Path) -> None:
     project = tmp_path / "project.toml"
     project.write_text(text.format(folder=recordings.resolve().as_posix()))

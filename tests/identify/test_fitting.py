@@ -113,7 +113,7 @@ def test_noiseless_data_give_the_parameters_to_many_digits() -> None:
         assert value == pytest.approx(TRUE[name], rel=1e-5)
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.9])
+@pytest.mark.parametrize("colour", [0.0, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_intervals_cover_the_truth_as_often_as_they_say(colour: float) -> None:
     truth, hits, tries = LAGS["first_order"], 0, 0
     clean = lag_recording("first_order", 0, 0.0, truth["delay_s"], truth, rows=800)
