@@ -36,17 +36,20 @@ def stays_within(program: Program, ranges: Ranges, value: str, low: float, high:
         least, most = found[value]
         return max(low - least, most - high)
 
-    left = [{name: (int(ranges[name][0]), int(ranges[name][1])) for name in leaves}]
+    def beyond(boxes: list[Box]) -> list[tuple[float, Box]]:
+        """Return the boxes in which the value may leave the limits, with by how much."""
+        weighed = [(excess(box), box) for box in boxes]
+        return [each for each in weighed if each[0] > 0]
+
+    left = beyond([{name: (int(ranges[name][0]), int(ranges[name][1])) for name in leaves}])
     for _ in range(MOST):
         if not left:
             return True
-        box = left.pop()
-        if excess(box) <= 0:
-            continue
-        halves = [[part for part in _cut(box, name) if excess(part) > 0] for name in box if box[name][0] < box[name][1]]
+        _, box = left.pop()
+        halves = [beyond(_cut(box, name)) for name in box if box[name][0] < box[name][1]]
         if not halves:
             return False  # one point, which may leave them
-        left += min(halves, key=lambda parts: sum(excess(part) for part in parts))
+        left += min(halves, key=lambda parts: sum(over for over, _ in parts))
     return False
 
 

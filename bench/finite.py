@@ -62,7 +62,7 @@ def _reaches(program: Program, largest: float) -> dict[str, Reach]:
         match op.function:
             case "clamp" | "beyond" if not any(isinstance(a, str) for a in op.arguments[1:]):
                 made = Reach(max(term.most for term in terms[1:]), frozenset())  # no number gives the lower limit
-            case "add" | "sub" | "neg" | "copy":
+            case function if function in SUMS:
                 made = _joined(terms, sum)
             case "mul":
                 made = _joined(terms, math.prod)

@@ -45,7 +45,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
-    return _confirmed(levelled(found) if found.best.fitted.causes else found), shape
+    return _confirmed(levelled(found)), shape
 
 
 def _confirmed(found: Search) -> Search:

@@ -18,7 +18,7 @@ from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, joined, rated, unseen_residuals
+from diagnose.rival import Rival, joined, rated, unseen_residuals, without
 from diagnose.screen import ground, screen
 from identify.noise import Noise, memory
 
@@ -73,8 +73,13 @@ def _simulated(found: Search) -> Search:
 def _evidence(found: Search, fitted: Fitted) -> float:
     """Return the drop of BIC by innovations that an explanation brings beside the nominal plant of the other search."""
     scene = found.scene
-    refit = fit(scene, scene.train, fitted.causes, fitted.point, noises_of(scene, fitted.residuals), _LONG)
-    return found.nominal.score - min(rated(scene, each).score for each in (fitted, refit))
+    return found.nominal.score - min(rated(scene, fitted).score, _by_innovations(scene, fitted).score)
+
+
+def _by_innovations(scene: Scene, fitted: Fitted) -> Rival:
+    """Fit the same effects from there by the innovations of what is left."""
+    noises = noises_of(scene, fitted.residuals)
+    return rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, noises, _LONG))
 
 
 def _refined(plain: Search) -> Search:
@@ -82,7 +87,8 @@ def _refined(plain: Search) -> Search:
     scene, best = plain.scene, plain.best
     finer = polished(scene, best.fitted, best.noises)
     while len(finer.causes) > 1:
-        slimmer = [_without(scene, finer, cause) for cause in finer.causes]
+        sizes = _sizes(_independent(finer.residuals))
+        slimmer = [fit(scene, scene.train, *without(finer, cause), sizes, _LONG) for cause in finer.causes]
         least = min(slimmer, key=lambda each: each.cost)
         if min(_ratios(scene, finer, least)) < _BETTER:
             break
@@ -100,19 +106,11 @@ def _whitened(found: Search, plain: Search) -> Search:
     innovations tell their size better, in a closed loop most of all.
     """
     scene, fitted = found.scene, plain.best.fitted
-    again = fit(scene, scene.train, fitted.causes, fitted.point, noises_of(scene, fitted.residuals), _LONG)
-    best = rated(scene, again)
-    if best.score >= rated(scene, fitted).score or _ratios(scene, fitted, again)[1] < _CLEAR:
+    best = _by_innovations(scene, fitted)
+    if best.score >= rated(scene, fitted).score or _ratios(scene, fitted, best.fitted)[1] < _CLEAR:
         return plain
     gain = found.nominal.score - best.score
     return replace(found, best=best, rounds=((best,),), gains=(gain,))
-
-
-def _without(scene: Scene, fitted: Fitted, gone: Cause) -> Fitted:
-    rest = tuple(cause for cause in fitted.causes if cause != gone)
-    values = {key: value for key, value in fitted.point.values.items() if key not in gone.keys}
-    sizes = _sizes(_independent(fitted.residuals))
-    return fit(scene, scene.train, rest, Point(values, fitted.point.starts), sizes, _LONG)
 
 
 def strays(found: Search) -> bool:
@@ -145,7 +143,7 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
     ratio = max(_ratios(scene, one, best.fitted))
     if not ratio <= _LEAP:  # nor where one of them has diverged
         return None
-    again = rated(scene, fit(scene, scene.train, one.causes, one.point, noises_of(scene, one.residuals), _LONG))
+    again = _by_innovations(scene, one)
     gain = best.score - again.score
     if not gain >= (THRESHOLD if ratio > _SURE else 0.0):
         return None

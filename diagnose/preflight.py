@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording
@@ -112,8 +113,7 @@ def _kinematics(recording: Recording) -> list[str]:
         if place not in recording.columns or speed not in recording.columns:
             continue
         moved = recording.columns[place] - recording.columns[place][0]
-        rate = recording.columns[speed]
-        summed = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(recording.time))])
+        summed = cumulative_trapezoid(recording.columns[speed], recording.time, initial=0.0)
         power = float(summed @ summed)
         if power > 0.0:
             factor = float(moved @ summed) / power

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.given import afresh, from_given, runaways
-from diagnose.hypothesis import Point, Scene, first_point
+from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, noises_of
-from diagnose.rival import CONTAINS, MINOR, TIE, Rival, containing, extended, larger, rated, simplest
+from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, without
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import merged, relatives, swapped
 from identify.noise import white
@@ -133,23 +133,28 @@ def settled(found: Search) -> Search:
 def levelled(found: Search) -> Search:
     """Polish the rivals that are near the best as that was: they may be as good."""
     scene, best = found.scene, found.best
-    near = [each for each in rivals_of(found) if each.score - best.score < _NEAR]
-    distinct = list({frozenset(each.fitted.causes): each for each in reversed(near)}.values())[::-1][:_LEVELLED]
-    polished = sorted((_unwhitened(scene, each) for each in distinct), key=lambda each: each.score)
-    if not polished or polished[0].score >= best.score:
+    near: dict[frozenset[Cause], Rival] = {}
+    for each in rivals_of(found):
+        if each.score - best.score < _NEAR and len(near) < _LEVELLED:
+            near.setdefault(frozenset(each.fitted.causes), each)
+    polished = sorted((_unwhitened(scene, each) for each in near.values()), key=lambda each: each.score)
+    if not polished:
+        return found
+    if polished[0].score >= best.score:
         return replace(found, rounds=(*found.rounds, tuple(polished)))
     return replace(found, best=polished[0], rounds=(*found.rounds, (best, *polished)))
 
 
 def rivals_of(search: Search) -> tuple[Rival, ...]:
     """Return other explanations with as many effects; one that only contains or is contained is no rival."""
-    return tuple(rival for rival, theirs, ours in _others(search) if not (_hold(theirs, ours) or _hold(ours, theirs)))
+    return tuple(
+        rival for rival, theirs, ours in _others(search) if not (contain(theirs, ours) or contain(ours, theirs))
+    )
 
 
 def richer_of(search: Search) -> tuple[Rival, ...]:
-    """Return the explanations that have the best as a special case and explain more."""
-    score = search.best.score
-    return tuple(rival for rival, theirs, ours in _others(search) if _hold(theirs, ours) and rival.score < score)
+    """Return the explanations with as many effects that have the best as a special case."""
+    return tuple(rival for rival, theirs, ours in _others(search) if contain(theirs, ours))
 
 
 def _others(search: Search) -> list[tuple[Rival, set[str], set[str]]]:
@@ -161,10 +166,6 @@ def _others(search: Search) -> list[tuple[Rival, set[str], set[str]]]:
         for each in every
         if len(each.fitted.causes) == len(mine.causes) and set(each.fitted.causes) != set(mine.causes)
     ]
-
-
-def _hold(some: set[str], others: set[str]) -> bool:
-    return any(other in CONTAINS.get(name, ()) for name in some for other in others)
 
 
 def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
@@ -294,8 +295,8 @@ def _round(
     top = screened[0].gain if screened else 0.0
     picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
     names = {each.cause.effect.name for each in picked}
-    related = {other for name in names for other in (*CONTAINS.get(name, ()), *containing(name))}
-    more = [each for each in screened if each.cause.effect.name in related and each not in picked]
+    kin = {other for name in names for other in related(name)}
+    more = [each for each in screened if each.cause.effect.name in kin and each not in picked]
     trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
     begun = time.process_time()
     away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))
@@ -348,12 +349,10 @@ def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
 def pruned(scene: Scene, best: Rival) -> Rival:
     """Drop effects one by one as long as the rest explains as much."""
     while len(best.fitted.causes) > 1:
-        slimmer = []
-        for cause in best.fitted.causes:
-            rest = tuple(other for other in best.fitted.causes if other != cause)
-            values = {key: value for key, value in best.fitted.point.values.items() if key not in cause.keys}
-            begin = Point(values, best.fitted.point.starts)
-            slimmer.append(rated(scene, fit(scene, scene.train, rest, begin, best.noises, _LONG)))
+        slimmer = [
+            rated(scene, fit(scene, scene.train, *without(best.fitted, cause), best.noises, _LONG))
+            for cause in best.fitted.causes
+        ]
         least = min(slimmer, key=lambda each: each.score)
         if least.score - best.score >= THRESHOLD:
             return best

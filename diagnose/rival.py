@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,8 +72,13 @@ def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:
     residuals = unseen_residuals(scene, fitted, noises)
     if any(np.any(np.isnan(residual)) for residual in residuals):
         return IMPOSSIBLE
+    return unlikely(scene, residuals)
+
+
+def unlikely(scene: Scene, residuals: Sequence[Array]) -> float:
+    """Return -2 log likelihood of residuals (n, r) with their own noise, but for a constant; 0 of none."""
     rows = sum(len(residual) for residual in residuals)
-    return float(sum(2.0 * rows * np.log(noise.scale) for noise in noises_of(scene, residuals)))
+    return float(sum(2.0 * rows * np.log(noise.scale) for noise in noises_of(scene, residuals))) if residuals else 0.0
 
 
 def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
@@ -118,9 +123,25 @@ def extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tu
     return causes, Point(entered(values, cause, start), base.point.starts)
 
 
+def without(base: Fitted, gone: Cause) -> tuple[tuple[Cause, ...], Point]:
+    """Take a cause out of a hypothesis."""
+    values = {key: value for key, value in base.point.values.items() if key not in gone.keys}
+    return tuple(cause for cause in base.causes if cause != gone), Point(values, base.point.starts)
+
+
 def containing(name: str) -> tuple[str, ...]:
     """Return the effects that have the one called `name` as a special case."""
     return tuple(rich for rich, simpler in CONTAINS.items() if name in simpler)
+
+
+def related(name: str) -> tuple[str, ...]:
+    """Return what the effect called `name` has as a special case, and what has it as one."""
+    return (*CONTAINS.get(name, ()), *containing(name))
+
+
+def contain(some: Collection[str], others: Collection[str]) -> bool:
+    """Tell whether one of the first effects has one of the others as a special case."""
+    return any(other in CONTAINS.get(name, ()) for name in some for other in others)
 
 
 def simplest(rivals: Sequence[Rival], without: float) -> Rival:

@@ -13,7 +13,7 @@ from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.rank import Search, screened
 from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
-from diagnose.rival import Rival
+from diagnose.rival import Rival, unlikely
 from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
@@ -91,7 +91,7 @@ def best_shape(search: Search, rival: Rival) -> Shape | None:
         gains = _promised(base, moved, noises)
         picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
     bare = _weighed(base, ())
-    without = min(bare[0], rival.score), _unlikely(base, bare[2][base.train :])
+    without = min(bare[0], rival.score), unlikely(base.search.scene, bare[2][base.train :])
     shapes = [_shape(base, choices[place], *without) for place in dict.fromkeys(picked)]
     return max(shapes, key=lambda each: each.gain, default=None)
 
@@ -200,15 +200,9 @@ def _solved(tall: Sequence[Array], residuals: Sequence[Array], noises: Sequence[
 
 def _score(base: _Base, left: Sequence[Array], unknowns: int) -> float:
     """Return BIC on train, and -2 log likelihood on test, as a rival's score is made."""
-    total = _unlikely(base, left[: base.train]) + _unlikely(base, left[base.train :])
+    total = unlikely(base.search.scene, left[: base.train]) + unlikely(base.search.scene, left[base.train :])
     rows = sum(part.size for part in left[: base.train])
     return total + (len(base.rival.fitted.coordinates) + unknowns) * float(np.log(rows))
-
-
-def _unlikely(base: _Base, parts: Sequence[Array]) -> float:
-    """Return -2 log likelihood of residuals (n, r), but for a constant."""
-    rows = sum(len(part) for part in parts)
-    return sum(2.0 * rows * float(np.log(n.scale)) for n in noises_of(base.search.scene, parts)) if parts else 0.0
 
 
 def _shape(base: _Base, term: Term, without: float, unseen: float) -> Shape:
@@ -220,6 +214,6 @@ def _shape(base: _Base, term: Term, without: float, unseen: float) -> Shape:
     if not (term.coordinate.memory or term.coordinate.pitch):
         points[:, 1] = term.coordinate.shapes(centres, base.train) @ answer
     train, test = left[: base.train], left[base.train :]
-    gain, seen = without - score, unseen - _unlikely(base, test)
+    gain, seen = without - score, unseen - unlikely(base.search.scene, test)
     gain = min(gain, seen) if test and seen <= 0.0 else gain
     return Shape(term.kind, term.coordinate.name, len(answer), gain, points, train, test)

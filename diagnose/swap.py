@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered
 from diagnose.refit import fit
-from diagnose.rival import CONTAINS, TIE, Rival, containing, larger, rated, richer
+from diagnose.rival import TIE, Rival, contain, containing, larger, rated, related, richer, without
 
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
@@ -33,7 +33,7 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
                 tried.append(_translated(scene, best, gone, come))
     for winner in sorted(tried, key=lambda each: each.score):
         newest = winner.fitted.names[-1]
-        held = any(name in CONTAINS.get(newest, ()) for name in best.fitted.names)
+        held = contain((newest,), best.fitted.names)
         if best.score - winner.score > (richer(gain) if held else TIE) and not larger(winner, best):
             return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))
@@ -65,7 +65,7 @@ def merged(scene: Scene, best: Rival) -> Rival:
 def relatives(scene: Scene, rival: Rival, known: Collection[tuple[Cause, ...]]) -> list[Rival]:
     """Fit what the newest effect contains and what contains it, but for `known` causes, from the values they share."""
     newest = rival.fitted.causes[-1]
-    names = (*CONTAINS.get(newest.effect.name, ()), *containing(newest.effect.name))
+    names = related(newest.effect.name)
     kept = rival.fitted.causes[:-1]
     return [
         _translated(scene, rival, newest, cause)
@@ -80,7 +80,7 @@ def _alike(one: Cause, other: Cause) -> dict[str, str]:
     What contains an effect of one parameter has it as all its parameters of that unit.
     """
     mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
-    alone = len(mine) == 1 and one.effect.name in CONTAINS.get(other.effect.name, ())
+    alone = len(mine) == 1 and contain((other.effect.name,), (one.effect.name,))
     found = {}
     for key, each in zip(other.keys, other.parameters, strict=True):
         if each.name in mine or (alone and each.unit == one.parameters[0].unit):
@@ -92,16 +92,15 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
     """Put one cause in the place of another, and fit from the best of the starts of what they do not share."""
     values = rival.fitted.point.values
     shared = {key: values[own] for key, own in _alike(gone, come).items()}
-    kept = tuple(cause for cause in rival.fitted.causes if cause != gone)
-    rest = {key: value for key, value in values.items() if key not in gone.keys}
+    kept, rest = without(rival.fitted, gone)
     starts = (
         scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])
     )
     distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_STARTS]
     trials = []
     for start in distinct:
-        whole = {**rest, **start} if shared else entered({**rest, **_returned(gone, values)}, come, start)
-        begin = Point(whole, rival.fitted.point.starts)
+        left = rest.values if shared else {**rest.values, **_returned(gone, values)}
+        begin = Point({**left, **start} if shared else entered(left, come, start), rest.starts)
         trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
     best = min(trials, key=lambda each: each.cost)
     return rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))

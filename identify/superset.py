@@ -155,12 +155,10 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         for index, signal in enumerate(bare.states):
             if signal.name in recording.columns:
                 states[:, index] = recording.columns[signal.name]
-        if assembly.position >= 0 and bare.states[assembly.speed].name in recording.columns:
-            if bare.states[assembly.position].name not in recording.columns:
-                begun = states[0, assembly.position]
-                states[:, assembly.position] = begun + cumulative_trapezoid(
-                    states[:, assembly.speed], recording.time, initial=0.0
-                )
+        known = [signal.name in recording.columns for signal in bare.states]
+        if assembly.position >= 0 and known[assembly.speed] and not known[assembly.position]:
+            way = cumulative_trapezoid(states[:, assembly.speed], recording.time, initial=0.0)
+            states[:, assembly.position] = states[0, assembly.position] + way
         column = recording.columns[plant.outputs[output].name]
         low, high = min(low, float(column.min())), max(high, float(column.max()))
         see("input", course.drive[:, 0])
@@ -244,8 +242,7 @@ def travelled(recording: Recording, unit: str = "rad") -> Array | None:
         return np.ascontiguousarray(recording.columns[f"position_{unit}"], dtype=np.float64)
     if f"speed_{unit}_s" not in recording.columns:
         return None
-    speed = recording.columns[f"speed_{unit}_s"]
-    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(recording.time))])
+    return np.asarray(cumulative_trapezoid(recording.columns[f"speed_{unit}_s"], recording.time, initial=0.0))
 
 
 def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:

@@ -76,13 +76,6 @@ names = ["host", "qemu_mps2_an386"]
 """
 
 
-def walk(text: str, recordings: Path, folder: Path, more: str) -> dict[str, object]:
-    project = folder / "project.toml"
-    project.write_text(text.format(folder=recordings.resolve().as_posix(), more=more))
-    assert main(["run", str(project), "--out", str(folder / "out"), "--steps", "30000"]) == 0
-    return json.loads((folder / "out" / "verdict.json").read_text())
-
-
 @pytest.mark.recordings
 @pytest.mark.qemu
 @pytest.mark.parametrize(

@@ -138,5 +138,4 @@ def test_what_a_rounding_drops_is_the_same_behind_it() -> None:
     """0.4 by whole steps of 256 never comes so near to the middle of two values that one more unit of it shows."""
     judge = bench(laws()["fuzzy_pid"], "fixed32", 1_000, 1)
     factors = [m for m in mutants(judge.bundle) if m.what == "number 1717986918 -> 1717986919" and "wide" in m.before]
-    judged = [equivalent(judge.program, m) for m in factors]
-    assert sum(why is not None for why in judged) >= 1
+    assert any(equivalent(judge.program, m) is not None for m in factors)
