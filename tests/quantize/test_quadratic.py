@@ -17,7 +17,7 @@ from design.law import Law
 from design.outcome import CAPPED, INFEASIBLE, SOLVED
 from design.region import drawn_parameters
 from identify.signal import Signal
-from quantize.budget import budget_of
+from quantize.budget import DRAWN, budget_of
 from quantize.lower import lower
 from quantize.program import Program
 from quantize.quadratic import rows_of, table_of
@@ -203,8 +203,13 @@ def test_where_float64_goes_round_in_circles_generation_ends() -> None:
     law = design(request(own, inputs, (Signal("force", "1", -1.0, 1.0),))).law
     assert law.solve is not None
     state = np.array([[0.959377417019313, 0.2843906429114131, 0.007353958401157934, 0.7603396157517155]])
-    assert solve(exact(law.solve.problem), state).status == [CAPPED]
-    assert dict(lower(law, "float32").tables[0].sizes)["FL_QP_BUDGET"] < 2000
+    problem, rng = law.solve.quadratic, np.random.default_rng(0)
+    near = (problem.gram * (1.0 + 1e-14 * rng.standard_normal(problem.gram.shape)) for _ in range(300))
+    # Which of them goes round depends on the last bits, and those on the machine that designs.
+    problems = (replace(problem, gram=each) for each in near)
+    circling = next(each for each in problems if solve(exact(each), state).status == [CAPPED])
+    assert CAPPED in solve(exact(circling), drawn_parameters(law, DRAWN, 0)).status
+    assert budget_of(law, circling, "float32")[0] < 2000
 
 
 @pytest.mark.parametrize(("seed", "lane"), [(55, 372), (109, 371)])
