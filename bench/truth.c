@@ -1,7 +1,8 @@
 /* truth.c -- what the blind benchmark conceals: a motor or a stage, moved by other means than the fitting simulator.
  *
- * The smooth part is moved by Runge-Kutta over fixed substeps; dry friction is set-valued and acts as an impulse before
- * and after each of them (Strang splitting), clipped so that it can stop the shaft and never reverse it. Inputs are held
+ * Runge-Kutta over fixed substeps; dry friction and the drop of the brushes are set-valued: their sign holds from one
+ * zero of the speed or the current to the next, where a substep is divided, and what rests goes on resting while what
+ * drives it is no more than they can hold. Inputs are held
  * from row to row; a switch inside a substep counts with its share. The trajectory of every substep is returned.
  */
 #include <math.h>
@@ -19,6 +20,7 @@ enum {
     COUNT
 };
 enum { CURRENT, SPEED, POSITION, LOAD_SPEED, TWIST, HEAT, BRISTLE_STATE, LOOP_STATE, STATES };
+enum { PARTS = 8 }; /* of a substep, at most */
 
 static double sign(double x) { return (x > 0.0) - (x < 0.0); }
 
@@ -45,11 +47,31 @@ static double motor_torque(const double *p, const double *x, double v) {
     return kt * i * (1.0 - p[RIPPLE] * sin(p[RIPPLE_N] * x[POSITION] + p[RIPPLE_PHASE]));
 }
 
-static void rates(const double *p, const double *x, double v, double torque, double t, double *d) {
+static double friction(const double *p, const double *x, double v, double side) {
+    double level = p[COULOMB] + p[LOAD_RATIO] * fabs(motor_torque(p, x, v));
+    if (p[STRIBECK] > 0.0) {
+        level += (p[STATIC] - p[COULOMB]) * exp(-(x[SPEED] / p[STRIBECK]) * (x[SPEED] / p[STRIBECK]));
+    }
+    return level + (side > 0.0 ? p[POSITIVE] : p[NEGATIVE]);
+}
+
+static double inductance(const double *p, double i) {
+    return p[L_SATURATION] > 0.0 ? p[L] / (1.0 + i * i / (p[L_SATURATION] * p[L_SATURATION])) : p[L];
+}
+
+/* Signs of the dry friction and of the brushes' drop; what rests stays. */
+struct side {
+    double speed;
+    double current;
+    int stuck;
+    int dark;
+};
+
+static void rates(const double *p, const double *x, double v, double torque, double t, const struct side *on,
+                  double *d) {
     const double w = x[SPEED];
     const double a = x[POSITION];
     double sum = motor_torque(p, x, v) + torque - p[B] * w * (1.0 + p[ANGLE_DAMPING] * sin(2.0 * a));
-    double inductance = p[L];
     double resistance = p[R];
     sum -= p[DRAG] * fabs(w) * w + p[LOAD];
     sum -= p[GRAVITY] * sin(a + p[GRAVITY_PHASE]) + p[COGGING] * sin(p[COGGING_N] * a + p[COGGING_PHASE]);
@@ -85,11 +107,12 @@ static void rates(const double *p, const double *x, double v, double torque, dou
         d[LOAD_SPEED] = link / p[COUPLED_INERTIA];
         d[TWIST] = w - x[LOAD_SPEED];
     }
-    d[SPEED] = sum / p[J];
+    sum -= on->speed * friction(p, x, v, on->speed);
+    d[SPEED] = on->stuck ? 0.0 : sum / p[J];
     d[POSITION] = w;
     if (p[IS_MOTOR] != 0.0) {
         const double i = x[CURRENT];
-        double e = v - p[KE] * w - p[BRUSH] * tanh(i / 1e-4);
+        double e = v - p[KE] * w - p[BRUSH] * on->current;
         if (p[SUPPLY] > 0.0) {
             e -= v * v / (p[SUPPLY] * p[SUPPLY]) * p[SAG] * i;
         }
@@ -97,21 +120,56 @@ static void rates(const double *p, const double *x, double v, double torque, dou
             resistance *= 1.0 + 0.00393 * x[HEAT];
             d[HEAT] = (p[HEAT_RISE] * i * i * resistance - x[HEAT]) / p[HEAT_TIME];
         }
-        if (p[L_SATURATION] > 0.0) {
-            inductance /= 1.0 + i * i / (p[L_SATURATION] * p[L_SATURATION]);
-        }
-        d[CURRENT] = (e - resistance * i) / inductance;
+        d[CURRENT] = on->dark ? 0.0 : (e - resistance * i) / inductance(p, i);
     }
 }
 
-static void rub(const double *p, double *x, double v, double h) {
-    const double w = x[SPEED];
-    double level = p[COULOMB] + p[LOAD_RATIO] * fabs(motor_torque(p, x, v));
-    if (p[STRIBECK] > 0.0) {
-        level += (p[STATIC] - p[COULOMB]) * exp(-(w / p[STRIBECK]) * (w / p[STRIBECK]));
+static void step(const double *p, const double *x, double v, double torque, double t, double h, const struct side *on,
+                 double *moved) {
+    double a[STATES];
+    double b[STATES];
+    double c[STATES];
+    double d[STATES];
+    double y[STATES];
+    rates(p, x, v, torque, t, on, a);
+    for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * a[s];
+    rates(p, y, v, torque, t, on, b);
+    for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * b[s];
+    rates(p, y, v, torque, t, on, c);
+    for (int s = 0; s < STATES; ++s) y[s] = x[s] + h * c[s];
+    rates(p, y, v, torque, t, on, d);
+    for (int s = 0; s < STATES; ++s) moved[s] = x[s] + h / 6.0 * (a[s] + 2.0 * b[s] + 2.0 * c[s] + d[s]);
+}
+
+/* The share of a step after which what began at `from` is at rest; 1 where it does not come to rest. */
+static double until_rest(double from, double to) { return from * to < 0.0 ? from / (from - to) : 1.0; }
+
+static void move(const double *p, double *x, double v, double torque, double t, double h) {
+    for (int part = 0; part < PARTS && h > 0.0; ++part) {
+        struct side on = {sign(x[SPEED]), sign(x[CURRENT]), 0, 0};
+        double free[STATES];
+        double y[STATES];
+        rates(p, x, v, torque, t, &on, free);
+        if (x[SPEED] == 0.0) {
+            on.stuck = fabs(p[J] * free[SPEED]) <= friction(p, x, v, free[SPEED]);
+            on.speed = on.stuck ? 0.0 : sign(free[SPEED]);
+        }
+        if (x[CURRENT] == 0.0) {
+            on.dark = fabs(inductance(p, 0.0) * free[CURRENT]) <= p[BRUSH];
+            on.current = on.dark ? 0.0 : sign(free[CURRENT]);
+        }
+        step(p, x, v, torque, t, h, &on, y);
+        const double speed = until_rest(x[SPEED], y[SPEED]);
+        const double current = until_rest(x[CURRENT], y[CURRENT]);
+        const double share = part + 1 < PARTS ? fmin(speed, current) : 1.0;
+        if (share < 1.0) {
+            step(p, x, v, torque, t, share * h, &on, y);
+            y[speed <= current ? SPEED : CURRENT] = 0.0;
+        }
+        for (int s = 0; s < STATES; ++s) x[s] = y[s];
+        t += share * h;
+        h -= share * h;
     }
-    level += w > 0.0 ? p[POSITIVE] : p[NEGATIVE];
-    x[SPEED] = fabs(w) > h * level / p[J] ? w - sign(w) * h * level / p[J] : 0.0;
 }
 
 /** Run `rows` rows of `step` s, `fine` substeps each. command (rows): the input, or the wanted speed where gains is not
@@ -142,11 +200,6 @@ int truth_run(int rows, int fine, double step, const double *p, double *command,
             const double late = (t - p[DELAY]) / step; /* in rows */
             double *at = &out[((size_t)row * (size_t)fine + (size_t)k) * 3];
             double v;
-            double a[STATES];
-            double b[STATES];
-            double c[STATES];
-            double d[STATES];
-            double y[STATES];
             const int before = (int)floor(late + 1e-9);
             const int after = (int)floor(late + h / step - 1e-9);
             v = before >= 0 ? driven[before] : 0.0;
@@ -166,16 +219,7 @@ int truth_run(int rows, int fine, double step, const double *p, double *command,
             /* a switch inside the substep */
             const double stepped = fmin(fmax((t + h - p[STEP_TIME]) / h, 0.0), 1.0);
             const double pushed = torque[row] - p[STEP] * stepped;
-            rub(p, x, v, 0.5 * h);
-            rates(p, x, v, pushed, t, a);
-            for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * a[s];
-            rates(p, y, v, pushed, t, b);
-            for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * b[s];
-            rates(p, y, v, pushed, t, c);
-            for (int s = 0; s < STATES; ++s) y[s] = x[s] + h * c[s];
-            rates(p, y, v, pushed, t, d);
-            for (int s = 0; s < STATES; ++s) x[s] += h / 6.0 * (a[s] + 2.0 * b[s] + 2.0 * c[s] + d[s]);
-            rub(p, x, v, 0.5 * h);
+            move(p, x, v, pushed, t, h);
             if (!isfinite(x[SPEED])) {
                 free(driven);
                 return 2;

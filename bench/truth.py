@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from identify.compiler import shared_library
 
 Array = NDArray[np.float64]
-FINE = 50  # substeps per row
+FINE = 100  # substeps per row
 PARAMETERS = (
     "is_motor R L ke kt J b coulomb static stribeck positive negative load_ratio bristle bristle_level "
     "drag load step step_time gravity gravity_phase cogging cogging_n cogging_phase ripple ripple_n ripple_phase "

@@ -45,6 +45,9 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
+    alone = best_shape(found, found.nominal) if len(found.best.fitted.causes) > 1 else None
+    if alone is not None and alone.gain > found.nominal.score - found.best.score + TIE:
+        return replace(found, best=found.nominal), alone  # one shape says more than several names
     return _confirmed(levelled(found)), shape
 
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from diagnose.given import afresh, from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.refit import Fitted, evidence, fit, noises_of, whitened
 from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, without
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import merged, relatives, swapped
+from identify.course import LONGEST_CHANGE
 from identify.noise import white
 
 Array = NDArray[np.float64]
@@ -94,7 +95,7 @@ def search(scene: Scene, progress: Progress) -> Search:
             best = base
             break
         gains.append(gain)
-        best = _refollowed(scene, _unwhitened(scene, chosen))
+        best = _refined(scene, _refollowed(scene, _unwhitened(scene, chosen)))
         if turn == 0:
             nominal = base
     if not gains:
@@ -197,7 +198,7 @@ def _follows_record(scene: Scene, nominal: Rival) -> bool:
 def _refollowed(scene: Scene, rival: Rival) -> Rival:
     """Let waves follow the other angle, the recorded or the simulated one, if that explains clearly more."""
     waves = any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
-    if not waves or any("position_rad" in recording.columns for recording in scene.train):
+    if not waves:
         return rival
     now = scene.engine.recorded
     scene.engine.follow(not now)
@@ -206,6 +207,22 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
     if rival.score - other.score > TIE:
         return other
     scene.engine.follow(now)
+    return rival
+
+
+def _refined(scene: Scene, rival: Rival) -> Rival:
+    """Go on by finer steps where those of a search leave a trace beside little noise, which the next effect would take.
+    """
+    engine, fitted = scene.engine, rival.fitted
+    if engine.longest_change <= LONGEST_CHANGE:
+        return rival
+    coarse = engine.longest_change
+    engine.hasten(LONGEST_CHANGE)
+    finer = fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, 0)
+    pairs = zip(finer.residuals, fitted.residuals, strict=True)
+    if sum(float(np.sum(whitened(one - other, rival.noises) ** 2)) for one, other in pairs) > TIE:
+        return rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
+    engine.hasten(coarse)
     return rival
 
 
