@@ -211,8 +211,7 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
 
 
 def _refined(scene: Scene, rival: Rival) -> Rival:
-    """Go on by finer steps where those of a search leave a trace beside little noise, which the next effect would take.
-    """
+    """Go on by finer steps where the coarse ones leave a trace beside little noise: the next effect would take it."""
     engine, fitted = scene.engine, rival.fitted
     if engine.longest_change <= LONGEST_CHANGE:
         return rival
@@ -353,7 +352,8 @@ def _too_large(fitted: Fitted) -> bool:
     """Tell whether the newest effect had to be as large as it can be: it only stands for another."""
     newest = fitted.causes[-1]
     sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
-    return any(each.default is None and fitted.point.values[key] > _WHOLE * each.high for key, each in sizes)
+    bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
+    return any(fitted.point.values[key] > _WHOLE * high for key, high in bounded)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:

@@ -152,11 +152,15 @@ def simplest(rivals: Sequence[Rival], without: float) -> Rival:
     chosen = rivals[0]
     for other in rivals[1:]:
         last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
-        if rest in CONTAINS.get(last, ()) and other.score - chosen.score < richer(without - other.score):
+        if rest in CONTAINS.get(last, ()) and not richer(chosen, other, without - other.score):
             chosen = other
     return chosen
 
 
-def richer(gain: float) -> float:
-    """Return what a richer effect must win over the simpler one that it contains, which had won `gain`."""
-    return max(RICHER, MINOR * gain)
+def richer(rival: Rival, simpler: Rival, gain: float) -> bool:
+    """Tell whether an effect wins enough over the simpler one that it contains, which had won `gain`.
+
+    Also on train alone: its further parameters have to tell there, where they were fitted.
+    """
+    told = evidence(rival.fitted, rival.noises) < evidence(simpler.fitted, simpler.noises)
+    return told and simpler.score - rival.score >= max(RICHER, MINOR * gain)

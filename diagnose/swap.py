@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered
 from diagnose.refit import fit
-from diagnose.rival import TIE, Rival, contain, containing, larger, rated, related, richer, without
+from diagnose.rival import TIE, Rival, contain, larger, rated, related, richer, without
 
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
@@ -22,7 +22,7 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
     seen = {frozenset(cause.label for cause in best.fitted.causes)}
     begun = time.process_time()
     for gone in best.fitted.causes:
-        names = {*gone.effect.confusable_with, *containing(gone.effect.name)}
+        names = {*gone.effect.confusable_with, *related(gone.effect.name)}
         for come in scene.causes:
             if come in best.fitted.causes:
                 continue
@@ -32,9 +32,14 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
                 seen.add(labels)
                 tried.append(_translated(scene, best, gone, come))
     for winner in sorted(tried, key=lambda each: each.score):
-        newest = winner.fitted.names[-1]
-        held = contain((newest,), best.fitted.names)
-        if best.score - winner.score > (richer(gain) if held else TIE) and not larger(winner, best):
+        theirs, ours = set(winner.fitted.names), set(best.fitted.names)
+        if contain(theirs - ours, ours):
+            better = richer(winner, best, gain)
+        elif contain(ours - theirs, theirs - ours):
+            better = not richer(best, winner, gain)
+        else:
+            better = best.score - winner.score > TIE
+        if better and not larger(winner, best):
             return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))
 
@@ -81,9 +86,10 @@ def _alike(one: Cause, other: Cause) -> dict[str, str]:
     """
     mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
     alone = len(mine) == 1 and contain((other.effect.name,), (one.effect.name,))
+    lone = len(other.keys) == 1 and contain((one.effect.name,), (other.effect.name,))
     found = {}
     for key, each in zip(other.keys, other.parameters, strict=True):
-        if each.name in mine or (alone and each.unit == one.parameters[0].unit):
+        if each.name in mine or ((alone or lone) and each.unit == one.parameters[0].unit):
             found[key] = mine.get(each.name, one.keys[0])
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.ndimage import median_filter
+from scipy.signal import lfilter
 
 from diagnose.locate import Latent
 from diagnose.response import disturbed
@@ -23,10 +24,11 @@ Array = NDArray[np.float64]
 SENSOR = "sensor"
 _HATS = 10
 _HARMONICS = 4
-_MEMORY = (0.003, 0.01, 0.03, 0.1, 0.3)  # s of travel at the usual speed, after which a stretched spring yields
+_MEMORY = (0.003, 0.01, 0.03, 0.1, 0.3)  # s after which a stretched spring yields, at the usual speed, or relaxes
 _FINER = 4  # lines of a spectrum per cycle in a recording
 _NEIGHBOURS = 40  # cycles in a recording that a line is held against
 _CYCLES = 5  # in a recording: a slower wave is a drift
+_TURNING = " (per turn)"
 _POSITIONS = ("position_rad", "position_m")
 _SPEEDS = ("speed_rad_s", "speed_m_s")
 
@@ -39,16 +41,22 @@ class Coordinate:
     periodic: bool
     values: tuple[Array, ...]
     factor: tuple[Array, ...] | None = None
-    memory: bool = False
+    step: float = 0.0  # s from row to row, where the term remembers its way: springs that yield or relax
+    relaxes: bool = False
     pitch: float = 0.0  # rad/s of a wave over time, which every recording has of its own size and phase
 
+    @property
+    def memory(self) -> bool:
+        """Tell whether the term is no function of where its coordinate is, but of how it came there."""
+        return self.step > 0.0
+
     def columns(self, index: int, train: int) -> Array:
-        """Return hats, waves or springs that yield (n, b) of one recording; the first `train` ones set the hats."""
+        """Return hats, waves or springs (n, b) of one recording; the first `train` ones set the hats."""
         values = self.values[index]
         if self.pitch:
             return np.stack([np.sin(self.pitch * values), np.cos(self.pitch * values)], axis=1)
         if self.memory:
-            return _springs(values, self._usual(train))
+            return _relaxing(values, self.step) if self.relaxes else _yielding(values, self._reaches(train))
         found = self.shapes(values, train)
         return found if self.factor is None else found * self.factor[index][:, None]
 
@@ -66,9 +74,9 @@ class Coordinate:
             return np.linspace(0.0, 2.0 * np.pi, 25)
         return np.unique(np.quantile(np.concatenate(self.values[:train]), np.linspace(0.0, 1.0, _HATS)))
 
-    def _usual(self, train: int) -> Array:
+    def _reaches(self, train: int) -> Array:
         steps = np.concatenate([np.diff(values) for values in self.values[:train]])
-        return float(np.sqrt(np.mean(steps**2))) * np.array(_MEMORY)
+        return float(np.sqrt(np.mean(steps**2))) / self.step * np.array(_MEMORY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +108,7 @@ def terms(
     tables = [_coordinates(plant, recording, each) for recording, each in zip(recordings, seen, strict=True)]
     shared = [name for name in tables[0] if all(name in table for table in tables)]
     places = {name: tuple(table[name] for table in tables) for name in shared}
-    turning = {name for name in shared if name.endswith("(per turn)")}
+    turning = {name for name in shared if name.endswith(_TURNING)}
     plain = [Coordinate(name, name in turning, values) for name, values in places.items()]
     position = next((each for each in plain if each.periodic or each.name in _POSITIONS), None)
     speed = next((places[name] for name in _SPEEDS if name in places), None)
@@ -112,8 +120,10 @@ def terms(
     for place, kind in enumerate(seen[0].kinds):
         found += [Term(kind, place, each) for each in plain]
         if kind in ("torque", "force") and position is not None:
-            springs = Coordinate(f"travel since reversals of {position.name}", False, position.values, None, True)
-            found.append(Term(kind, place, springs))
+            step = float(np.median(np.diff(seen[0].time)))
+            for relaxes, said in ((False, "since reversals"), (True, "of late")):
+                name = f"travel {said}, {position.name.removesuffix(_TURNING)}"
+                found.append(Term(kind, place, Coordinate(name, False, position.values, None, step, relaxes)))
             if speed is not None:
                 name = f"speed, by {position.name}"
                 found.append(Term(kind, place, Coordinate(name, position.periodic, position.values, speed)))
@@ -148,9 +158,9 @@ def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[st
     table: dict[str, Array] = {}
     for index, signal in enumerate(plant.states):
         values = seen.states[:, index] if signal.name.startswith("position_") else moved[:, index]
-        table[f"{signal.name} (per turn)" if signal.name == "position_rad" else signal.name] = values
+        table[f"{signal.name}{_TURNING}" if signal.name == "position_rad" else signal.name] = values
     known = {signal.name for signal in plant.states}
-    for name, unit, told in (("position_rad", "rad", "angle (per turn)"), ("position_m", "m", "position_m")):
+    for name, unit, told in (("position_rad", "rad", f"angle{_TURNING}"), ("position_m", "m", "position_m")):
         way = None if name in known else travelled(recording, unit)
         if way is not None:
             table[told] = way[:rows]
@@ -172,7 +182,7 @@ def _simulated_states(plant: Plant, recording: Recording) -> Array:
     return found
 
 
-def _springs(travel: Array, reaches: Array) -> Array:
+def _yielding(travel: Array, reaches: Array) -> Array:
     """Return how far springs of several reaches are stretched (n, b): each yields at its own (a stop operator)."""
     found = np.zeros((len(travel), len(reaches)))
     steps = np.diff(travel, prepend=travel[0])
@@ -181,3 +191,9 @@ def _springs(travel: Array, reaches: Array) -> Array:
         stretched = np.minimum(np.maximum(stretched + step, -reaches), reaches)
         found[row] = stretched
     return found
+
+
+def _relaxing(travel: Array, step: float) -> Array:
+    """Return how far springs behind dampers are stretched (n, b): each forgets its way over a time (Maxwell's)."""
+    steps = np.diff(travel, prepend=travel[0])
+    return np.stack([lfilter([1.0], [1.0, -np.exp(-step / time)], steps) for time in _MEMORY], axis=1)

@@ -24,6 +24,7 @@ _UNLIKE = 0.05  # of the range, by which wraps differ
 _FEWEST = 2  # jumps in all recordings
 _REFINED = 3  # times a range is refined
 _SURE = 3.0  # deviations of what the jumps say, further from which no fit is believed
+_WHOLE = 0.97  # of what is seen of a range, less than which none is
 _RARE = 0.003  # share of readings that must be off by a range
 _MOST_TURNS = 3  # that a reading may be off
 _TELLING = 0.35  # of the residual without wraps
@@ -111,7 +112,7 @@ def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float,
         plain = np.linalg.lstsq(table[:, 1:], seen, rcond=None)[0]
         if np.std(left) > _TELLING * np.std(seen - table[:, 1:] @ plain) or abs(answer[0] / reach + 1.0) > _NEAR:
             return None
-        reach = float(-answer[0])
+        reach = max(float(-answer[0]), _WHOLE * float(np.ptp(seen)))
         wanted = wanted * answer[1] + answer[2]
     return reach, low, np.inf
 
