@@ -64,7 +64,7 @@ def _confirmed(found: Search) -> Search:
     finer = _finer(scene, best)
     if len(best.fitted.causes) > 1:
         whole = rated(scene, finer)
-        slim = pruned(scene, whole) if best.score - whole.score > TIE else whole
+        slim = pruned(scene, whole) if abs(best.score - whole.score) > TIE else whole
         if slim is not whole:
             finer = _finer(scene, slim)
     finer = with_doubt(scene, finer, best.noises)

@@ -43,11 +43,19 @@ EFFECT = Effect(
     codes=(
         (
             "eccentric_angle",
-            """    return v->y + q[0] * sin(v->turn + q[1]);""",
+            """    double angle = v->turn;
+    for (int k = 0; k < 4 && v->turn != v->th; ++k) {
+        angle = v->turn - q[0] * sin(angle + q[1]); /* the recorded angle has the error in it */
+    }
+    return v->y + q[0] * sin(angle + q[1]);""",
         ),
         (
             "eccentric_speed",
-            """    return v->y + q[0] * cos(v->turn + q[1]) * v->w;""",
+            """    double angle = v->turn;
+    for (int k = 0; k < 4 && v->turn != v->th; ++k) {
+        angle = v->turn - q[0] * sin(angle + q[1]);
+    }
+    return v->y + q[0] * cos(angle + q[1]) * v->w;""",
         ),
     ),
     switches=(0,),
