@@ -381,7 +381,7 @@ def evidence(fitted: Fitted, noises: Sequence[Noise]) -> float:
     Infinite for a simulation that has diverged.
     """
     rows = sum(len(part) for part in fitted.residuals)
-    own = sum(2.0 * rows * np.log(noise.scale) for noise in noises)
+    own = sum(noise.unlikely(rows) for noise in noises)
     unknowns = len(fitted.coordinates)
     total = float(own + unknowns * np.log(rows * len(noises)))
     return total if np.isfinite(total) else np.inf

@@ -78,7 +78,7 @@ def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:
 def unlikely(scene: Scene, residuals: Sequence[Array]) -> float:
     """Return -2 log likelihood of residuals (n, r) with their own noise, but for a constant; 0 of none."""
     rows = sum(len(residual) for residual in residuals)
-    return float(sum(2.0 * rows * np.log(noise.scale) for noise in noises_of(scene, residuals))) if residuals else 0.0
+    return sum(noise.unlikely(rows) for noise in noises_of(scene, residuals)) if residuals else 0.0
 
 
 def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:

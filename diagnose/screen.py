@@ -72,7 +72,7 @@ def _likelihood(residuals: Sequence[Array], floors: Array) -> float:
     total = 0.0
     for index, floor in enumerate(floors):
         columns = [part[:, index] for part in residuals]
-        total += 2.0 * sum(len(each) for each in columns) * float(np.log(fit_noise(columns, float(floor)).scale))
+        total += fit_noise(columns, float(floor)).unlikely(sum(len(each) for each in columns))
     return total
 
 

@@ -32,6 +32,10 @@ class Noise:
         # A denominator of two makes SciPy filter all columns at once; with one it convolves them one by one.
         return np.asarray(lfilter(kernel, [1.0, 0.0], values, axis=0))
 
+    def unlikely(self, rows: int) -> float:
+        """Return -2 log likelihood of `rows` rows that it was fitted to, but for a constant, and its price by BIC."""
+        return 2.0 * rows * float(np.log(self.scale)) + len(self.coefficients) * float(np.log(max(rows, 2)))
+
     def color(self, innovations: Array) -> Array:
         """Return the noise (q, ...) along the first axis that innovations in the output's unit make, from rest."""
         return np.asarray(lfilter([1.0], np.concatenate([[1.0], self.coefficients]), innovations, axis=0))
