@@ -119,14 +119,15 @@ def terms(
     found = []
     for place, kind in enumerate(seen[0].kinds):
         found += [Term(kind, place, each) for each in plain]
-        if kind in ("torque", "force") and position is not None:
+        if kind in ("torque", "force") and speed is not None:
+            # By the simulated speed: the noise of a measured one would correlate with what is left.
             step = float(np.median(np.diff(seen[0].time)))
+            ways = tuple(np.cumsum(each) * step for each in speed)
             for relaxes, said in ((False, "since reversals"), (True, "of late")):
-                name = f"travel {said}, {position.name.removesuffix(_TURNING)}"
-                found.append(Term(kind, place, Coordinate(name, False, position.values, None, step, relaxes)))
-            if speed is not None:
-                name = f"speed, by {position.name}"
-                found.append(Term(kind, place, Coordinate(name, position.periodic, position.values, speed)))
+                found.append(Term(kind, place, Coordinate(f"travel {said}", False, ways, None, step, relaxes)))
+        if kind in ("torque", "force") and position is not None and speed is not None:
+            name = f"speed, by {position.name}"
+            found.append(Term(kind, place, Coordinate(name, position.periodic, position.values, speed)))
     for place, signal in enumerate(plant.outputs):
         own = tuple(each[:, place] for each in outputs)
         found.append(Term(SENSOR, place, Coordinate(signal.name, False, own)))
