@@ -13,7 +13,7 @@ from diagnose.given import afresh, from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.orders import best_orders
 from diagnose.refit import Fitted, evidence, fit, noises_of, whitened
-from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, without
+from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, tells, without
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import merged, relatives, swapped
 from identify.course import LONGEST_CHANGE
@@ -24,7 +24,7 @@ Progress = Callable[[float, str], None]
 
 THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
 COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
-SLOW_THRESHOLD = 70.0  # and there for effects that look like one
+SLOW_THRESHOLD = 80.0  # and there for effects that look like one
 SLOW = (
     "load_torque",
     "load_step",
@@ -91,7 +91,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base):
+        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base) or not tells(chosen, base):
             best = base
             break
         gains.append(gain)
@@ -117,7 +117,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
         return None
     chosen = simplest(rivals, base.score)
     gain = base.score - chosen.score
-    if gain < _bar(chosen) or larger(chosen, base):
+    if gain < _bar(chosen) or larger(chosen, base) or not tells(chosen, base):
         return None
     gains = (*found.gains, gain)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)

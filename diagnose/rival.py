@@ -108,6 +108,11 @@ def larger(rival: Rival, base: Rival) -> bool:
     return True
 
 
+def tells(rival: Rival, base: Rival) -> bool:
+    """Tell whether an explanation is better on train alone, where it was fitted: unseen recordings only confirm."""
+    return evidence(rival.fitted, rival.noises) < evidence(base.fitted, base.noises)
+
+
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:
     """Return the causes of a hypothesis with one more and the values they keep; a simpler one gives way."""
     simpler = CONTAINS.get(cause.effect.name, ())
@@ -162,5 +167,4 @@ def richer(rival: Rival, simpler: Rival, gain: float) -> bool:
 
     Also on train alone: its further parameters have to tell there, where they were fitted.
     """
-    told = evidence(rival.fitted, rival.noises) < evidence(simpler.fitted, simpler.noises)
-    return told and simpler.score - rival.score >= max(RICHER, MINOR * gain)
+    return tells(rival, simpler) and simpler.score - rival.score >= max(RICHER, MINOR * gain)
