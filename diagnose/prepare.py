@@ -109,8 +109,8 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
     combinations that the outputs cannot see.
     """
-    if any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs):
-        return  # no linear fit meets a sensor that ends, and what it says of the parameters is worth nothing
+    # No linear fit meets a sensor that ends: what it says of the parameters is worth nothing, unless it does meet it.
+    ends = any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs)
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
     short = shortened(plant, train, _TRIAL_ROWS)
     try:
@@ -122,7 +122,7 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     shifts = _seen_shifts(found, given)
     far = [name for name in sorted(shifts, key=lambda each: -abs(shifts[each])) if abs(shifts[name]) > np.log(_FAR)]
     rows = found.slopes.shape[0]
-    if far and found.power < _MET * rows:
+    if far and found.power < (_CLOSE if ends else _MET) * rows:
         said = ", ".join(
             f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far
         )
@@ -210,9 +210,20 @@ def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Tri
             value = parameter.value * factor
             if parameter.low <= value <= parameter.high and time.process_time() - since < _PATIENCE:
                 moved = list(plant.parameters)
-                moved[index] = replace(parameter, value=value)
+                for place in _together(plant, index):
+                    moved[place] = replace(moved[place], value=moved[place].value * factor)
                 best = min(best, _trial(replace(plant, parameters=tuple(moved)), train), key=lambda each: each.power)
     return best
+
+
+def _together(plant: Plant, index: int) -> tuple[int, ...]:
+    """Return the places of what a parameter is wrong together with: a motor's two constants, given as the same."""
+    names = [parameter.name for parameter in plant.parameters]
+    if names[index] not in (_TORQUE, _VOLTAGE) or not {_TORQUE, _VOLTAGE} <= set(names):
+        return (index,)
+    both = tuple(names.index(name) for name in (_TORQUE, _VOLTAGE))
+    one, other = (plant.parameters[place].value for place in both)
+    return both if one > 0.0 and other > 0.0 and abs(np.log(one / other)) < _SAME_CONSTANT else (index,)
 
 
 def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
