@@ -29,7 +29,8 @@ _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed 
 _LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
-_SURE = 0.3  # such a ratio with which it is enough that the evidence does not contradict
+_SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict
+_WORSE = 1.2  # such a ratio on test, from which an effect is none
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
 _STARTS = 2  # points a fit begins from
@@ -154,13 +155,14 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
 
 
 def _least_ratio(scene: Scene, one: Fitted, other: Fitted) -> float:
-    """Return the ratio of residual rms, on train or test, of the output that a further effect is about.
+    """Return the ratio of residual rms, the larger of train and test, of the output that a further effect is about.
 
-    Infinite where another output is worse for it.
+    Infinite where another output is worse for it: on train, or on test by more than a slow disturbance makes of that.
     """
-    pairs = ((one.residuals, other.residuals), (_unseen(scene, one), _unseen(scene, other)))
-    each = np.max([_sizes_of(*pair) for pair in pairs], axis=0)
-    return float(np.min(each)) if np.max(each) <= 1.0 / _BETTER else np.inf
+    train = _sizes_of(one.residuals, other.residuals)
+    test = _sizes_of(_unseen(scene, one), _unseen(scene, other))
+    worse = np.max(train) > 1.0 / _BETTER or np.max(test) > _WORSE
+    return np.inf if worse else float(np.min(np.maximum(train, test)))
 
 
 def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> tuple[Search, float]:

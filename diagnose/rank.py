@@ -40,6 +40,7 @@ MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
 _WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
+_FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 _CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
 _SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
@@ -364,14 +365,15 @@ def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
 
 
 def pruned(scene: Scene, best: Rival) -> Rival:
-    """Drop effects one by one as long as the rest explains as much."""
+    """Drop effects one by one as long as the rest explains as much, and no output is missed by far more."""
     while len(best.fitted.causes) > 1:
         slimmer = [
             rated(scene, fit(scene, scene.train, *without(best.fitted, cause), best.noises, _LONG))
             for cause in best.fitted.causes
         ]
         least = min(slimmer, key=lambda each: each.score)
-        if least.score - best.score >= THRESHOLD:
+        far = any(one.rms > _FAR_MORE * other.rms for one, other in zip(least.noises, best.noises, strict=True))
+        if far or least.score - best.score >= THRESHOLD:
             return best
         best = least
     return best

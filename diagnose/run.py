@@ -13,6 +13,7 @@ from diagnose.judge import improved_plant, judge
 from diagnose.preflight import Preflight, preflight
 from diagnose.prepare import prepared
 from diagnose.rank import Progress, Search, search
+from diagnose.regauge import regauged
 from diagnose.rival import Rival, rated
 from diagnose.shape import Shape
 from diagnose.sound import check_sound
@@ -67,4 +68,9 @@ def _explained(
     checks = preflight(plant, train, test)
     scene = make_scene(plant, train, test, checks.floors)
     found, shape = completed(search(scene, progress), progress)
+    again = regauged(found, train, test)
+    if again is not None:
+        other, rest = completed(search(again, progress), progress)
+        if other.best.score < found.best.score:
+            found, shape = other, rest
     return found, checks, shape
