@@ -11,7 +11,7 @@ from diagnose.profile import profiled
 from diagnose.rank import MOST_EFFECTS, Progress, Search, further, levelled, pruned, settled
 from diagnose.refit import Fitted, ended, noises_of, with_doubt
 from diagnose.rival import TIE, Rival, rated
-from diagnose.shape import Shape, best_shape, weighed
+from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
@@ -29,11 +29,13 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found = further(more) or settled(more)
         rivals = slow_rivals(found, progress)
     slow = believed(found, rivals, progress)
-    if slow is not found:  # counted in independent samples: a shape would be weighed against another likelihood
+    progress(0.9, "looking for what has no name")
+    # What moves slowly is counted in independent samples: a shape can only be weighed beside the same effects as found.
+    same = slow is found or set(slow.best.fitted.causes) == set(found.best.fitted.causes)
+    shape = best_shape(found, found.best) if same else None
+    if slow is not found and not outweighs(shape, found.nominal.score - found.best.score):
         doubted = with_doubt(slow.scene, slow.best.fitted, slow.best.noises)
         return replace(slow, best=replace(slow.best, fitted=doubted)), None
-    progress(0.9, "looking for what has no name")
-    shape = best_shape(found, found.best)
     while (
         shape is not None
         and shape.gain > LEFT

@@ -18,7 +18,7 @@ from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import Fitted, fit_starts, residual_of, variances
 from diagnose.rival import MINOR, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
-from diagnose.shape import Shape
+from diagnose.shape import Shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
 from identify.effect import EffectParameter
 from identify.effects import find_effect
@@ -28,8 +28,6 @@ from identify.plant import EffectUse, Parameter, Plant
 
 Array = NDArray[np.float64]
 
-SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
-SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 _SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
 _HINT = 0.5 * TIE  # what a richer explanation is better by, where that is too little to name it
@@ -106,11 +104,10 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
 
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
-    left = 0.0 if shape is None else shape.gain
     if not search.best.fitted.causes:
-        return ("unknown_physics" if left > SHAPE_GAIN else "no_mismatch"), ()
+        return ("unknown_physics" if outweighs(shape, 0.0) else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
-    if left > max(SHAPE_GAIN, SHAPE_SHARE * explained):
+    if outweighs(shape, explained):
         return "unknown_physics", ()
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)

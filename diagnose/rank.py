@@ -35,6 +35,7 @@ SLOW = (
     "end_stop",
 )
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
+_SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
@@ -248,7 +249,7 @@ def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
     slow = rival.fitted.causes[-1].effect.name in SLOW
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
-    searched = any(key.endswith((".time_s", ".periods_per_rev")) for key in rival.fitted.causes[-1].keys)
+    searched = any(key.endswith(_SOUGHT) for key in rival.fitted.causes[-1].keys)
     least = SLOW_THRESHOLD if slow else COLORED_THRESHOLD
     return (least if colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
 

@@ -23,6 +23,8 @@ from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
+SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
+SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 _TRIED = 3  # terms weighed in full, of each noise model's order
 _ROUNDS = 2  # of fitting with the noise that the last fit left over
 _LIVE = 1e-4  # of a column, which the base's own unknowns cannot imitate
@@ -66,6 +68,11 @@ class _Base:
     def train(self) -> int:
         """How many recordings are of train."""
         return len(self.search.scene.train)
+
+
+def outweighs(shape: Shape | None, explained: float) -> bool:
+    """Tell whether a shape is too much beside the drop of BIC that named effects have brought, 0 of none."""
+    return shape is not None and shape.gain > max(SHAPE_GAIN, SHAPE_SHARE * explained)
 
 
 def best_shape(search: Search, rival: Rival) -> Shape | None:

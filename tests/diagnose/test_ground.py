@@ -57,6 +57,20 @@ def test_a_parameter_that_is_ten_times_off_is_told(machine: str, name: str, fact
         assert name in str(caught.value)
 
 
+@pytest.mark.parametrize("seen", ["plain", "with friction"])
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_two_constants_that_are_ten_times_off_are_told(seen: str, factor: float) -> None:
+    plant = given("motor", "ke_V_s_rad", factor)
+    torque = next(p for p in plant.parameters if p.name == "kt_N_m_A")
+    plant = replace(
+        plant,
+        parameters=tuple(replace(p, value=p.value * factor) if p is torque else p for p in plant.parameters),
+    )
+    recording = SEEN["motor"] if seen == "with friction" else recorded(BARE["motor"], 10.0)
+    with pytest.raises(IdentifyError, match=r"plant\.parameters are far off.*ke_V_s_rad"):
+        check_nominal(plant, [recording])
+
+
 @pytest.mark.parametrize(
     ("machine", "effect"),
     [

@@ -31,6 +31,16 @@ def _said(
     [
         ("periodic_torque", "flat_motor", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
         ("one_sided_gain", "flat_motor", ("speed",), "staircase", False, "torque", "voltage_V"),
+        pytest.param(
+            "hysteretic_spring",
+            "small_motor",
+            ("position", "current"),
+            "prbs",
+            False,
+            "torque",
+            "travel of late",
+            marks=pytest.mark.slow,
+        ),
         (
             "angle_dependent_damping",
             "linear_stage",

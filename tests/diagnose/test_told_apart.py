@@ -16,6 +16,32 @@ from firmloop.cli import main
     [
         pytest.param(170029, "explained", {"load_torque"}, id="a load from the first row on is no step"),
         pytest.param(180020, "explained", {"end_stop"}, id="a stop is looked for where a recorded speed leads"),
+        pytest.param(240033, "explained", {"coulomb_friction"}, id="a peak at rest that train does not show"),
+        pytest.param(
+            250070, "explained", {"sensor_offset"}, id="a constant that noise follows", marks=pytest.mark.slow
+        ),
+        pytest.param(230062, "unknown_physics", set(), id="two names for one shape", marks=pytest.mark.slow),
+        pytest.param(
+            240044,
+            "explained",
+            {"eccentric_encoder", "presliding_friction"},
+            id="an angle that holds the error of its encoder",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            260033,
+            "explained",
+            {"clock_skew", "sensor_offset"},
+            id="one output that is missed far less",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            260083,
+            "explained",
+            {"load_torque", "sensor_wrap"},
+            id="a range that a load had bent",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             180006,
             "ambiguous",

@@ -11,7 +11,8 @@ from bench.blind_cases import draw_case, write_case
 from firmloop.cli import main
 
 
-@pytest.mark.parametrize("seed", [32069, 31020, 160018])  # quick current; speed; quick up, slow down
+# A quick current; a speed; quick up, slow down; a current whose nominal plant says too little of it.
+@pytest.mark.parametrize("seed", [32069, 31020, 160018, 240075])
 def test_wraps_are_read_off(tmp_path: Path, seed: int) -> None:
     case = draw_case(seed)
     (hidden,) = case.hidden

@@ -25,6 +25,15 @@ def test_colored_noise_is_whitened() -> None:
     assert whiteness([found.whiten(colored)[50:]], 20) > 1e-3
 
 
+def test_coefficients_that_whiten_a_constant_are_counted() -> None:
+    """They are as many as it takes to follow a mean, and an offset that explains it needs none of them."""
+    source = np.random.default_rng(5).normal(0.0, 1.0, 5000)
+    with_constant, without = (fit_noise([source + constant], 0.0) for constant in (2.0, 0.0))
+    assert len(with_constant.coefficients) > 12 and len(without.coefficients) == 0
+    spared = 2.0 * 5000 * np.log(with_constant.scale / without.scale)
+    assert with_constant.unlikely(5000) - without.unlikely(5000) > spared + 100.0
+
+
 def test_resolution_is_the_least_noise() -> None:
     assert fit_noise([np.zeros(500)], 0.01).scale == 0.01
 

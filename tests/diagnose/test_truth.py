@@ -1,0 +1,67 @@
+"""The benchmark's truth and the simulator that fits it, moved by other means, agree below a sensor's resolution."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.blind_cases import COLUMN, single_case, write_case
+from firmloop.pipeline import plant_of
+from firmloop.project import read_project
+from identify.attach import parameters_of, with_effects
+from identify.plant import EffectUse, Plant
+from identify.recording import Recording, read_recording
+from identify.simulate import simulate
+from identify.superset import superset
+from tests.diagnose.cases import BY_NAME
+
+TRUE = {
+    "R_ohm": "R", "L_H": "L", "ke_V_s_rad": "ke", "kt_N_m_A": "kt", "J_kg_m2": "J", "b_N_m_s_rad": "b",
+    "mass_kg": "J", "b_N_s_m": "b",
+}  # fmt: skip
+STEP = {True: 2.0 * np.pi / 4096, False: 5e-6}  # of the positions of a blind case, rad and m
+
+
+def made(folder: Path, machine: str, name: str) -> tuple[Plant, Recording]:
+    """Return the plant as it truly is, with what is concealed, and the recording of its noise-free outputs."""
+    motor = BY_NAME[machine].motor
+    sensors = ("position", "current") if motor else ("position", "speed")
+    case = single_case(7, name, BY_NAME[machine], sensors, "steps", False, 1.0)
+    write_case(case, folder / "case", folder / "labels")
+    (hidden,) = case.hidden
+    plant = plant_of(read_project(folder / "case" / "project.toml"))
+    values = {p.name: case.machine.values[TRUE[p.name]] for p in plant.parameters}
+    plant = replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
+    output = COLUMN[motor][hidden.sensor[0]] if hidden.sensor else None
+    parameters = [p.name for p in parameters_of(plant, name, output)]
+    told = {name.replace("torque", "force"): value for name, value in hidden.told.items()} if not motor else hidden.told
+    figures = {p: next(value for word, value in told.items() if p.startswith(word)) for p in parameters}
+    return with_effects(plant, [EffectUse(name, output, figures, ())]), read_recording(folder / "labels/train.csv", {})
+
+
+@pytest.mark.parametrize(
+    ("machine", "name"),
+    [
+        *(("flat_motor", name) for name in ("brush_drop", "coulomb_friction", "stribeck_friction", "cogging_torque")),
+        *(("flat_motor", name) for name in ("torque_constant_saturation", "resistance_heating", "presliding_friction")),
+        *(("linear_stage", name) for name in ("coulomb_friction", "quadratic_drag", "dead_zone", "input_delay")),
+    ],
+)
+def test_two_simulators_agree(machine: str, name: str, tmp_path: Path) -> None:
+    plant, clean = made(tmp_path, machine, name)
+    away = clean.columns[plant.outputs[0].name] - simulate(plant, clean, None)[:, 0]
+    assert float(np.std(away)) < STEP[machine != "linear_stage"] / np.sqrt(12.0)
+
+
+@pytest.mark.parametrize("recorded", [False, True], ids=["simulated angle", "recorded angle"])
+def test_an_eccentric_encoder_shows_the_angle_with_its_own_error(recorded: bool, tmp_path: Path) -> None:
+    plant, clean = made(tmp_path, "flat_motor", "eccentric_encoder")
+    engine = superset(plant)
+    engine.follow(recorded)
+    away = (
+        clean.columns["position_rad"] - engine.simulate(clean, {}, np.zeros(len(engine.states)))[:, 0]
+    )  # from rest at angle 0
+    assert float(np.std(away)) < STEP[True] / np.sqrt(12.0)
