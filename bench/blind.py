@@ -158,9 +158,9 @@ def table(results: Sequence[Scored]) -> list[str]:
     placed = [
         equation_of(next(iter(r.label["effects"]))) == str(r.said["location"]["equation"]).replace("force", "torque")
         for r in seen
-        if r.said["location"]
+        if r.said["location"] and not _one_function(r)
     ]
-    lines.append(_share("equation right", placed))
+    lines.append(_share("equation right, where it is not one function", placed))
     errors, covers = _parameters([r for r in seen if _exact(r)])
     if errors:
         lines.append(f"parameter error: median {100 * float(np.median(errors)):.2f} %, {len(errors)} parameters")
@@ -204,11 +204,13 @@ def _exact(r: Scored) -> bool:
 
 def _told(r: Scored) -> bool:
     """Tell whether a name is exact, or the set is all that one sensor can say: the same function by two names."""
-    sets = [
-        names for names, sensors in ONE_FUNCTION if len(r.label["sensors"]) == 1 and r.label["sensors"][0] in sensors
-    ]
-    hidden, said = set(r.label["effects"]), set(_names(r))
-    return _exact(r) or any(hidden < names == said for names in sets)
+    return _exact(r) or _one_function(r)
+
+
+def _one_function(r: Scored) -> bool:
+    first, *others = r.label["sensors"]
+    sets = [names for names, alone in ONE_FUNCTION if first in alone and not others]
+    return any(set(r.label["effects"]) < names == set(_names(r)) for names in sets)
 
 
 def _covered(r: Scored) -> bool:
