@@ -7,14 +7,17 @@ from dataclasses import replace
 
 from diagnose.hypothesis import Scene
 from diagnose.plain import believed, leap, slow_rivals
+from diagnose.polish import limits, polished
 from diagnose.profile import profiled
-from diagnose.rank import MOST_EFFECTS, Progress, Search, further, levelled, pruned, settled
-from diagnose.refit import Fitted, ended, noises_of, with_doubt
-from diagnose.rival import TIE, Rival, rated
+from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
+from diagnose.refit import Fitted, ended, fit, noises_of, with_doubt
+from diagnose.rival import TIE, Rival, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
+_STEPS = 12  # of a fit without an effect
+_PATCHED = 300.0  # drop of BIC that an effect may owe to kinks
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
 
@@ -67,11 +70,35 @@ def _confirmed(found: Search) -> Search:
     if len(best.fitted.causes) > 1:
         whole = rated(scene, finer)
         slim = pruned(scene, whole) if abs(best.score - whole.score) > TIE else whole
+        slim = _past_kinks(scene, slim)
         if slim is not whole:
             finer = _finer(scene, slim)
     finer = with_doubt(scene, finer, best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
 
 
+def _past_kinks(scene: Scene, rival: Rival) -> Rival:
+    """Drop effects that only make up for the kinks at which a fit of the others had ended."""
+    for cause in rival.fitted.causes[:]:
+        causes, point = without(rival.fitted, cause)
+        if not causes:
+            break
+        slim = fit(scene, scene.train, causes, point, rival.noises, _STEPS)
+        if _kinked(slim, rival) and rated(scene, slim).score - rival.score < _PATCHED:
+            one = rated(scene, polished(scene, slim, rival.noises))
+            if one.score - rival.score < THRESHOLD:
+                rival = one
+    return rival
+
+
+def _kinked(fitted: Fitted, rival: Rival) -> bool:
+    """Tell whether plain squared error, which tells all where noise is white, has the kinks of limits."""
+    return bool(limits(fitted)) and not any(len(noise.coefficients) for noise in rival.noises)
+
+
 def _finer(scene: Scene, rival: Rival) -> Fitted:
-    return profiled(scene, ended(scene, rival.fitted, rival.noises), rival.noises)
+    """Take a fit to its end; past the kinks of limits, where noise is white and plain squared error tells all."""
+    fitted, noises = rival.fitted, rival.noises
+    if _kinked(fitted, rival):
+        fitted = polished(scene, fitted, noises)
+    return profiled(scene, ended(scene, fitted, noises), noises)

@@ -49,9 +49,10 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
     place, cost = solve(problem, Place(constants, starts), _STEPS)
-    limits = [k for k, p in enumerate(plant.parameters) if p.name in _limits(fitted)]
+    kinked = limits(fitted)
+    places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
     begun_at = time.process_time()
-    for index in limits:
+    for index in places:
         for factor in _NUDGES:
             if time.process_time() - begun_at > _PATIENCE:
                 break
@@ -68,7 +69,7 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     return fit(scene, scene.train, fitted.causes, Point({**values, **moved}, begun), noises, 0)
 
 
-def _limits(fitted: Fitted) -> set[str]:
+def limits(fitted: Fitted) -> set[str]:
     """Name the parameters that bound something: they are neutral where they are infinite."""
     return {
         key
