@@ -38,6 +38,7 @@ _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
 _DRIFT = 0.02  # of an output's spread: what a slow disturbance may do
+_ROUND = 5.0  # s of computing after which a round tries no further cause
 _PATIENCE = 25.0  # s of computing after which no further effect is looked for
 
 
@@ -220,8 +221,11 @@ def _round(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, 
     """Fit the most promising causes from several points; the best are fitted to the end."""
     causes = [cause for cause in scene.causes if cause not in base.causes]
     (screened,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], {})
-    trials = []
+    trials: list[Fitted] = []
+    begun = time.process_time()
     for each in screened[:_TRIED]:
+        if trials and time.process_time() - begun > _ROUND:
+            break
         starts = [each.start, *(s for s in scene.starts[each.cause.label] if dict(s) != dict(each.start))][:_STARTS]
         fits = [
             fit(scene, scene.train, *_extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts
