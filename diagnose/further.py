@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
-from diagnose.hypothesis import Scene
+from diagnose.hypothesis import Cause, Scene
 from diagnose.plain import believed, leap, slow_rivals
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
@@ -79,26 +80,25 @@ def _confirmed(found: Search) -> Search:
 
 def _past_kinks(scene: Scene, rival: Rival) -> Rival:
     """Drop effects that only make up for the kinks at which a fit of the others had ended."""
-    for cause in rival.fitted.causes[:]:
+    for cause in rival.fitted.causes:
         causes, point = without(rival.fitted, cause)
-        if not causes:
-            break
+        if not _kinked(causes, rival):
+            continue
         slim = fit(scene, scene.train, causes, point, rival.noises, _STEPS)
-        if _kinked(slim, rival) and rated(scene, slim).score - rival.score < _PATCHED:
+        if rated(scene, slim).score - rival.score < _PATCHED:
             one = rated(scene, polished(scene, slim, rival.noises))
-            if one.score - rival.score < THRESHOLD:
-                rival = one
+            rival = one if one.score - rival.score < THRESHOLD else rival
     return rival
 
 
-def _kinked(fitted: Fitted, rival: Rival) -> bool:
+def _kinked(causes: Sequence[Cause], rival: Rival) -> bool:
     """Tell whether plain squared error, which tells all where noise is white, has the kinks of limits."""
-    return bool(limits(fitted)) and not any(len(noise.coefficients) for noise in rival.noises)
+    return bool(limits(causes)) and not any(len(noise.coefficients) for noise in rival.noises)
 
 
 def _finer(scene: Scene, rival: Rival) -> Fitted:
     """Take a fit to its end; past the kinks of limits, where noise is white and plain squared error tells all."""
     fitted, noises = rival.fitted, rival.noises
-    if _kinked(fitted, rival):
+    if _kinked(fitted.causes, rival):
         fitted = polished(scene, fitted, noises)
     return profiled(scene, ended(scene, fitted, noises), noises)

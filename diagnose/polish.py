@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnose.hypothesis import Point, Scene
+from diagnose.hypothesis import Cause, Point, Scene
 from diagnose.refit import Fitted, fit
 from identify.attach import with_effects
 from identify.condition import NONE
@@ -49,7 +49,7 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
     place, cost = solve(problem, Place(constants, starts), _STEPS)
-    kinked = limits(fitted)
+    kinked = limits(fitted.causes)
     places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
     begun_at = time.process_time()
     for index in places:
@@ -69,11 +69,11 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     return fit(scene, scene.train, fitted.causes, Point({**values, **moved}, begun), noises, 0)
 
 
-def limits(fitted: Fitted) -> set[str]:
+def limits(causes: Sequence[Cause]) -> set[str]:
     """Name the parameters that bound something: they are neutral where they are infinite."""
     return {
         key
-        for cause in fitted.causes
+        for cause in causes
         for key, each in zip(cause.keys, cause.parameters, strict=True)
         if math.isinf(each.neutral)
     }
