@@ -18,6 +18,7 @@ from identify.course import LONGEST_CHANGE
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _STEPS = 12  # of a fit without an effect
+_POLISH = 4.0  # s of computing past kinks
 _PATCHED = 300.0  # drop of BIC that an effect may owe to kinks
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
@@ -86,7 +87,7 @@ def _past_kinks(scene: Scene, rival: Rival) -> Rival:
             continue
         slim = fit(scene, scene.train, causes, point, rival.noises, _STEPS)
         if rated(scene, slim).score - rival.score < _PATCHED:
-            one = rated(scene, polished(scene, slim, rival.noises))
+            one = rated(scene, polished(scene, slim, rival.noises, _POLISH))
             rival = one if one.score - rival.score < THRESHOLD else rival
     return rival
 
@@ -100,5 +101,5 @@ def _finer(scene: Scene, rival: Rival) -> Fitted:
     """Take a fit to its end; past the kinks of limits, where noise is white and plain squared error tells all."""
     fitted, noises = rival.fitted, rival.noises
     if _kinked(fitted.causes, rival):
-        fitted = polished(scene, fitted, noises)
+        fitted = polished(scene, fitted, noises, _POLISH)
     return profiled(scene, ended(scene, fitted, noises), noises)

@@ -21,16 +21,20 @@ from identify.experiment import experiments
 from identify.noise import Noise
 from identify.plant import EffectUse
 from identify.problem import Point as Place
-from identify.problem import make_problem, solve
+from identify.problem import Problem, make_problem, solve
 from identify.simulate import constants_of, simulator
 
-_STEPS = 60
+_STEPS, _AT_ONCE = 60, 4
+_GAIN = 1e-7  # of the cost, by which a few steps have to lower it
 _NUDGES = (0.97, 1.03, 0.9, 1.1)
 _PATIENCE = 15.0  # s of computing
 
 
-def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
-    """Return the fit at its minimum of the plain squared error, outputs weighted by 1 / noise rms."""
+def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float = _PATIENCE) -> Fitted:
+    """Return the fit at its minimum of the plain squared error, outputs weighted by 1 / noise rms.
+
+    After `patience` (s of computing) it stays where it is.
+    """
     values = fitted.point.values
     uses = [
         EffectUse(
@@ -48,17 +52,17 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     problem = replace(problem, weights=np.array([1.0 / noise.rms for noise in noises]))
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
-    place, cost = solve(problem, Place(constants, starts), _STEPS)
+    until = time.process_time() + patience
+    place, cost = _solved(problem, Place(constants, starts), until)
     kinked = limits(fitted.causes)
     places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
-    begun_at = time.process_time()
     for index in places:
         for factor in _NUDGES:
-            if time.process_time() - begun_at > _PATIENCE:
+            if time.process_time() > until:
                 break
             nudged = place.constants.copy()
             nudged[index] *= factor
-            trial, less = solve(problem, Place(nudged, place.starts), _STEPS)
+            trial, less = _solved(problem, Place(nudged, place.starts), until)
             if less < cost:
                 place, cost = trial, less
     moved = {p.name: float(value) for p, value in zip(plant.parameters, place.constants, strict=True)}
@@ -67,6 +71,19 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
         for near, start in zip(place.starts, fitted.point.starts, strict=True)
     )
     return fit(scene, scene.train, fitted.causes, Point({**values, **moved}, begun), noises, 0)
+
+
+def _solved(problem: Problem, place: Place, until: float) -> tuple[Place, float]:
+    """Minimize, a few steps at once: no more of them after `until` (s of computing)."""
+    cost = math.inf
+    for _ in range(_STEPS // _AT_ONCE):
+        next_place, next_cost = solve(problem, place, _AT_ONCE)
+        if not next_cost < cost * (1.0 - _GAIN):
+            break
+        place, cost = next_place, next_cost
+        if time.process_time() > until:
+            break
+    return place, cost
 
 
 def limits(causes: Sequence[Cause]) -> set[str]:
