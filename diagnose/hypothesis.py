@@ -23,7 +23,6 @@ from identify.superset import Superset, inertia_parameter, scales_of, superset
 Array = NDArray[np.float64]
 
 _COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
-_OPPOSITE = 0.5  # of the largest reading, on the other side
 _LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
 
@@ -123,9 +122,9 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
         effect = find_effect(use.name)
         site = site_of(plant, effect, use.output)
         scales = partial(sizes, site.output, site.balance)
-        if use.name == "sensor_rectified" and _both_ways(scales()):
+        if effect.possible is not None and not effect.possible(scales()):
             continue
-        parameters = tuple(_bounded(use.name, each, scales) for each in parameters_of(plant, use.name, use.output))
+        parameters = tuple(_bounded(effect, each, scales) for each in parameters_of(plant, use.name, use.output))
         label = label_of(plant, use)
         keys = tuple(f"{label}.{each.name}" for each in parameters)
         load = next((key for key, each in zip(keys, parameters, strict=True) if each.name == site.load), None)
@@ -136,22 +135,14 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
     return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {}, direct)
 
 
-def _both_ways(scales: Scales) -> bool:
-    """Tell whether readings go as far down as no rectified one does."""
-    return min(-scales.output_low, scales.output_high) > _OPPOSITE * scales.output
+def _bounded(effect: Effect, parameter: EffectParameter, scales: Callable[[], Scales]) -> EffectParameter:
+    """Narrow a parameter to what the recordings can tell.
 
-
-def _bounded(name: str, parameter: EffectParameter, scales: Callable[[], Scales]) -> EffectParameter:
-    """Bound a parameter by what the recordings hold.
-
-    A wave along a way has one period in it at least: a longer one is a spring or a load, which have names. A sensor
-    that ends shows its end: a limit above all readings is none.
+    A wave along a way has one period in it at least: a longer one is a spring or a load, which have names.
     """
     if parameter.name == "periods_per_m":
-        return replace(parameter, low=max(parameter.low, 1.0 / scales().travel))
-    if name == "sensor_saturation":
-        return replace(parameter, high=min(parameter.high, scales().output))
-    return parameter
+        parameter = replace(parameter, low=max(parameter.low, 1.0 / scales().travel))
+    return parameter if effect.bounded is None else effect.bounded(parameter, scales())
 
 
 def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float]) -> Mapping[str, float]:

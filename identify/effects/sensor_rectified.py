@@ -5,6 +5,8 @@ from __future__ import annotations
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site
 
+_OPPOSITE = 0.5  # of the largest reading, on the other side: no noise or offset reaches that far
+
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants; noise around zero makes a fitted share a little less than one."""
@@ -19,6 +21,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.map_output(site.output, "sensor_rectified", values)
+
+
+def possible(scales: Scales) -> bool:
+    """Tell whether readings stay on one side, but for noise and an offset."""
+    return min(-scales.output_low, scales.output_high) <= _OPPOSITE * scales.output
 
 
 EFFECT = Effect(
@@ -41,4 +48,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    possible=possible,
 )

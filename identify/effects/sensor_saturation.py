@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
 
@@ -19,6 +21,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.map_output(site.output, "sensor_saturation", values)
+
+
+def bounded(parameter: EffectParameter, scales: Scales) -> EffectParameter:
+    """Bound the limit by the largest reading: a limit above that is none."""
+    return replace(parameter, high=min(parameter.high, scales.output))
 
 
 EFFECT = Effect(
@@ -41,4 +48,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    bounded=bounded,
 )
