@@ -132,8 +132,8 @@ class Effect:
     simulation; it is not called where the values are neutral. `code` is C for the simulator: the body of a function
     of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
-    cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may show
-    it, `bounded(parameter, scales)` narrows a parameter to what they can tell; None where they do not matter.
+    cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
+    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell; None where they do not matter.
     """
 
     name: str
