@@ -110,7 +110,7 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     combinations that the outputs cannot see.
     """
     # No linear fit meets a sensor that ends: what it says of the parameters is worth nothing, unless it does meet it.
-    ends = any(at_limit(plant, each, signal.name) for each in train for signal in plant.outputs)
+    ends = any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs)
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
     short = shortened(plant, train, _TRIAL_ROWS)
     try:
@@ -132,7 +132,7 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
         )
 
 
-def at_limit(plant: Plant, recording: Recording, output: str) -> bool:
+def _at_limit(plant: Plant, recording: Recording, output: str) -> bool:
     """Tell whether readings gather at their largest magnitude while the input goes on: rest needs one that stays."""
     column, drive = recording.columns[output], recording.columns[plant.inputs[0].name]
     found = gathering([column])

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from diagnose.given import afresh, from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.orders import best_orders
-from diagnose.prepare import at_limit
 from diagnose.refit import Fitted, evidence, fit, noises_of, whitened
 from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, tells, without
 from diagnose.screen import Screened, ground, screen
@@ -182,12 +181,12 @@ def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:
     """Tell whether waves per turn had better follow the recorded angle than the simulated one.
 
-    A recorded position always, unless its sensor ends; the integral of a recorded speed where the simulated angle is
-    further from it than the noise of the speed can bring it.
+    A recorded position always; the integral of a recorded speed where the simulated angle is further from it than the
+    noise of the speed can bring it.
     """
     for recording, residual in zip(scene.train, nominal.fitted.residuals, strict=True):
         if "position_rad" in recording.columns:
-            return not _cut_off(scene)
+            return True
         for index, signal in enumerate(scene.plant.outputs):
             if signal.name == "speed_rad_s":
                 step = float(np.median(np.diff(recording.time)))
@@ -198,16 +197,18 @@ def _follows_record(scene: Scene, nominal: Rival) -> bool:
     return False
 
 
-def _cut_off(scene: Scene) -> bool:
+def _cut_off(rival: Rival) -> bool:
     """Tell whether the recorded angle ends at a limit of its sensor: it is no angle then."""
-    known = [each for each in scene.train if "position_rad" in each.columns]
-    return any(at_limit(scene.plant, each, "position_rad") for each in known)
+    return any(cause.label == "sensor_saturation of position_rad" for cause in rival.fitted.causes)
 
 
 def _refollowed(scene: Scene, rival: Rival) -> Rival:
     """Let waves follow the other angle, the recorded or the simulated one, if that explains clearly more."""
+    if _cut_off(rival):
+        scene.engine.follow(False)
+        return rival
     waves = any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
-    if not waves or _cut_off(scene):
+    if not waves:
         return rival
     now = scene.engine.recorded
     scene.engine.follow(not now)
