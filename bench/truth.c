@@ -2,8 +2,8 @@
  *
  * Runge-Kutta over fixed substeps; dry friction and the drop of the brushes are set-valued: their sign holds from one
  * zero of the speed or the current to the next, where a substep is divided, and what rests goes on resting while what
- * drives it is no more than they can hold. Inputs are held
- * from row to row; a switch inside a substep counts with its share. The trajectory of every substep is returned.
+ * drives it is no more than they can hold. Inputs are held from row to row; a switch inside a substep counts with its
+ * share. The trajectory of every substep is returned.
  */
 #include <math.h>
 #include <stdlib.h>

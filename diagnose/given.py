@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from diagnose.descent import residual_of
 from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, fit, residual_of
+from diagnose.refit import Fitted, fit
 from diagnose.rival import Rival, extended, joined
 from diagnose.screen import Screened, ground, screen
 from identify.noise import white

@@ -43,18 +43,10 @@ class Cause:
 
 
 def _starts(plant: Plant, cause: Cause, scales: Callable[[int, int], Scales]) -> tuple[Mapping[str, float], ...]:
-    """Return the effect's own grid; a clock may be off by more than its grid says.
-
-    `scales` are the typical sizes by output and balance.
-    """
+    """Return the effect's own grid; `scales` are the typical sizes by output and balance."""
     site = site_of(plant, cause.effect, cause.output)
     grid = cause.effect.starts(site, scales(site.output, site.balance))
-    starts = tuple(dict(zip(cause.keys, values, strict=True)) for values in grid)
-    if cause.effect.equation != "timing":
-        return starts
-    return tuple(
-        {key: factor * value for key, value in start.items()} for start in starts for factor in (1.0, 5.0, 20.0)
-    )
+    return tuple(dict(zip(cause.keys, values, strict=True)) for values in grid)
 
 
 @dataclass(frozen=True, slots=True)

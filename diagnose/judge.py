@@ -9,13 +9,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import residual_of
 from diagnose.direct import Direct, coarse
 from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from diagnose.hypothesis import Cause, Point, Scene, full_start
 from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
 from diagnose.rank import Search, richer_of, rivals_of
-from diagnose.refit import Fitted, fit_starts, residual_of, variances
+from diagnose.refit import Fitted, fit_starts, variances
 from diagnose.rival import MINOR, TIE, Rival, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
@@ -34,36 +35,6 @@ _HINT = 0.5 * TIE  # what a richer explanation is better by, where that is too l
 _LAGS = 20
 _FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
 _FIRM = 0.1  # of a parameter, as one deviation: it is well determined
-COORDINATES: Mapping[str, str] = {
-    "coulomb_friction": "sign of speed",
-    "stribeck_friction": "speed near rest",
-    "asymmetric_friction": "sign of speed",
-    "load_dependent_friction": "load torque and sign of speed",
-    "presliding_friction": "travel since the last reversal",
-    "quadratic_drag": "speed squared",
-    "load_torque": "none: constant",
-    "load_step": "time",
-    "gravity_torque": "position, once per turn",
-    "cogging_torque": "position, several times per turn",
-    "torque_ripple": "position, several times per turn, and current",
-    "end_stop": "position",
-    "return_spring": "position",
-    "hardening_spring": "position cubed",
-    "flexible_coupling": "frequency",
-    "backlash": "reversals",
-    "torque_constant_saturation": "current squared",
-    "resistance_heating": "heat of the winding",
-    "brush_drop": "sign of current",
-    "inductance_saturation": "current squared and its slope",
-    "dead_zone": "input near zero",
-    "input_saturation": "large input",
-    "slew_rate_limit": "slope of the input",
-    "input_delay": "change of the input",
-    "supply_sag": "current",
-    "clock_skew": "time",
-    "eccentric_encoder": "position, once per turn",
-    "overflow": "level",
-}
 
 
 def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
@@ -287,7 +258,7 @@ def _location(search: Search, shown: Rival, shape: Shape | None, verdict: Verdic
         equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term
     else:
         cause = max(shown.fitted.causes, key=lambda each: _strength(shown.fitted, each))
-        equation, coordinate = _equation(search.scene, cause), COORDINATES.get(cause.effect.name, cause.effect.term)
+        equation, coordinate = _equation(search.scene, cause), cause.effect.coordinate or cause.effect.term
     where = ", ".join(f"{low:.2f}-{high:.2f} s" for low, high in spans)
     evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (
         f" at {where}" if where else ""

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import whitened
 from diagnose.hypothesis import Scene
-from diagnose.refit import Fitted, whitened
+from diagnose.refit import Fitted
 from diagnose.response import effort_of, response
 from diagnose.screen import Ground, outside
 from identify.linear import linearize

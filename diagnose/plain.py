@@ -8,17 +8,17 @@ autocorrelation leaves (Bartlett 1935), and an effect has to make the unseen rec
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, Scene, first_point
+from diagnose.hypothesis import Scene, first_point
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, joined, rated, unseen_residuals, without
+from diagnose.rival import Rival, extended, rated, unseen_residuals, without
 from diagnose.screen import ground, screen
 from identify.noise import Noise, memory
 
@@ -227,19 +227,11 @@ def _round(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, 
         if trials and time.process_time() - begun > _ROUND:
             break
         starts = [each.start, *(s for s in scene.starts[each.cause.label] if dict(s) != dict(each.start))][:_STARTS]
-        fits = [
-            fit(scene, scene.train, *_extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts
-        ]
+        fits = [fit(scene, scene.train, *extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts]
         trials.append(min(fits, key=lambda one: one.cost))
     trials.sort(key=lambda each: each.cost)
     longer = [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _LONG) for each in trials[:_FINAL]]
     return tuple(sorted((_rated(scene, each, noises) for each in longer), key=lambda each: each.score))
-
-
-def _extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
-    """Add a cause; a simpler one that it contains gives way."""
-    causes, values = joined(base, cause)
-    return causes, Point({**values, **start}, base.point.starts)
 
 
 def _rated(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Rival:

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import whitened
 from diagnose.given import afresh, from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, noises_of, whitened
+from diagnose.refit import Fitted, evidence, fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, tells, without
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import merged, relatives, swapped
@@ -25,15 +26,6 @@ Progress = Callable[[float, str], None]
 THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
 COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
 SLOW_THRESHOLD = 80.0  # and there for effects that look like one
-SLOW = (
-    "load_torque",
-    "load_step",
-    "return_spring",
-    "hardening_spring",
-    "sensor_offset",
-    "gravity_torque",
-    "end_stop",
-)
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
 _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
@@ -44,7 +36,7 @@ _WHOLE = 0.999  # of the largest possible size, from which an effect had to be t
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 _CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
-_SHORT, _LONG, _LAST = 3, 12, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
+_SHORT, _LONG, _LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 20.0  # s of computing after which no further effect is looked for
@@ -199,7 +191,7 @@ def _follows_record(scene: Scene, nominal: Rival) -> bool:
 
 def _cut_off(rival: Rival) -> bool:
     """Tell whether the recorded angle ends at a limit of its sensor: it is no angle then."""
-    return any(cause.label == "sensor_saturation of position_rad" for cause in rival.fitted.causes)
+    return any(cause.effect.limits and cause.output == "position_rad" for cause in rival.fitted.causes)
 
 
 def _refollowed(scene: Scene, rival: Rival) -> Rival:
@@ -255,7 +247,7 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
 
 def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
-    slow = rival.fitted.causes[-1].effect.name in SLOW
+    slow = rival.fitted.causes[-1].effect.slow
     colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith(_SOUGHT) for key in rival.fitted.causes[-1].keys)
     least = SLOW_THRESHOLD if slow else COLORED_THRESHOLD

@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start, outputs_of
+from diagnose.descent import Problem, descended, solved
+from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start
 from identify.noise import Noise, fit_noise
 from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
-FAR = 1e4  # times the noise: what a diverged simulation counts
-_ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
-_WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
-_GIVEN = (
-    0.3  # standard deviation of a given nominal parameter, as a logarithm: it only counts where the data are silent
-)
-_PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
+_GIVEN = 0.3  # standard deviation of a nominal parameter as given, as a logarithm: it counts where data are silent
 _TELLING = 0.01  # of a variance: test recordings that would take away less of it say nothing
 _LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
-_STEP = 1e-5  # of a coordinate, for difference quotients
 _SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
-_KEPT = 16  # slopes for initial states
 _NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
 
 
@@ -52,73 +44,12 @@ class Fitted:
         return tuple(cause.effect.name for cause in self.causes)
 
 
-def residual_of(scene: Scene, recording: Recording, point: Point, index: int) -> Array:
-    """Return measured - simulated (n, r) of one recording; a diverged simulation counts as far off."""
-    simulated = scene.engine.simulate(recording, dict(point.values), point.starts[index])
-    left = outputs_of(scene, recording) - simulated
-    return left if np.all(np.isfinite(left)) else np.full_like(left, np.nan)
-
-
-def whitened(values: Array, noises: Sequence[Noise]) -> Array:
-    """Whiten (n, r, ...) output by output and stack to (n r, ...)."""
-    parts = [noise.whiten(values[:, index]) for index, noise in enumerate(noises)]
-    return np.concatenate(parts, axis=0)
-
-
 def noises_of(scene: Scene, residuals: Sequence[Array]) -> tuple[Noise, ...]:
     """Estimate every output's noise from what a fit left over."""
     return tuple(
         fit_noise([part[:, index] for part in residuals], float(scene.floors[index]))
         for index in range(residuals[0].shape[1])
     )
-
-
-def slopes_of(
-    scene: Scene,
-    recording: Recording,
-    unknowns: Sequence[Coordinate],
-    point: Point,
-    index: int,
-    residual: Array,
-    own: Array | None = None,
-) -> Array:
-    """Return d output / d (coordinates, initial state) (n, r, k + s) at a point that leaves `residual` (n, r).
-
-    `own` are those for the initial state, where they are known (see start_slopes).
-    """
-    own = start_slopes(scene, recording, point, index) if own is None else own
-    slopes = np.zeros((*residual.shape, len(unknowns)))
-    for place, each in enumerate(unknowns):
-        value = point.values.get(each.name, scene.engine.neutral[each.name])
-        inside = each.inner(value) + (_STEP if each.logarithmic else _STEP * max(abs(value) / each.scale, 0.01))
-        moved = each.outer(inside)
-        if not moved > value:  # at its upper bound
-            moved = each.outer(2.0 * each.inner(value) - inside)
-        change = each.inner(moved) - each.inner(value)
-        if change != 0.0:
-            near = Point({**point.values, each.name: moved}, point.starts)
-            slopes[..., place] = (residual - residual_of(scene, recording, near, index)) / change
-    whole: Array = np.concatenate([slopes, own], axis=2)
-    return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
-
-
-def start_slopes(scene: Scene, recording: Recording, point: Point, index: int) -> Array:
-    """Return d output / d initial state (n, r, s).
-
-    Those of a linear plant are taken without effects, once: what an initial state does dies out soon, and a search that
-    accepts only what lowers the cost can do with that. In any other plant they depend on where it goes, and a phase of
-    the mains never dies out.
-    """
-    linear = scene.engine.engine.equations is None
-    values, start = ({}, full_start(scene, recording)) if linear else (point.values, point.starts[index])
-    key = (id(recording), tuple(sorted(values.items())), start.tobytes())
-    found = scene.memory.get(key)
-    if found is None:
-        while len(scene.memory) >= max(_KEPT, len(scene.train) + len(scene.test)):
-            scene.memory.pop(next(iter(scene.memory)))
-        names = [f"start.{state}" for state in scene.engine.states]
-        found = scene.memory[key] = scene.engine.slopes(recording, values, names, start)
-    return found
 
 
 def fit(
@@ -129,40 +60,11 @@ def fit(
     noises: Sequence[Noise],
     steps: int,
 ) -> Fitted:
-    """Search from `begin` by Levenberg and Marquardt; bounds hold by stopping at them."""
+    """Search from `begin` in a given number of steps; bounds hold by stopping at them."""
     unknowns = coordinates(scene, causes, begin.values)
-    count, states = len(unknowns), len(scene.engine.states)
-    tether = tethers(scene, unknowns)
-    point, cost, residuals = _judged(scene, recordings, begin, noises)
-    damping, normal = 1e-3, np.zeros((0, 0))
-    begun = time.process_time()
-    own = [start_slopes(scene, recording, point, k) for k, recording in enumerate(recordings)]  # good for a few steps
-    for _ in range(steps):
-        if time.process_time() - begun > _PATIENCE:
-            break
-        packed = _packed(scene, recordings, unknowns, point, residuals, noises, own)
-        normal, pulled = _tied(packed, tether, _inner(scene, unknowns, point))
-        moved = False
-        for _ in range(6):
-            step = _solve(normal, pulled, damping)
-            step[:count] = np.clip(step[:count], -3.0, 3.0)
-            trial = _moved(scene, unknowns, point, step, states)
-            next_point, next_cost, next_residuals = _judged(scene, recordings, trial, noises)
-            if next_cost + _pull(scene, unknowns, trial, tether) < cost + _pull(scene, unknowns, point, tether):
-                moved = True
-                break
-            damping = max(damping * 8.0, 1e-6)
-        if not moved:
-            break
-        gain = cost - next_cost + _pull(scene, unknowns, point, tether) - _pull(scene, unknowns, trial, tether)
-        point, cost, residuals = next_point, next_cost, next_residuals
-        damping = max(damping / 6.0, 1e-9)
-        if gain < max(_WORTH, _ENOUGH * cost):
-            break
-    if normal.size == 0:
-        packed = _packed(scene, recordings, unknowns, point, residuals, noises, own)
-        normal, _ = _tied(packed, tether, _inner(scene, unknowns, point))
-    return Fitted(tuple(causes), unknowns, point, residuals, cost, normal)
+    problem = Problem(scene, recordings, unknowns, noises, tethers(scene, unknowns))
+    place, normal = descended(problem, begin, steps)
+    return Fitted(tuple(causes), unknowns, place.point, place.residuals, place.cost, normal)
 
 
 def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -172,51 +74,38 @@ def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     deviation away. Where contacts and kinks make slopes jump, one place may promise far more than others near it:
     deviations are the largest that any of them tells.
     """
-    unknowns, causes = fitted.coordinates, fitted.causes
-    count, states = len(unknowns), len(scene.engine.states)
-    tether = tethers(scene, unknowns)
-    point, cost, residuals = _judged(scene, scene.train, fitted.point, noises)
-    normal = fitted.normal
+    unknowns, count = fitted.coordinates, len(fitted.coordinates)
+    problem = Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns))
+    place, normal = problem.at(fitted.point), fitted.normal
     told = [variances(normal, count)]
     for _ in range(_LAST_STEPS):
-        packed = _packed(scene, scene.train, unknowns, point, residuals, noises)
-        normal, pulled = _tied(packed, tether, _inner(scene, unknowns, point))
+        slopes = problem.slopes(place)
+        normal = problem.normal(slopes)
         told.append(variances(normal, count))
-        step = _solve(normal, pulled, 0.0)
+        step = solved(normal, problem.descent(slopes, place), 0.0)
         step[:count] = np.clip(step[:count], -1.0, 1.0)
-        here = cost + _pull(scene, unknowns, point, tether)
         for share in (1.0, 0.3, 0.1):
-            trial = _moved(scene, unknowns, point, share * step, states)
-            _, next_cost, next_residuals = _judged(scene, scene.train, trial, noises)
-            gain = here - next_cost - _pull(scene, unknowns, trial, tether)
+            trial = problem.at(problem.moved(place.point, share * step))
+            gain = place.whole - trial.whole
             if gain > 0.0:
-                point, cost, residuals = trial, next_cost, next_residuals
+                place = trial
                 break
         if gain < _LAST_GAIN:
             break
     seen = told[-1] > 0.0
     wider = np.sqrt(np.where(seen, np.max(told, axis=0), 1.0) / np.where(seen, told[-1], 1.0))
-    return Fitted(causes, unknowns, point, tuple(residuals), cost, normal, wider)
+    return Fitted(fitted.causes, unknowns, place.point, place.residuals, place.cost, normal, wider)
 
 
 def cost_at(scene: Scene, fitted: Fitted, point: Point, noises: Sequence[Noise]) -> float:
     """Return the cost of a fit's hypothesis at another point, tied to what is known beforehand."""
-    _, cost, _ = _judged(scene, scene.train, point, noises)
-    return cost + _pull(scene, fitted.coordinates, point, tethers(scene, fitted.coordinates))
+    unknowns = fitted.coordinates
+    return Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns)).at(point).whole
 
 
 def moved(scene: Scene, fitted: Fitted, step: Array) -> Point:
     """Return the point a step (k + s w,) of all unknowns away from a fit."""
-    return _moved(scene, fitted.coordinates, fitted.point, step, len(scene.engine.states))
-
-
-def _tied(packed: Array, tether: Array, at: Array) -> tuple[Array, Array]:
-    """Return J'J (k + s w, same) and the descent of what `_packed` tells, tied to what is known beforehand."""
-    count, weights = len(at), tether[:, :-1]
-    normal, pulled = packed[:-1, :-1], -packed[:-1, -1]
-    normal[:count, :count] += weights.T @ weights
-    pulled[:count] -= weights.T @ (weights @ at - tether[:, -1])
-    return normal, pulled
+    return Problem(scene, scene.train, fitted.coordinates, (), np.zeros((0, 1))).moved(fitted.point, step)
 
 
 def variances(normal: Array, count: int) -> Array:
@@ -236,12 +125,13 @@ def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
         return fitted
     starts = tuple(full_start(scene, recording) for recording in scene.test)
     point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
-    _, _, residuals = _judged(scene, scene.test, point, noises)
-    packed = _packed(scene, scene.test, fitted.coordinates, point, residuals, noises)
+    problem = Problem(scene, scene.test, fitted.coordinates, noises, np.zeros((0, count + 1)))
+    place = problem.at(point)
+    slopes = problem.slopes(place)
+    normal, pulled = problem.normal(slopes), problem.descent(slopes, place)
     own_places = range(count)
-    first, second = _reduced(fitted.normal, own_places), _reduced(packed[:-1, :-1], own_places)
-    across, pulled = packed[:count, count:-1], packed[:-1, -1]
-    score = across @ inverse(packed[count:-1, count:-1]) @ pulled[count:] - pulled[:count]
+    first, second = _reduced(fitted.normal, own_places), _reduced(normal, own_places)
+    score = pulled[:count] - normal[:count, count:] @ inverse(normal[count:, count:]) @ pulled[count:]
     own, joint = inverse(first), inverse(first + second)
     moved = joint @ score
     allowed = np.diag(own) - np.diag(joint)
@@ -290,88 +180,20 @@ def tethers(scene: Scene, unknowns: Sequence[Coordinate]) -> Array:
     return np.array(rows).reshape(len(rows), len(unknowns) + 1)
 
 
-def _pull(scene: Scene, unknowns: Sequence[Coordinate], point: Point, tether: Array) -> float:
-    return float(np.sum((tether[:, :-1] @ _inner(scene, unknowns, point) - tether[:, -1]) ** 2))
-
-
-def _judged(
-    scene: Scene, recordings: Sequence[Recording], point: Point, noises: Sequence[Noise]
-) -> tuple[Point, float, tuple[Array, ...]]:
-    residuals = tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(recordings))
-    cost = 0.0
-    for part in residuals:
-        if np.any(np.isnan(part)):
-            cost += FAR**2 * part.size
-        else:
-            cost += float(np.sum(whitened(part, noises) ** 2))
-    return point, cost, residuals
-
-
-def _packed(
-    scene: Scene,
-    recordings: Sequence[Recording],
-    unknowns: Sequence[Coordinate],
-    point: Point,
-    residuals: Sequence[Array],
-    noises: Sequence[Noise],
-    own: Sequence[Array] | None = None,
-) -> Array:
-    """Return [J r]'[J r] of the whitened problem, shape (k + s w + 1, same); r is simulated - measured."""
-    count, states, lot = len(unknowns), len(scene.engine.states), len(recordings)
-    total = np.zeros((count + states * lot + 1, count + states * lot + 1))
-    for k, recording in enumerate(recordings):
-        if np.any(np.isnan(residuals[k])):
-            continue
-        slopes = slopes_of(scene, recording, unknowns, point, k, residuals[k], None if own is None else own[k])
-        tall = np.concatenate([slopes, -residuals[k][..., None]], axis=2)
-        flat = whitened(tall, noises)
-        places = np.concatenate([np.arange(count), count + states * k + np.arange(states), [count + states * lot]])
-        total[np.ix_(places, places)] += flat.T @ flat
-    return total
-
-
-def _solve(normal: Array, pulled: Array, damping: float) -> Array:
-    sizes = np.sqrt(np.maximum(np.diag(normal), 0.0))
-    live = sizes > 1e-9
-    step = np.zeros(len(pulled))
-    scaled = normal[np.ix_(live, live)] / np.outer(sizes[live], sizes[live])
-    scaled = scaled + (damping + 1e-12) * np.eye(int(live.sum()))
-    step[live] = np.linalg.lstsq(scaled, pulled[live] / sizes[live], rcond=1e-13)[0] / sizes[live]
-    return step
-
-
-def _inner(scene: Scene, unknowns: Sequence[Coordinate], point: Point) -> Array:
-    return np.array([each.inner(point.values.get(each.name, scene.engine.neutral[each.name])) for each in unknowns])
-
-
-def _moved(scene: Scene, unknowns: Sequence[Coordinate], point: Point, step: Array, states: int) -> Point:
-    inner = _inner(scene, unknowns, point) + step[: len(unknowns)]
-    values = dict(point.values)
-    for each, place in zip(unknowns, inner, strict=True):
-        values[each.name] = each.outer(float(place))
-    starts = tuple(
-        start + step[len(unknowns) + states * k : len(unknowns) + states * (k + 1)]
-        for k, start in enumerate(point.starts)
-    )
-    return Point(values, starts)
-
-
 def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, noises: Sequence[Noise]) -> Point:
     """Fit the initial states alone, by two Gauss-Newton steps."""
     starts = []
     for k, recording in enumerate(recordings):
-        here = Point(point.values, tuple(point.starts[k] for _ in recordings))
-        _, cost, residuals = _judged(scene, [recording], Point(here.values, (here.starts[0],)), noises)
-        best = here.starts[0]
+        problem = Problem(scene, [recording], (), noises, np.zeros((0, 1)))
+        place = problem.at(Point(point.values, (point.starts[k],)))
         for _ in range(2):
-            single = Point(point.values, (best,))
-            packed = _packed(scene, [recording], (), single, residuals, noises)
-            step = _solve(packed[:-1, :-1], -packed[:-1, -1], 1e-9)
-            _, next_cost, next_residuals = _judged(scene, [recording], Point(point.values, (best + step,)), noises)
-            if not next_cost < cost:
+            slopes = problem.slopes(place)
+            step = solved(problem.normal(slopes), problem.descent(slopes, place), 1e-9)
+            trial = problem.at(problem.moved(place.point, step))
+            if not trial.cost < place.cost:
                 break
-            best, cost, residuals = best + step, next_cost, next_residuals
-        starts.append(best)
+            place = trial
+        starts.append(place.point.starts[0])
     return Point(point.values, tuple(starts))
 
 

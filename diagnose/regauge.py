@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import slopes_of
 from diagnose.hypothesis import Scene
 from diagnose.rank import Search
-from diagnose.refit import slopes_of
+from diagnose.wrap import shifted, turns_between
 from identify.recording import Recording
 
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording
         if direct.effect != "sensor_wrap":
             continue
         turns = [
-            [_turns(one, other, direct.output, direct.values[0]) for one, other in zip(after, before, strict=True)]
-            for after, before in zip(moved, (train, test), strict=True)
+            [turns_between(*pair, direct.output, direct.values[0]) for pair in zip(before, after, strict=True)]
+            for before, after in zip((train, test), moved, strict=True)
         ]
         change, deviation = _off(found, outputs.index(direct.output), turns[0])
         if abs(change) > _SURE * deviation:
@@ -41,16 +41,11 @@ def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording
             )
             for place, parts in enumerate(turns):
                 moved[place] = [
-                    _shifted(each, direct.output, change * turn) for each, turn in zip(moved[place], parts, strict=True)
+                    shifted(each, direct.output, change * turn) for each, turn in zip(moved[place], parts, strict=True)
                 ]
     if directs == list(scene.direct):
         return None
     return replace(scene, train=tuple(moved[0]), test=tuple(moved[1]), direct=tuple(directs), memory={})
-
-
-def _turns(after: Recording, before: Recording, output: str, reach: float) -> Array:
-    """Return by how many ranges (n,) each reading was moved."""
-    return np.asarray(np.round((after.columns[output] - before.columns[output]) / reach))
 
 
 def _off(found: Search, index: int, turns: Sequence[Array]) -> tuple[float, float]:
@@ -70,8 +65,3 @@ def _off(found: Search, index: int, turns: Sequence[Array]) -> tuple[float, floa
     answer = np.linalg.lstsq(columns / scale, np.concatenate(left), rcond=1e-9)[0] / scale
     spread = np.sqrt(np.diag(np.linalg.pinv((columns / scale).T @ (columns / scale), rcond=1e-12))) / scale
     return float(answer[0]), float(spread[0])
-
-
-def _shifted(recording: Recording, output: str, change: Array) -> Recording:
-    columns = {**recording.columns, output: np.ascontiguousarray(recording.columns[output] + change)}
-    return replace(recording, columns=MappingProxyType(columns))

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import residual_of
 from diagnose.hypothesis import Cause, Point, Scene, entered, full_start
-from diagnose.refit import Fitted, evidence, fit_starts, noises_of, residual_of
+from diagnose.refit import Fitted, evidence, fit_starts, noises_of
+from identify.effects import effects, find_effect
 from identify.noise import Noise, memory
 
 Array = NDArray[np.float64]
@@ -22,15 +24,6 @@ _MOMENTS = ("load_step.time_s",)
 _END = 0.02  # of a recording
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
-
-# What contains what: the first has the second as a special case.
-CONTAINS: Mapping[str, tuple[str, ...]] = {
-    "stribeck_friction": ("coulomb_friction",),
-    "asymmetric_friction": ("coulomb_friction",),
-    "presliding_friction": ("coulomb_friction",),
-    "backlash": ("flexible_coupling",),
-    "load_step": ("load_torque",),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +108,7 @@ def tells(rival: Rival, base: Rival) -> bool:
 
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:
     """Return the causes of a hypothesis with one more and the values they keep; a simpler one gives way."""
-    simpler = CONTAINS.get(cause.effect.name, ())
-    kept = tuple(each for each in base.causes if each.effect.name not in simpler)
+    kept = tuple(each for each in base.causes if each.effect.name not in cause.effect.contains)
     gone = {key for each in base.causes if each not in kept for key in each.keys}
     values = {key: value for key, value in base.point.values.items() if key not in gone}
     return (*kept, cause), values
@@ -136,17 +128,17 @@ def without(base: Fitted, gone: Cause) -> tuple[tuple[Cause, ...], Point]:
 
 def containing(name: str) -> tuple[str, ...]:
     """Return the effects that have the one called `name` as a special case."""
-    return tuple(rich for rich, simpler in CONTAINS.items() if name in simpler)
+    return tuple(rich.name for rich in effects().values() if name in rich.contains)
 
 
 def related(name: str) -> tuple[str, ...]:
     """Return what the effect called `name` has as a special case, and what has it as one."""
-    return (*CONTAINS.get(name, ()), *containing(name))
+    return (*find_effect(name).contains, *containing(name))
 
 
 def contain(some: Collection[str], others: Collection[str]) -> bool:
     """Tell whether one of the first effects has one of the others as a special case."""
-    return any(other in CONTAINS.get(name, ()) for name in some for other in others)
+    return any(other in find_effect(name).contains for name in some for other in others)
 
 
 def simplest(rivals: Sequence[Rival], without: float) -> Rival:
@@ -156,8 +148,8 @@ def simplest(rivals: Sequence[Rival], without: float) -> Rival:
     """
     chosen = rivals[0]
     for other in rivals[1:]:
-        last, rest = chosen.fitted.causes[-1].effect.name, other.fitted.causes[-1].effect.name
-        if rest in CONTAINS.get(last, ()) and not richer(chosen, other, without - other.score):
+        last, rest = chosen.fitted.causes[-1].effect, other.fitted.causes[-1].effect
+        if rest.name in last.contains and not richer(chosen, other, without - other.score):
             chosen = other
     return chosen
 

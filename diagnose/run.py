@@ -20,8 +20,6 @@ from diagnose.sound import check_sound
 from identify.plant import Plant
 from identify.recording import Recording
 
-_LATE = ("clock_skew", "input_delay", "sensor_delay")  # what another hold may be mistaken for
-
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
@@ -51,7 +49,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     given = train[0].hold
     train, test = prepared(plant, train, test)
     found, checks, shape = _explained(plant, train, test, progress)
-    if train[0].hold != given and any(name in _LATE for name in found.best.fitted.names):
+    if train[0].hold != given and any(cause.effect.late for cause in found.best.fitted.causes):
         # Half a row of delay may have looked like another hold to the nominal plant alone.
         held, unseen = ([replace(each, hold=given) for each in part] for part in (train, test))
         other = _explained(plant, held, unseen, progress)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import slopes_of, whitened
 from diagnose.hypothesis import Cause, Scene, entered, outputs_of
-from diagnose.refit import Fitted, slopes_of, whitened
+from diagnose.refit import Fitted
 from identify.least_squares import triangle
 from identify.noise import Noise, fit_noise
 from identify.recording import Recording

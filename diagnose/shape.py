@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.descent import residual_of, slopes_of, whitened
 from diagnose.direct import coarse
 from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.rank import Search, screened
-from diagnose.refit import fit_starts, noises_of, residual_of, slopes_of, whitened
+from diagnose.refit import fit_starts, noises_of
 from diagnose.rival import Rival, unlikely
 from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms

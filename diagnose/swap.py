@@ -40,6 +40,10 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
         else:
             better = best.score - winner.score > TIE
         if better and not larger(winner, best):
+            # What it is put in the place of may only have been further from its end.
+            again = rated(scene, fit(scene, scene.train, best.fitted.causes, best.fitted.point, winner.noises, _LONG))
+            if again.score < winner.score:
+                return again, tuple(sorted((best, *tried), key=lambda each: each.score))
             return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))
 

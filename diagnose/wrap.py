@@ -49,23 +49,30 @@ def unwrapped(
                 continue
             moved = [_unfolded(plant, recording, signal.name, wrap[0]) for recording in (*train, *test)]
         turns = [
-            np.round((after.columns[signal.name] - before.columns[signal.name]) / wrap[0])
+            turns_between(before, after, signal.name, wrap[0])
             for before, after in zip((*train, *test), moved, strict=True)
         ]
         reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
         if abs(reach - wrap[0]) > _SURE * wrap[2]:
             reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit
         low = wrap[1]
-        whole = [
-            _with_column(each, signal.name, each.columns[signal.name] + (reach - wrap[0]) * turn)
-            for each, turn in zip(moved, turns, strict=True)
-        ]
+        whole = [shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
         train, test = tuple(whole[: len(train)]), tuple(whole[len(train) :])
         start = min(max(low / reach, -1.0), 0.0)
         half = round(2.0 * start) / 2.0
         start = half if abs(start - half) < 0.05 else start
         found.append(Direct("sensor_wrap", signal.name, (reach, start), (deviation, 0.0)))
     return tuple(train), tuple(test), tuple(found)
+
+
+def turns_between(before: Recording, after: Recording, output: str, reach: float) -> Array:
+    """Return by how many ranges (n,) each reading was moved."""
+    return np.asarray(np.round((after.columns[output] - before.columns[output]) / reach))
+
+
+def shifted(recording: Recording, output: str, change: Array) -> Recording:
+    """Return the recording with `change` (n,) added to an output."""
+    return _with_column(recording, output, recording.columns[output] + change)
 
 
 def _wrap(columns: Sequence[Array]) -> tuple[float, float, float] | None:

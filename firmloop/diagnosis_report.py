@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from diagnose.cut import Cut
+from diagnose.descent import residual_of
 from diagnose.finding import Finding
 from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import Latent, latent, nominal_plant
-from diagnose.refit import fit_starts, residual_of
+from diagnose.refit import fit_starts
 from diagnose.run import Diagnosis
 from diagnose.shape import Shape
 from firmloop.figures import DATA, DRIVE, INK, LIMIT, MODEL, thinned

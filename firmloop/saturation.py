@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from firmloop.project import Project, same_unit
 from firmloop.table import ProjectError
 from identify.clipped import cut_off
+from identify.effects import effects
 from identify.recording import Recording
 from identify.units import unit_of
 
-LIMITING = ("end_stop", "input_saturation", "overflow", "sensor_saturation")  # effects that cut an output off
 ROUNDING = 1e-3  # share of the range that a recording may stand beyond its end
 
 
@@ -57,9 +57,10 @@ def saturated(project: Project, recordings: Sequence[Recording], name: str = "")
 def cut_output(project: Project, recordings: Sequence[Recording]) -> str:
     """Return a sentence about the first output that is cut off though no effect of the plant does that."""
     part = project.plant
-    effects = part.table.values.get("effects") if part else None
-    listed = effects if isinstance(effects, list) else []
-    if part is None or any(isinstance(each, dict) and each.get("name") in LIMITING for each in listed):
+    asked = part.table.values.get("effects") if part else None
+    listed = asked if isinstance(asked, list) else []
+    limiting = [effect.name for effect in effects().values() if effect.limits]
+    if part is None or any(isinstance(each, dict) and each.get("name") in limiting for each in listed):
         return ""
     for recording in recordings:
         for name in part.outputs:

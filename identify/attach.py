@@ -28,20 +28,6 @@ __all__ = [
     "with_position",
 ]
 
-# The order in which a reading passes through what a sensor does to it, and an input through its amplifier.
-_ORDER = (
-    "dead_zone",
-    "input_saturation",
-    "sensor_lag",
-    "eccentric_encoder",
-    "sensor_gain",
-    "sensor_offset",
-    "sensor_rectified",
-    "sensor_saturation",
-    "sensor_wrap",
-    "sensor_quantization",
-)
-
 
 def site_of(plant: Plant, effect: Effect, output: str | None) -> Site:
     """Say where an effect enters; IdentifyError where the plant has no such place."""
@@ -73,10 +59,8 @@ def site_of(plant: Plant, effect: Effect, output: str | None) -> Site:
 
 def _first_sensor(plant: Plant, effect: Effect) -> int:
     """Return the output an effect acts on where none is named: the first, or for an encoder the first it can be."""
-    if effect.name != "eccentric_encoder":
-        return 0
     units = [signal.unit for signal in plant.outputs]
-    return next((units.index(unit) for unit in ("rad", "rad/s") if unit in units), 0)
+    return next((units.index(unit) for unit in effect.units if unit in units), 0)
 
 
 def _balance(plant: Plant, effect: Effect, output: str | None) -> int:
@@ -120,7 +104,7 @@ def with_effects(plant: Plant, uses: Sequence[EffectUse]) -> Plant:
         plant = with_position(plant)
     nominal = plant.parameters[: plant.rate.numel_in(2)]
     resolved, parameters, seen = [], list(nominal), set()
-    for effect, use in sorted(zip(effects, uses, strict=True), key=lambda pair: _rank(pair[0])):
+    for effect, use in sorted(zip(effects, uses, strict=True), key=lambda pair: pair[0].stage):
         label = label_of(plant, use)
         if label in seen:
             raise IdentifyError(f"plant.effects: {label} stands twice; an effect can be there once")
@@ -128,10 +112,6 @@ def with_effects(plant: Plant, uses: Sequence[EffectUse]) -> Plant:
         resolved.append(use)
         parameters.extend(_parameters(plant, effect, use, label))
     return replace(plant, parameters=tuple(parameters), effects=tuple(resolved))
-
-
-def _rank(effect: Effect) -> int:
-    return _ORDER.index(effect.name) if effect.name in _ORDER else -1
 
 
 def _parameters(plant: Plant, effect: Effect, use: EffectUse, label: str) -> list[Parameter]:
@@ -172,9 +152,7 @@ def all_uses(plant: Plant) -> tuple[EffectUse, ...]:
     for effect in candidates(plant):
         outputs: Sequence[str | None] = (None,)
         if effect.place == "sensor":
-            outputs = [
-                s.name for s in plant.outputs if effect.name != "eccentric_encoder" or s.unit in ("rad", "rad/s")
-            ]
+            outputs = [s.name for s in plant.outputs if not effect.units or s.unit in effect.units]
         elif effect.place == "flow":
             outputs = [plant.states[b.state].name for b in plant.balances if b.kind == "flow"]
         for output in outputs:

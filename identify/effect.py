@@ -134,6 +134,10 @@ class Effect:
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
     cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
     show it, `bounded(parameter, scales)` narrows a parameter to what they can tell; None where they do not matter.
+    `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
+    it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
+    their effects in the order of `stage`. `limits`: it cuts a signal off; `slow`: it may look like a slow disturbance;
+    `late`: like another hold of the input.
     """
 
     name: str
@@ -155,6 +159,13 @@ class Effect:
     unmet: str = ""
     possible: Callable[[Scales], bool] | None = None
     bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
+    coordinate: str = ""
+    contains: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    stage: int = 0
+    limits: bool = False
+    slow: bool = False
+    late: bool = False
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

@@ -48,4 +48,6 @@ EFFECT = Effect(
     switches=(0, 1),
     sum_of=(("coulomb_friction", (1.0, 1.0)), ("load_torque", (1.0, -1.0))),
     holding=holding,
+    coordinate="sign of speed",
+    contains=("coulomb_friction",),
 )

@@ -80,4 +80,6 @@ EFFECT = Effect(
     ),
     switches=(1,),
     unmet="which flank bears cannot be seen from the reference",
+    coordinate="reversals",
+    contains=("flexible_coupling",),
 )

@@ -48,4 +48,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="sign of current",
 )

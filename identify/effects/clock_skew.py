@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((1e-3,), (-1e-3,))
+    return tuple((sign * share,) for sign in (1.0, -1.0) for share in (1e-3, 5e-3, 2e-2))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
@@ -37,4 +37,6 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     unmet="it is the recorder's clock, not the controller's",
+    coordinate="time",
+    late=True,
 )

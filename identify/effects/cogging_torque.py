@@ -64,4 +64,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="position, several times per turn",
 )

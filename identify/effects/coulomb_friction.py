@@ -56,4 +56,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="sign of speed",
 )

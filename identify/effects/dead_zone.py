@@ -42,4 +42,6 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     holding=holding,
+    coordinate="input near zero",
+    stage=1,
 )

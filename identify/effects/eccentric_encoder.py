@@ -9,6 +9,11 @@ from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, phase, size
 
 _MOST = 0.2  # rad: eccentricity over the radius of the track
+_TRUE_ANGLE = """    double angle = v->turn;
+    for (int k = 0; k < 4 && v->turn != v->th; ++k) {
+        angle = v->turn - q[0] * sin(angle + q[1]); /* a recorded angle has the error in it */
+    }
+"""
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -43,20 +48,15 @@ EFFECT = Effect(
     codes=(
         (
             "eccentric_angle",
-            """    double angle = v->turn;
-    for (int k = 0; k < 4 && v->turn != v->th; ++k) {
-        angle = v->turn - q[0] * sin(angle + q[1]); /* the recorded angle has the error in it */
-    }
-    return v->y + q[0] * sin(angle + q[1]);""",
+            _TRUE_ANGLE + "    return v->y + q[0] * sin(angle + q[1]);",
         ),
         (
             "eccentric_speed",
-            """    double angle = v->turn;
-    for (int k = 0; k < 4 && v->turn != v->th; ++k) {
-        angle = v->turn - q[0] * sin(angle + q[1]);
-    }
-    return v->y + q[0] * cos(angle + q[1]) * v->w;""",
+            _TRUE_ANGLE + "    return v->y + q[0] * cos(angle + q[1]) * v->w;",
         ),
     ),
     switches=(0,),
+    coordinate="position, once per turn",
+    stage=4,
+    units=("rad", "rad/s"),
 )

@@ -54,4 +54,7 @@ EFFECT = Effect(
     ),
     switches=(1,),
     unmet="a reference must stay off the stop, not press against it",
+    coordinate="position",
+    slow=True,
+    limits=True,
 )

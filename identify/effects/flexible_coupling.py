@@ -60,4 +60,5 @@ EFFECT = Effect(
     codes=(),
     switches=(1,),
     unmet="the second body moves by itself; an observer or a notch meets that",
+    coordinate="frequency",
 )

@@ -50,4 +50,6 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="position, once per turn",
+    slow=True,
 )

@@ -54,4 +54,6 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="position cubed",
+    slow=True,
 )

@@ -45,4 +45,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     unmet="it acts while the current changes and leaves nothing to hold",
+    coordinate="current squared and its slope",
 )

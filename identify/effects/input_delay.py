@@ -37,4 +37,6 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     unmet="no input acts before it is given; the margins count with it",
+    coordinate="change of the input",
+    late=True,
 )

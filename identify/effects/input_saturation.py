@@ -37,4 +37,7 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     unmet="what the actuator does not give cannot be asked for; set u_min and u_max to its limits",
+    coordinate="large input",
+    limits=True,
+    stage=2,
 )

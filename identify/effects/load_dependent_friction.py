@@ -47,4 +47,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="load torque and sign of speed",
 )

@@ -51,4 +51,7 @@ EFFECT = Effect(
     ),
     switches=(0,),
     unmet="nobody knows beforehand when the load comes; the integral meets it",
+    coordinate="time",
+    contains=("load_torque",),
+    slow=True,
 )

@@ -39,4 +39,6 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     unmet="what runs over is lost; the reference must stay below",
+    coordinate="level",
+    limits=True,
 )

@@ -69,4 +69,6 @@ EFFECT = Effect(
     ),
     switches=(1,),
     holding=holding,
+    coordinate="travel since the last reversal",
+    contains=("coulomb_friction",),
 )

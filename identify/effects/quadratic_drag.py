@@ -53,4 +53,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     holding=holding,
+    coordinate="speed squared",
 )

@@ -61,4 +61,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     unmet="the temperature is not measured; the integral meets it",
+    coordinate="heat of the winding",
 )

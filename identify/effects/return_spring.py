@@ -42,4 +42,6 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     holding=holding,
+    coordinate="position",
+    slow=True,
 )

@@ -43,4 +43,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    stage=5,
 )

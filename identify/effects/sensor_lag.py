@@ -36,4 +36,5 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    stage=3,
 )

@@ -41,4 +41,6 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    slow=True,
+    stage=6,
 )

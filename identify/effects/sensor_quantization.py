@@ -41,4 +41,5 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    stage=10,
 )

@@ -49,4 +49,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     possible=possible,
+    stage=7,
 )

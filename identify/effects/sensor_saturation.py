@@ -49,4 +49,6 @@ EFFECT = Effect(
     ),
     switches=(0,),
     bounded=bounded,
+    limits=True,
+    stage=8,
 )

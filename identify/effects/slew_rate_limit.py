@@ -37,4 +37,5 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     unmet="what the actuator does not give cannot be asked for; set rate_limit_per_s to its slope",
+    coordinate="slope of the input",
 )

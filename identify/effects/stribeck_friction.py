@@ -58,4 +58,6 @@ EFFECT = Effect(
     ),
     switches=(0, 1),
     holding=holding,
+    coordinate="speed near rest",
+    contains=("coulomb_friction",),
 )

@@ -39,4 +39,5 @@ EFFECT = Effect(
     codes=(),
     switches=(0,),
     unmet="it lowers the gain at large currents; the integral meets it",
+    coordinate="current",
 )

@@ -44,4 +44,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     unmet="it lowers the gain at large currents; the integral meets it",
+    coordinate="current squared",
 )

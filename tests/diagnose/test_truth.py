@@ -61,7 +61,6 @@ def test_an_eccentric_encoder_shows_the_angle_with_its_own_error(recorded: bool,
     plant, clean = made(tmp_path, "flat_motor", "eccentric_encoder")
     engine = superset(plant)
     engine.follow(recorded)
-    away = (
-        clean.columns["position_rad"] - engine.simulate(clean, {}, np.zeros(len(engine.states)))[:, 0]
-    )  # from rest at angle 0
+    at_zero = np.zeros(len(engine.states))
+    away = clean.columns["position_rad"] - engine.simulate(clean, {}, at_zero)[:, 0]
     assert float(np.std(away)) < STEP[True] / np.sqrt(12.0)
