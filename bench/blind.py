@@ -31,7 +31,7 @@ from identify.recording import read_recording
 
 Array = NDArray[np.float64]
 
-_STEPS = 40  # of a refit
+_STEPS, _TURNS = 40, 4  # of a refit, and refits with the sizes that the last one left
 EQUATIONS = {
     "friction": "torque",
     "drag": "torque",
@@ -127,8 +127,17 @@ def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: 
             start[key] = next((value for word, value in told.items() if each.name.startswith(word)), start.get(key))
         causes.append(cause)
         values = entered(values, cause, start)
-    flat = [white(noise) for noise in noises]
-    return refit(scene, scene.train, causes, Point(values, begin.starts), flat, _STEPS).residuals[0]
+    point, left = Point(values, begin.starts), scene.train[0].columns
+    sizes = [
+        max(float(np.std(left[signal.name])), noise) for signal, noise in zip(scene.plant.outputs, noises, strict=True)
+    ]
+    found = []
+    for _ in range(_TURNS):  # a fine sensor is followed once the coarse ones have led near
+        fitted = refit(scene, scene.train, causes, point, [white(size) for size in sizes], _STEPS)
+        rms = np.sqrt(np.mean(fitted.residuals[0] ** 2, axis=0))
+        found.append((float(max(rms / noises)), len(found), fitted.residuals[0]))
+        point, sizes = fitted.point, [max(float(size), noise) for size, noise in zip(rms, noises, strict=True)]
+    return min(found)[2]
 
 
 def table(results: Sequence[Scored]) -> list[str]:

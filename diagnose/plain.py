@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Scene, first_point
+from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
-_LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
+_LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer no such effect
+_FAR = 0.8  # such a ratio on test, with which another explanation is believed in spite of them
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict
@@ -55,7 +57,8 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     explained = found.nominal.score - found.best.score
     if evidence > max(_EVIDENCE, _SHARE * explained):
         train, test = _ratios(scene, plain.best.fitted, found.best.fitted)
-        if train < 1.0 and test < (_CLEAR if evidence > explained else _LEAP):
+        less, far_less = (1.0, _CLEAR) if evidence > explained else (_CLEAR, _FAR)
+        if train < less and test < far_less:
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
 
@@ -220,7 +223,8 @@ def _nominal(scene: Scene, found: Search) -> Rival:
 def _round(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
     """Fit the most promising causes from several points; the best are fitted to the end."""
     causes = [cause for cause in scene.causes if cause not in base.causes]
-    (screened,) = screen(scene, scene.train, base, causes, [ground(scene, scene.train, base, noises)], {})
+    grounds = [ground(scene, scene.train, base, noises)]
+    (screened,) = screen(scene, scene.train, base, causes, grounds, best_orders(scene, base, grounds))
     trials: list[Fitted] = []
     begun = time.process_time()
     for each in screened[:_TRIED]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.contact import past_contacts
 from diagnose.descent import whitened
 from diagnose.given import afresh, from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
@@ -32,6 +33,7 @@ _LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
+_MET = 3  # starts from which a contact is followed further
 _WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 _CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
@@ -39,7 +41,7 @@ _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that 
 _SHORT, _LONG, _LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _ROUND = 10.0  # s of computing after which a round tries no further cause
-_PATIENCE = 20.0  # s of computing after which no further effect is looked for
+_PATIENCE = 30.0  # s of computing after which no further effect is looked for
 _SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
@@ -282,7 +284,9 @@ def _columns(scene: Scene) -> list[list[Array]]:
 
 def screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     """Screen with the colored noise of what is left and with white noise: what is left may itself be the effect."""
-    open_causes = [cause for cause in scene.causes if cause not in best.fitted.causes]
+    found = best.fitted.causes
+    special = {name for cause in found for name in cause.effect.contains}  # cases of what is there already
+    open_causes = [each for each in scene.causes if each not in found and each.effect.name not in special]
     flat = [white(noise.rms) for noise in best.noises]
     grounds = [ground(scene, scene.train, best.fitted, noises) for noises in (best.noises, flat)]
     orders = best_orders(scene, best.fitted, grounds)
@@ -321,11 +325,16 @@ def _round(
     for each in [*picked, *more]:
         if trials and time.process_time() - begun > _ROUND:
             break
-        begins = [extended(best.fitted, each.cause, start) for start in _starts(scene, each)]
+        meeting = bool(each.cause.effect.contact) and each in picked  # bodies: every start has a valley of its own
+        every = scene.starts[each.cause.label] if meeting else _starts(scene, each)
+        begins = [extended(best.fitted, each.cause, start) for start in every]
         if away:
             begins.append(afresh(scene, best.fitted, each))
-        for causes, begin in begins:
-            fitted = fit(scene, scene.train, causes, begin, best.noises, _SHORT)
+        fits = [fit(scene, scene.train, causes, begin, best.noises, _SHORT) for causes, begin in begins]
+        if meeting:
+            first = sorted(fits, key=lambda one: one.cost)[:_MET]
+            fits = [fit(scene, scene.train, one.causes, one.point, best.noises, _LONG // 2) for one in first]
+        for fitted in fits:
             if not _too_large(fitted):
                 trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
     trials.sort()
@@ -340,6 +349,11 @@ def _round(
     final += [each for each in promised[:1] if all(each.causes != other.causes for other in final)]
     noises = noises_of(scene, final[0].residuals)
     longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
+    told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
+    longer = [
+        past_contacts(scene, each, noises) if score - min(told) < _CLEAR else each
+        for each, score in zip(longer, told, strict=True)
+    ]
     noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
     ended = [fit(scene, scene.train, each.causes, each.point, noises, _LAST) for each in longer]
     fits = [rated(scene, each) for each in ended if not _too_large(each)]

@@ -79,7 +79,7 @@ def relatives(scene: Scene, rival: Rival, known: Collection[tuple[Cause, ...]]) 
     return [
         _translated(scene, rival, newest, cause)
         for cause in scene.causes
-        if cause.effect.name in names and (*kept, cause) not in known
+        if cause.effect.name in names and cause not in kept and (*kept, cause) not in known
     ]
 
 

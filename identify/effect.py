@@ -136,8 +136,9 @@ class Effect:
     show it, `bounded(parameter, scales)` narrows a parameter to what they can tell; None where they do not matter.
     `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
-    their effects in the order of `stage`. `limits`: it cuts a signal off; `slow`: it may look like a slow disturbance;
-    `late`: like another hold of the input.
+    their effects in the order of `stage`. `contact` begins the name of the parameter that says where bodies meet: there
+    a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a slow disturbance; `late`: like another
+    hold of the input.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Effect:
     contains: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     stage: int = 0
+    contact: str = ""
     limits: bool = False
     slow: bool = False
     late: bool = False

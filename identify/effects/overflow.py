@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, ceiling
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
-    return (ceiling("level", site.level_unit), EffectParameter("fraction", "", 0.0, math.inf, 0.0, False, 0.0))
+    return (ceiling("level", site.level_unit), EffectParameter("fraction", "", 0.0, 1.0, 0.0, False, 0.0))
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:

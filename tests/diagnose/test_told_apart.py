@@ -15,6 +15,7 @@ QUICK = (
     (170029, "explained", "load_torque", "a load from the first row on is no step"),
     (180020, "explained", "end_stop", "a stop is looked for where a recorded speed leads"),
     (240033, "explained", "coulomb_friction", "a peak at rest that train does not show"),
+    (310000, "explained", "sensor_offset", "a current's offset at the end of a curved valley"),
 )
 SLOW = (
     (250070, "explained", "sensor_offset", "a constant that noise follows"),
@@ -24,6 +25,7 @@ SLOW = (
     (260083, "explained", "load_torque sensor_wrap", "a range that a load had bent"),
     (180006, "ambiguous", "input_delay sensor_delay sensor_lag", "a fifth of a row late, far below the noise"),
     (180039, "explained", "backlash", "a clock that a bad fit asked for"),
+    (310063, "explained", "flexible_coupling", "a coupling whose fit had ended half way"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
