@@ -137,7 +137,7 @@ def write_case(case: Case, folder: Path, labels: Path) -> None:
             noise.setdefault(name, []).append(rms)
     (folder / "project.toml").write_text(_project(case, truth, rng), encoding="utf-8")
     label = {
-        "effects": {each.name: dict(each.told) for each in case.hidden},
+        "effects": {each.name: _told(case.machine, each) for each in case.hidden},
         "outputs": {each.name: _column(case, each) for each in case.hidden},
         "outside": case.outside,
         "machine": case.machine.name,
@@ -149,6 +149,12 @@ def write_case(case: Case, folder: Path, labels: Path) -> None:
         "noise": {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in noise.items()},
     }
     (labels / "label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
+
+
+def _told(machine: Machine, each: Concealed) -> Mapping[str, float]:
+    """Return what is concealed as the contract calls it: a stage has forces and masses."""
+    words = {} if machine.motor else {"torque": "force", "load_inertia": "load_mass"}
+    return {words.get(word, word): value for word, value in each.told.items()}
 
 
 def _write_recording(

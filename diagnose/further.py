@@ -38,7 +38,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     # What moves slowly is counted in independent samples: a shape can only be weighed beside the same effects as found.
     same = slow is found or set(slow.best.fitted.causes) == set(found.best.fitted.causes)
     shape = best_shape(found, found.best) if same else None
-    if slow is not found and not outweighs(shape, found.nominal.score - found.best.score):
+    if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         doubted = with_doubt(slow.scene, slow.best.fitted, slow.best.noises)
         return replace(slow, best=replace(slow.best, fitted=doubted)), None
     while (

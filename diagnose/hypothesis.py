@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -35,6 +35,7 @@ class Cause:
     parameters: tuple[EffectParameter, ...]
     keys: tuple[str, ...]  # full names of the parameters in the superset
     taken: tuple[str, str] | None  # a second inertia, and the nominal parameter that held it before
+    scales: Scales  # sizes in the recordings, where the cause acts
 
     @property
     def label(self) -> str:
@@ -42,10 +43,9 @@ class Cause:
         return self.effect.name if self.output is None else f"{self.effect.name} of {self.output}"
 
 
-def _starts(plant: Plant, cause: Cause, scales: Callable[[int, int], Scales]) -> tuple[Mapping[str, float], ...]:
-    """Return the effect's own grid; `scales` are the typical sizes by output and balance."""
-    site = site_of(plant, cause.effect, cause.output)
-    grid = cause.effect.starts(site, scales(site.output, site.balance))
+def _starts(plant: Plant, cause: Cause) -> tuple[Mapping[str, float], ...]:
+    """Return the effect's own grid."""
+    grid = cause.effect.starts(site_of(plant, cause.effect, cause.output), cause.scales)
     return tuple(dict(zip(cause.keys, values, strict=True)) for values in grid)
 
 
@@ -113,8 +113,8 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
             continue
         effect = find_effect(use.name)
         site = site_of(plant, effect, use.output)
-        scales = partial(sizes, site.output, site.balance)
-        if effect.possible is not None and not effect.possible(scales()):
+        scales = sizes(site.output, site.balance)
+        if effect.possible is not None and not effect.possible(scales):
             continue
         parameters = tuple(_bounded(effect, each, scales) for each in parameters_of(plant, use.name, use.output))
         label = label_of(plant, use)
@@ -122,19 +122,19 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
         load = next((key for key, each in zip(keys, parameters, strict=True) if each.name == site.load), None)
         held = None if load is None else inertia_parameter(plant, site.balance)
         taken = None if load is None or held is None else (load, held)
-        causes.append(Cause(effect, use.output, parameters, keys, taken))
-    starts = {cause.label: _starts(plant, cause, sizes) for cause in causes}
+        causes.append(Cause(effect, use.output, parameters, keys, taken, scales))
+    starts = {cause.label: _starts(plant, cause) for cause in causes}
     return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {}, direct)
 
 
-def _bounded(effect: Effect, parameter: EffectParameter, scales: Callable[[], Scales]) -> EffectParameter:
+def _bounded(effect: Effect, parameter: EffectParameter, scales: Scales) -> EffectParameter:
     """Narrow a parameter to what the recordings can tell.
 
     A wave along a way has one period in it at least: a longer one is a spring or a load, which have names.
     """
     if parameter.name == "periods_per_m":
-        parameter = replace(parameter, low=max(parameter.low, 1.0 / scales().travel))
-    return parameter if effect.bounded is None else effect.bounded(parameter, scales())
+        parameter = replace(parameter, low=max(parameter.low, 1.0 / scales.travel))
+    return parameter if effect.bounded is None else effect.bounded(parameter, scales)
 
 
 def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float]) -> Mapping[str, float]:

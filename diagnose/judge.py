@@ -76,9 +76,9 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
     if not search.best.fitted.causes:
-        return ("unknown_physics" if outweighs(shape, 0.0) else "no_mismatch"), ()
+        return ("unknown_physics" if outweighs(shape, search.best.noises, 0.0) else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
-    if outweighs(shape, explained):
+    if outweighs(shape, search.best.noises, explained):
         return "unknown_physics", ()
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)

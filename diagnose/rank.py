@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.contact import past_contacts
 from diagnose.descent import whitened
-from diagnose.given import afresh, from_given, runaways
+from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.orders import best_orders
-from diagnose.refit import Fitted, evidence, fit, noises_of
-from diagnose.rival import MINOR, TIE, Rival, contain, extended, larger, rated, related, simplest, tells, without
-from diagnose.screen import Screened, ground, screen
-from diagnose.swap import merged, relatives, swapped
+from diagnose.refit import fit, noises_of
+from diagnose.rival import MINOR, TIE, Rival, contain, larger, rated, simplest, tells, without
+from diagnose.round import CLEAR, LAST, LONG, SHORT, screened, tried_beside
+from diagnose.screen import Screened
+from diagnose.swap import merged, swapped
 from identify.course import LONGEST_CHANGE
 from identify.noise import white
 
@@ -29,20 +28,12 @@ COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
 SLOW_THRESHOLD = 80.0  # and there for effects that look like one
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
-_LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
+LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
-_TRIED = 5  # causes refitted per round, besides relatives
-_FINAL = 4  # of them refitted to the end
-_MET = 3  # starts from which a contact is followed further
-_WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
-_CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
-_SHORT, _LONG, _LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
-_ROUND = 10.0  # s of computing after which a round tries no further cause
 _PATIENCE = 30.0  # s of computing after which no further effect is looked for
-_SHARE = 0.08  # of the best screened drop
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
 
@@ -77,12 +68,12 @@ def search(scene: Scene, progress: Progress) -> Search:
         # Where noise alone is left, no cause gains more than it promises; where not, a soaked one hides another.
         whole = all(len(noise.coefficients) == 0 for noise in best.noises)
         worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
-        rivals = _round(scene, best, table, from_given(scene, nominal) if turn == 0 else (), worth)
+        rivals = tried_beside(scene, best, table, from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
             break
         base = best
-        if best.score - rivals[0].score < _CLEAR:
-            again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, _LAST)
+        if best.score - rivals[0].score < CLEAR:
+            again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, LAST)
             base = min((rated(scene, again), best), key=lambda each: each.score)
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
@@ -108,7 +99,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     `table` are the causes as screened, best first; None screens them.
     """
     scene, base = found.scene, found.best
-    rivals = _round(scene, base, screened(scene, base) if table is None else table, (), _WORTH)
+    rivals = tried_beside(scene, base, screened(scene, base) if table is None else table, (), _WORTH)
     if not rivals:
         return None
     chosen = simplest(rivals, base.score)
@@ -207,7 +198,7 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
     now = scene.engine.recorded
     scene.engine.follow(not now)
     fitted = rival.fitted
-    other = rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
+    other = rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, LONG))
     if rival.score - other.score > TIE:
         return other
     scene.engine.follow(now)
@@ -224,7 +215,7 @@ def _refined(scene: Scene, rival: Rival) -> Rival:
     finer = fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, 0)
     pairs = zip(finer.residuals, fitted.residuals, strict=True)
     if sum(float(np.sum(whitened(one - other, rival.noises) ** 2)) for one, other in pairs) > TIE:
-        return rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, _LONG))
+        return rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, LONG))
     engine.hasten(coarse)
     return rival
 
@@ -240,17 +231,17 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     found = [rival]
     if given or any(len(noise.coefficients) for noise in rival.noises):
         flat = [white(noise.scale) for noise in rival.noises]
-        plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, _LONG)
+        plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, LONG)
         noises = noises_of(scene, plain.residuals)
         begin = Point({**plain.point.values, **given}, plain.point.starts)
-        found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, _LONG)))
+        found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, LONG)))
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
 
 
 def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
     slow = rival.fitted.causes[-1].effect.slow
-    colored = any(len(noise.coefficients) >= _LONG_MEMORY for noise in rival.noises)
+    colored = any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith(_SOUGHT) for key in rival.fitted.causes[-1].keys)
     least = SLOW_THRESHOLD if slow else COLORED_THRESHOLD
     return (least if colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
@@ -267,14 +258,14 @@ def _nominal(scene: Scene) -> Rival:
             p.name: p.value * (factor if p.free and p.name.startswith(("R_", "J_", "b_", "mass")) else 1.0)
             for p in scene.plant.parameters
         }
-        trials.append(fit(scene, scene.train, (), Point({**begin.values, **values}, begin.starts), flat, _SHORT * 2))
+        trials.append(fit(scene, scene.train, (), Point({**begin.values, **values}, begin.starts), flat, SHORT * 2))
     fitted = min(trials, key=lambda each: each.cost)
     for _ in range(2):
         sizes = [white(noise.rms) for noise in noises_of(scene, fitted.residuals)]
-        fitted = fit(scene, scene.train, (), fitted.point, sizes, _LONG)
+        fitted = fit(scene, scene.train, (), fitted.point, sizes, LONG)
     fits = [rated(scene, fitted)]
     for _ in range(3):
-        fits.append(rated(scene, fit(scene, scene.train, (), fits[-1].fitted.point, fits[-1].noises, _LONG)))
+        fits.append(rated(scene, fit(scene, scene.train, (), fits[-1].fitted.point, fits[-1].noises, LONG)))
     return min(fits, key=lambda each: each.score)
 
 
@@ -282,108 +273,11 @@ def _columns(scene: Scene) -> list[list[Array]]:
     return [[recording.columns[signal.name] for recording in scene.train] for signal in scene.plant.outputs]
 
 
-def screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
-    """Screen with the colored noise of what is left and with white noise: what is left may itself be the effect."""
-    found = best.fitted.causes
-    special = {name for cause in found for name in cause.effect.contains}  # cases of what is there already
-    open_causes = [each for each in scene.causes if each not in found and each.effect.name not in special]
-    flat = [white(noise.rms) for noise in best.noises]
-    grounds = [ground(scene, scene.train, best.fitted, noises) for noises in (best.noises, flat)]
-    orders = best_orders(scene, best.fitted, grounds)
-    tables = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
-    colored, plain = ({each.cause.label: each for each in table} for table in tables)
-    scale = max((each.gain for each in plain.values()), default=1.0) / max(
-        max((each.gain for each in colored.values()), default=1.0), 1.0
-    )
-    labels = sorted({*colored, *plain})  # a cause may show under one noise model alone
-    merged = [max((colored.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
-    drops = {label: max(each.drop for each in (colored.get(label), plain.get(label)) if each) for label in labels}
-    raised = [replace(each, gain=max(each.gain, drops[each.cause.label])) for each in merged if each is not None]
-    return tuple(sorted(raised, key=lambda each: -each.gain))
-
-
-def _scaled(screened: Screened | None, scale: float) -> Screened | None:
-    return None if screened is None else replace(screened, gain=screened.gain / max(scale, 1e-12))
-
-
-def _gain(screened: Screened | None) -> float:
-    return -1.0 if screened is None else screened.gain
-
-
-def _round(
-    scene: Scene, best: Rival, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
-) -> tuple[Rival, ...]:
-    """Refit the most promising causes and their relatives; the best are refitted to the end."""
-    top = screened[0].gain if screened else 0.0
-    picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
-    names = {each.cause.effect.name for each in picked}
-    kin = {other for name in names for other in related(name)}
-    more = [each for each in screened if each.cause.effect.name in kin and each not in picked]
-    trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
-    begun = time.process_time()
-    away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))
-    for each in [*picked, *more]:
-        if trials and time.process_time() - begun > _ROUND:
-            break
-        meeting = bool(each.cause.effect.contact) and each in picked  # bodies: every start has a valley of its own
-        every = scene.starts[each.cause.label] if meeting else _starts(scene, each)
-        begins = [extended(best.fitted, each.cause, start) for start in every]
-        if away:
-            begins.append(afresh(scene, best.fitted, each))
-        fits = [fit(scene, scene.train, causes, begin, best.noises, _SHORT) for causes, begin in begins]
-        if meeting:
-            first = sorted(fits, key=lambda one: one.cost)[:_MET]
-            fits = [fit(scene, scene.train, one.causes, one.point, best.noises, _LONG // 2) for one in first]
-        for fitted in fits:
-            if not _too_large(fitted):
-                trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
-    trials.sort()
-    final: list[Fitted] = []
-    for score, _, fitted in trials:
-        near = len(final) < 2 or score - trials[0][0] < _CLEAR
-        if near and len(final) < _FINAL and all(fitted.causes != other.causes for other in final):
-            final.append(fitted)
-    if not final:
-        return ()
-    promised = [fitted for _, _, fitted in trials if picked and fitted.causes[-1:] == (picked[0].cause,)]
-    final += [each for each in promised[:1] if all(each.causes != other.causes for other in final)]
-    noises = noises_of(scene, final[0].residuals)
-    longer = [fit(scene, scene.train, each.causes, each.point, noises, _LONG) for each in final]
-    told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
-    longer = [
-        past_contacts(scene, each, noises) if score - min(told) < _CLEAR else each
-        for each, score in zip(longer, told, strict=True)
-    ]
-    noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
-    ended = [fit(scene, scene.train, each.causes, each.point, noises, _LAST) for each in longer]
-    fits = [rated(scene, each) for each in ended if not _too_large(each)]
-    if not fits:
-        return ()
-    best_one = min(fits, key=lambda each: each.score)
-    known = {each.fitted.causes for each in fits}
-    return tuple(sorted([*fits, *relatives(scene, best_one, known)], key=lambda each: each.score))
-
-
-def _too_large(fitted: Fitted) -> bool:
-    """Tell whether the newest effect had to be as large as it can be: it only stands for another."""
-    newest = fitted.causes[-1]
-    sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
-    bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
-    return any(fitted.point.values[key] > _WHOLE * high for key, high in bounded)
-
-
-def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
-    """Return the start that promises most, and for effects of three parameters a second one."""
-    every = [dict(start) for start in scene.starts[screened.cause.label]]
-    others = [start for start in every if start != dict(screened.start)]
-    return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
-
-
 def pruned(scene: Scene, best: Rival) -> Rival:
     """Drop effects one by one as long as the rest explains as much, and no output is missed by far more."""
     while len(best.fitted.causes) > 1:
         slimmer = [
-            rated(scene, fit(scene, scene.train, *without(best.fitted, cause), best.noises, _LONG))
+            rated(scene, fit(scene, scene.train, *without(best.fitted, cause), best.noises, LONG))
             for cause in best.fitted.causes
         ]
         least = min(slimmer, key=lambda each: each.score)

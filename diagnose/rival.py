@@ -42,7 +42,7 @@ def rated(scene: Scene, fitted: Fitted) -> Rival:
     they seem, and what begins with a recording was there all the time.
     """
     noises = noises_of(scene, fitted.residuals)
-    if _at_an_end(scene, fitted):
+    if _at_an_end(scene, fitted) or not _believable(fitted):
         return Rival(fitted, noises, IMPOSSIBLE)
     return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
 
@@ -52,6 +52,15 @@ def _at_an_end(scene: Scene, fitted: Fitted) -> bool:
     end = max(float(recording.time[-1]) for recording in scene.train)
     moments = [value for key, value in fitted.point.values.items() if key in _MOMENTS]
     return any(min(moment - begin, end - moment) < _END * (end - begin) for moment in moments)
+
+
+def _believable(fitted: Fitted) -> bool:
+    """Tell whether every effect has values that are its own."""
+    return all(
+        cause.effect.believable is None
+        or cause.effect.believable([fitted.point.values[key] for key in cause.keys], cause.scales)
+        for cause in fitted.causes
+    )
 
 
 def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:

@@ -12,9 +12,10 @@ from diagnose.descent import residual_of, slopes_of, whitened
 from diagnose.direct import coarse
 from diagnose.hypothesis import Point, full_start, outputs_of
 from diagnose.locate import latent, nominal_plant
-from diagnose.rank import Search, screened
+from diagnose.rank import LONG_MEMORY, Search
 from diagnose.refit import fit_starts, noises_of
 from diagnose.rival import Rival, unlikely
+from diagnose.round import screened
 from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
@@ -25,6 +26,7 @@ from identify.recording import Recording
 Array = NDArray[np.float64]
 
 SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
+SLOW_GAIN = 100.0  # the same where a disturbance is slow in every output
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 _TRIED = 3  # terms weighed in full, of each noise model's order
 _ROUNDS = 2  # of fitting with the noise that the last fit left over
@@ -71,9 +73,13 @@ class _Base:
         return len(self.search.scene.train)
 
 
-def outweighs(shape: Shape | None, explained: float) -> bool:
-    """Tell whether a shape is too much beside the drop of BIC that named effects have brought, 0 of none."""
-    return shape is not None and shape.gain > max(SHAPE_GAIN, SHAPE_SHARE * explained)
+def outweighs(shape: Shape | None, noises: Sequence[Noise], explained: float) -> bool:
+    """Tell whether a shape is too much beside the drop of BIC that named effects have brought, 0 of none.
+
+    `noises` are what those leave.
+    """
+    slow = all(len(noise.coefficients) >= LONG_MEMORY for noise in noises)
+    return shape is not None and shape.gain > max(SLOW_GAIN if slow else SHAPE_GAIN, SHAPE_SHARE * explained)
 
 
 def best_shape(search: Search, rival: Rival) -> Shape | None:

@@ -28,7 +28,7 @@ _WHOLE = 0.97  # of what is seen of a range, less than which none is
 _RARE = 0.003  # share of readings that must be off by a range
 _MOST_TURNS = 3  # that a reading may be off
 _TELLING = 0.35  # of the residual without wraps
-_NEAR = 0.1  # of the range, by which the readings' span and their jumps may differ
+_NEAR = 0.2  # of the range, by which the readings' span and their jumps may differ
 _STEP = 1e-4  # of a parameter's logarithm, for difference quotients
 _GIVEN = 0.3  # standard deviation of a given parameter, as a logarithm
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from identify.assembly import Assembly
@@ -133,7 +133,8 @@ class Effect:
     of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
     cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
-    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell; None where they do not matter.
+    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `believable(values, scales)` says
+    whether a fit's values are still this effect's; None where they do not matter.
     `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
     their effects in the order of `stage`. `contact` begins the name of the parameter that says where bodies meet: there
@@ -160,6 +161,7 @@ class Effect:
     unmet: str = ""
     possible: Callable[[Scales], bool] | None = None
     bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
+    believable: Callable[[Sequence[float], Scales], bool] | None = None
     coordinate: str = ""
     contains: tuple[str, ...] = ()
     units: tuple[str, ...] = ()

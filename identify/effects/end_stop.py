@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, signed, size
+
+_EARLIEST = 0.1  # of the way to that side: no stop comes before
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -32,6 +35,12 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_term(assembly.speed, "end_stop", values, assembly.per[site.balance], (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether the way goes up to the stop: what acts all the way is a spring."""
+    reach = scales.place_high if values[0] >= 0.0 else scales.place_low
+    return abs(values[0]) >= _EARLIEST * abs(reach)
+
+
 EFFECT = Effect(
     name="end_stop",
     equation="torque",
@@ -54,6 +63,7 @@ EFFECT = Effect(
     ),
     switches=(1,),
     unmet="a reference must stay off the stop, not press against it",
+    believable=believable,
     coordinate="position",
     slow=True,
     limits=True,

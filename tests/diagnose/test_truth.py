@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,7 +38,7 @@ def made(folder: Path, machine: str, name: str) -> tuple[Plant, Recording]:
     plant = replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
     output = COLUMN[motor][hidden.sensor[0]] if hidden.sensor else None
     parameters = [p.name for p in parameters_of(plant, name, output)]
-    told = {name.replace("torque", "force"): value for name, value in hidden.told.items()} if not motor else hidden.told
+    told = json.loads((folder / "labels" / "label.json").read_text(encoding="utf-8"))["effects"][name]
     figures = {p: next(value for word, value in told.items() if p.startswith(word)) for p in parameters}
     return with_effects(plant, [EffectUse(name, output, figures, ())]), read_recording(folder / "labels/train.csv", {})
 

@@ -1,0 +1,130 @@
+"""One round of a search: refit the most promising causes beside what was found, the best of them to the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnose.contact import past_contacts
+from diagnose.given import afresh, runaways
+from diagnose.hypothesis import Scene
+from diagnose.orders import best_orders
+from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.rival import Rival, extended, rated, related
+from diagnose.screen import Screened, ground, screen
+from diagnose.swap import relatives
+from identify.noise import white
+
+CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
+SHORT, LONG, LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
+_TRIED = 5  # causes refitted per round, besides relatives
+_FINAL = 4  # of them refitted to the end
+_PROMISED = 3  # more of them, where no trial gains
+_MET = 3  # starts from which a contact is followed further
+_WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
+_ROUND = 10.0  # s of computing after which a round tries no further cause
+_SHARE = 0.08  # of the best screened drop
+
+
+def screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
+    """Screen with the colored noise of what is left and with white noise: what is left may itself be the effect."""
+    found = best.fitted.causes
+    special = {name for cause in found for name in cause.effect.contains}  # cases of what is there already
+    open_causes = [each for each in scene.causes if each not in found and each.effect.name not in special]
+    flat = [white(noise.rms) for noise in best.noises]
+    grounds = [ground(scene, scene.train, best.fitted, noises) for noises in (best.noises, flat)]
+    orders = best_orders(scene, best.fitted, grounds)
+    tables = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
+    colored, plain = ({each.cause.label: each for each in table} for table in tables)
+    scale = max((each.gain for each in plain.values()), default=1.0) / max(
+        max((each.gain for each in colored.values()), default=1.0), 1.0
+    )
+    labels = sorted({*colored, *plain})  # a cause may show under one noise model alone
+    merged = [max((colored.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
+    drops = {label: max(each.drop for each in (colored.get(label), plain.get(label)) if each) for label in labels}
+    raised = [replace(each, gain=max(each.gain, drops[each.cause.label])) for each in merged if each is not None]
+    return tuple(sorted(raised, key=lambda each: -each.gain))
+
+
+def _scaled(screened: Screened | None, scale: float) -> Screened | None:
+    return None if screened is None else replace(screened, gain=screened.gain / max(scale, 1e-12))
+
+
+def _gain(screened: Screened | None) -> float:
+    return -1.0 if screened is None else screened.gain
+
+
+def tried_beside(
+    scene: Scene, best: Rival, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
+) -> tuple[Rival, ...]:
+    """Refit the most promising causes and their relatives; the best are refitted to the end."""
+    top = screened[0].gain if screened else 0.0
+    picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
+    names = {each.cause.effect.name for each in picked}
+    kin = {other for name in names for other in related(name)}
+    more = [each for each in screened if each.cause.effect.name in kin and each not in picked]
+    trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
+    begun = time.process_time()
+    away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))
+    for each in [*picked, *more]:
+        if trials and time.process_time() - begun > _ROUND:
+            break
+        meeting = bool(each.cause.effect.contact) and each in picked  # bodies: every start has a valley of its own
+        every = scene.starts[each.cause.label] if meeting else _starts(scene, each)
+        begins = [extended(best.fitted, each.cause, start) for start in every]
+        if away:
+            begins.append(afresh(scene, best.fitted, each))
+        fits = [fit(scene, scene.train, causes, begin, best.noises, SHORT) for causes, begin in begins]
+        if meeting:
+            first = sorted(fits, key=lambda one: one.cost)[:_MET]
+            fits = [fit(scene, scene.train, one.causes, one.point, best.noises, LONG // 2) for one in first]
+        for fitted in fits:
+            if not _too_large(fitted):
+                trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
+    trials.sort()
+    final: list[Fitted] = []
+    for score, _, fitted in trials:
+        near = len(final) < 2 or score - trials[0][0] < CLEAR
+        if near and len(final) < _FINAL and all(fitted.causes != other.causes for other in final):
+            final.append(fitted)
+    if not final:
+        return ()
+    # What promises most is followed to its end too; where no trial has gained anything, what promises much.
+    lost = trials[0][0] > evidence(best.fitted, best.noises)
+    for each in picked[: _PROMISED if lost else 1]:
+        promised = next((fitted for _, _, fitted in trials if fitted.causes[-1] == each.cause), None)
+        if promised is not None and all(promised.causes != other.causes for other in final):
+            final.append(promised)
+    noises = noises_of(scene, final[0].residuals)
+    longer = [fit(scene, scene.train, each.causes, each.point, noises, LONG) for each in final]
+    told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
+    longer = [
+        past_contacts(scene, each, noises) if score - min(told) < CLEAR else each
+        for each, score in zip(longer, told, strict=True)
+    ]
+    noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
+    brought = [fit(scene, scene.train, each.causes, each.point, noises, LAST) for each in longer]
+    rivals = [rated(scene, each) for each in brought if not _too_large(each)]
+    if not rivals:
+        return ()
+    best_one = min(rivals, key=lambda each: each.score)
+    known = {each.fitted.causes for each in rivals}
+    return tuple(sorted([*rivals, *relatives(scene, best_one, known)], key=lambda each: each.score))
+
+
+def _too_large(fitted: Fitted) -> bool:
+    """Tell whether the newest effect had to be as large as it can be: it only stands for another."""
+    newest = fitted.causes[-1]
+    sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
+    bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
+    return any(fitted.point.values[key] > _WHOLE * high for key, high in bounded)
+
+
+def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
+    """Return the start that promises most, and for effects of three parameters a second one."""
+    every = [dict(start) for start in scene.starts[screened.cause.label]]
+    others = [start for start in every if start != dict(screened.start)]
+    return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
