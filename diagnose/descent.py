@@ -190,9 +190,15 @@ def solved(normal: Array, pulled: Array, damping: float) -> Array:
 
 
 def residual_of(scene: Scene, recording: Recording, point: Point, index: int) -> Array:
-    """Return measured - simulated (n, r) of one recording; a diverged simulation counts as far off."""
+    """Return measured - simulated (n, r) of one recording; a diverged simulation counts as far off.
+
+    Rows that are read when the input is no longer recorded count as those before them, in reverse.
+    """
     simulated = scene.engine.simulate(recording, dict(point.values), point.starts[index])
     left = outputs_of(scene, recording) - simulated
+    unfed = min(scene.engine.unfed(recording, point.values), len(left) // 2)
+    if unfed:
+        left[-unfed:] = left[-2 * unfed : -unfed][::-1]
     return left if np.all(np.isfinite(left)) else np.full_like(left, np.nan)
 
 

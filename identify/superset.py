@@ -25,6 +25,7 @@ from identify.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
 
+_STRETCH = "clock_skew.ratio"  # by which a slow clock stretches the time between readings
 _MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
 
 
@@ -48,6 +49,15 @@ class Superset:
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
         return self.engine.run(self.course(recording), self.constants(parameters), self.begin(recording, start))
+
+    def unfed(self, recording: Recording, parameters: Mapping[str, float]) -> int:
+        """Return how many of the last rows are read after the recorded input has ended: by a clock that runs slow."""
+        stretch = parameters.get(_STRETCH, 0.0)
+        if not stretch > 0.0:
+            return 0
+        time = recording.time
+        last = float(time[0]) + (float(time[-1]) - float(time[0])) / (1.0 + stretch)
+        return len(time) - int(np.searchsorted(time, last, side="right"))
 
     def slopes(
         self, recording: Recording, parameters: Mapping[str, float], names: Sequence[str], start: Array | None
