@@ -151,8 +151,9 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
             continue
         again = _by_innovations(scene, one.fitted)
         gain = best.score - again.score
-        least = 2.0 * THRESHOLD if one.fitted.causes[-1].effect.slow else THRESHOLD * (ratio > _SURE)
-        if gain >= least:  # a disturbance may drift like what is slow, in all recordings
+        newest = one.fitted.causes[-1].effect
+        drifts = newest.slow and newest.place == "torque"  # as a disturbance may, in all recordings
+        if gain >= (2.0 * THRESHOLD if drifts else THRESHOLD if ratio > _SURE else 0.0):
             nominal = found.nominal if found.gains else best
             rounds, gains = (*found.rounds, (again,)), (*found.gains, gain)
             return replace(found, nominal=nominal, best=again, rounds=rounds, gains=gains)
