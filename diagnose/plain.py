@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Scene, first_point
+from diagnose.hypothesis import Cause, Scene, first_point
 from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
@@ -32,6 +32,7 @@ _FAR = 0.8  # such a ratio on test, with which another explanation is believed i
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict
+_DRIFTS = 2.0 * THRESHOLD  # drop of BIC by innovations that what drifts has to bring
 _WORSE = 1.2  # such a ratio on test, from which an effect is none
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
@@ -58,7 +59,10 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     if evidence > max(_EVIDENCE, _SHARE * explained):
         train, test = _ratios(scene, plain.best.fitted, found.best.fitted)
         less, far_less = (1.0, _CLEAR) if evidence > explained else (_CLEAR, _FAR)
-        if train < less and test < far_less:
+        more = set(plain.best.fitted.causes) - set(found.best.fitted.causes)
+        only_more = len(more) == len(plain.best.fitted.causes) - len(found.best.fitted.causes) > 0
+        drifts = only_more and any(_drifts(cause) for cause in more)
+        if train < less and test < far_less and not (drifts and evidence - explained < _DRIFTS):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
 
@@ -151,13 +155,16 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
             continue
         again = _by_innovations(scene, one.fitted)
         gain = best.score - again.score
-        newest = one.fitted.causes[-1].effect
-        drifts = newest.slow and newest.place == "torque"  # as a disturbance may, in all recordings
-        if gain >= (2.0 * THRESHOLD if drifts else THRESHOLD if ratio > _SURE else 0.0):
+        if gain >= (_DRIFTS if _drifts(one.fitted.causes[-1]) else THRESHOLD if ratio > _SURE else 0.0):
             nominal = found.nominal if found.gains else best
             rounds, gains = (*found.rounds, (again,)), (*found.gains, gain)
             return replace(found, nominal=nominal, best=again, rounds=rounds, gains=gains)
     return None
+
+
+def _drifts(cause: Cause) -> bool:
+    """Tell whether a disturbance may drift as an effect does, in all recordings."""
+    return cause.effect.slow and cause.effect.place == "torque"
 
 
 def _least_ratio(scene: Scene, one: Fitted, other: Fitted) -> float:
