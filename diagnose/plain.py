@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
-_LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer no such effect
-_FAR = 0.8  # such a ratio on test, with which another explanation is believed in spite of them
+_LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
+_FAR = 0.8  # such a ratio on test, that does where train is clearly better too
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict
@@ -58,11 +58,12 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     explained = found.nominal.score - found.best.score
     if evidence > max(_EVIDENCE, _SHARE * explained):
         train, test = _ratios(scene, plain.best.fitted, found.best.fitted)
-        less, far_less = (1.0, _CLEAR) if evidence > explained else (_CLEAR, _FAR)
+        better = train < 1.0 and test < (_CLEAR if evidence > explained else _LEAP)
+        better |= train < _CLEAR and test < _FAR
         more = set(plain.best.fitted.causes) - set(found.best.fitted.causes)
         only_more = len(more) == len(plain.best.fitted.causes) - len(found.best.fitted.causes) > 0
         drifts = only_more and any(_drifts(cause) for cause in more)
-        if train < less and test < far_less and not (drifts and evidence - explained < _DRIFTS):
+        if better and not (drifts and evidence - explained < _DRIFTS):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
 
