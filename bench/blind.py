@@ -127,16 +127,13 @@ def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: 
             start[key] = next((value for word, value in told.items() if each.name.startswith(word)), start.get(key))
         causes.append(cause)
         values = entered(values, cause, start)
-    point, left = Point(values, begin.starts), scene.train[0].columns
-    sizes = [
-        max(float(np.std(left[signal.name])), noise) for signal, noise in zip(scene.plant.outputs, noises, strict=True)
-    ]
-    found = []
+    point, found = Point(values, begin.starts), []
+    sizes = np.std([scene.train[0].columns[signal.name] for signal in scene.plant.outputs], axis=1)
     for _ in range(_TURNS):  # a fine sensor is followed once the coarse ones have led near
-        fitted = refit(scene, scene.train, causes, point, [white(size) for size in sizes], _STEPS)
-        rms = np.sqrt(np.mean(fitted.residuals[0] ** 2, axis=0))
-        found.append((float(max(rms / noises)), len(found), fitted.residuals[0]))
-        point, sizes = fitted.point, [max(float(size), noise) for size, noise in zip(rms, noises, strict=True)]
+        flat = [white(float(size)) for size in np.maximum(sizes, noises)]
+        fitted = refit(scene, scene.train, causes, point, flat, _STEPS)
+        point, sizes = fitted.point, np.sqrt(np.mean(fitted.residuals[0] ** 2, axis=0))
+        found.append((float(max(sizes / noises)), len(found), fitted.residuals[0]))
     return min(found)[2]
 
 

@@ -36,7 +36,8 @@ def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitt
             begin = Point({**fitted.point.values, key: factor * fitted.point.values[key]}, fitted.point.starts)
             other = fit(scene, scene.train, fitted.causes, begin, noises, _STEPS)
             left = noises_of(scene, other.residuals)
-            if told - evidence(other, left) > _WORTH:
-                fitted, told, noises, moved = other, evidence(other, left), left, True
+            score = evidence(other, left)
+            if told - score > _WORTH:
+                fitted, told, noises, moved = other, score, left, True
                 break
     return fitted

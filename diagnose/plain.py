@@ -60,9 +60,8 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
         train, test = _ratios(scene, plain.best.fitted, found.best.fitted)
         better = train < 1.0 and test < (_CLEAR if evidence > explained else _LEAP)
         better |= train < _CLEAR and test < _FAR
-        more = set(plain.best.fitted.causes) - set(found.best.fitted.causes)
-        only_more = len(more) == len(plain.best.fitted.causes) - len(found.best.fitted.causes) > 0
-        drifts = only_more and any(_drifts(cause) for cause in more)
+        ours, theirs = set(found.best.fitted.causes), set(plain.best.fitted.causes)
+        drifts = ours < theirs and any(_drifts(cause) for cause in theirs - ours)
         if better and not (drifts and evidence - explained < _DRIFTS):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found

@@ -20,8 +20,6 @@ TIE = 10.0  # explanations closer than this in BIC are not told apart
 RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
 MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
 IMPOSSIBLE = 1e9  # the score of what cannot be
-_MOMENTS = ("load_step.time_s",)
-_END = 0.02  # of a recording
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
@@ -38,20 +36,12 @@ class Rival:
 def rated(scene: Scene, fitted: Fitted) -> Rival:
     """Score by each output's own innovations on train and, with that noise, on test.
 
-    Where something begins with the first or last rows, that is no explanation: the ends of recordings are rarely what
-    they seem, and what begins with a recording was there all the time.
+    Where an effect has values that are not its own, that is no explanation.
     """
     noises = noises_of(scene, fitted.residuals)
-    if _at_an_end(scene, fitted) or not _believable(fitted):
+    if not _believable(fitted):
         return Rival(fitted, noises, IMPOSSIBLE)
     return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
-
-
-def _at_an_end(scene: Scene, fitted: Fitted) -> bool:
-    begin = min(float(recording.time[0]) for recording in scene.train)
-    end = max(float(recording.time[-1]) for recording in scene.train)
-    moments = [value for key, value in fitted.point.values.items() if key in _MOMENTS]
-    return any(min(moment - begin, end - moment) < _END * (end - begin) for moment in moments)
 
 
 def _believable(fitted: Fitted) -> bool:

@@ -63,14 +63,38 @@ def tried_beside(
     """Refit the most promising causes and their relatives; the best are refitted to the end."""
     top = screened[0].gain if screened else 0.0
     picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
-    names = {each.cause.effect.name for each in picked}
-    kin = {other for name in names for other in related(name)}
+    trials = _trials(scene, best, screened, picked, others)
+    if not trials:
+        return ()
+    final = _chosen(trials, picked, evidence(best.fitted, best.noises))
+    noises = noises_of(scene, final[0].residuals)
+    longer = [fit(scene, scene.train, each.causes, each.point, noises, LONG) for each in final]
+    told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
+    longer = [
+        past_contacts(scene, each, noises) if score - min(told) < CLEAR else each
+        for each, score in zip(longer, told, strict=True)
+    ]
+    noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
+    ended = [fit(scene, scene.train, each.causes, each.point, noises, LAST) for each in longer]
+    rivals = [rated(scene, each) for each in ended if not _too_large(each)]
+    if not rivals:
+        return ()
+    best_one = min(rivals, key=lambda each: each.score)
+    known = {each.fitted.causes for each in rivals}
+    return tuple(sorted([*rivals, *relatives(scene, best_one, known)], key=lambda each: each.score))
+
+
+def _trials(
+    scene: Scene, best: Rival, screened: Sequence[Screened], picked: Sequence[Screened], others: Sequence[Fitted]
+) -> list[tuple[float, Fitted]]:
+    """Fit what was picked and its relatives in a few steps; return all trials with their evidence, best first."""
+    kin = {other for each in picked for other in related(each.cause.effect.name)}
     more = [each for each in screened if each.cause.effect.name in kin and each not in picked]
-    trials = [(evidence(each, noises_of(scene, each.residuals)), -k, each) for k, each in enumerate(others, 1)]
+    found = [*reversed(others)]
     begun = time.process_time()
     away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))
     for each in [*picked, *more]:
-        if trials and time.process_time() - begun > _ROUND:
+        if found and time.process_time() - begun > _ROUND:
             break
         meeting = bool(each.cause.effect.contact) and each in picked  # bodies: every start has a valley of its own
         every = scene.starts[each.cause.label] if meeting else _starts(scene, each)
@@ -81,38 +105,26 @@ def tried_beside(
         if meeting:
             first = sorted(fits, key=lambda one: one.cost)[:_MET]
             fits = [fit(scene, scene.train, one.causes, one.point, best.noises, LONG // 2) for one in first]
-        for fitted in fits:
-            if not _too_large(fitted):
-                trials.append((evidence(fitted, noises_of(scene, fitted.residuals)), len(trials), fitted))
-    trials.sort()
+        found += [fitted for fitted in fits if not _too_large(fitted)]
+    told = [(evidence(each, noises_of(scene, each.residuals)), each) for each in found]
+    return sorted(told, key=lambda pair: pair[0])
+
+
+def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], without: float) -> list[Fitted]:
+    """Return one fit of each of the best hypotheses, and of what promised most: of more where no trial gains.
+
+    `without` is the evidence that there is without any.
+    """
     final: list[Fitted] = []
-    for score, _, fitted in trials:
+    for score, fitted in trials:
         near = len(final) < 2 or score - trials[0][0] < CLEAR
         if near and len(final) < _FINAL and all(fitted.causes != other.causes for other in final):
             final.append(fitted)
-    if not final:
-        return ()
-    # What promises most is followed to its end too; where no trial has gained anything, what promises much.
-    lost = trials[0][0] > evidence(best.fitted, best.noises)
-    for each in picked[: _PROMISED if lost else 1]:
-        promised = next((fitted for _, _, fitted in trials if fitted.causes[-1] == each.cause), None)
+    for each in picked[: _PROMISED if trials[0][0] > without else 1]:
+        promised = next((fitted for _, fitted in trials if fitted.causes[-1] == each.cause), None)
         if promised is not None and all(promised.causes != other.causes for other in final):
             final.append(promised)
-    noises = noises_of(scene, final[0].residuals)
-    longer = [fit(scene, scene.train, each.causes, each.point, noises, LONG) for each in final]
-    told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
-    longer = [
-        past_contacts(scene, each, noises) if score - min(told) < CLEAR else each
-        for each, score in zip(longer, told, strict=True)
-    ]
-    noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
-    brought = [fit(scene, scene.train, each.causes, each.point, noises, LAST) for each in longer]
-    rivals = [rated(scene, each) for each in brought if not _too_large(each)]
-    if not rivals:
-        return ()
-    best_one = min(rivals, key=lambda each: each.score)
-    known = {each.fitted.causes for each in rivals}
-    return tuple(sorted([*rivals, *relatives(scene, best_one, known)], key=lambda each: each.score))
+    return final
 
 
 def _too_large(fitted: Fitted) -> bool:

@@ -94,6 +94,8 @@ class Scales:
     resistance: float  # ohm
     step: float  # s, typical sample time
     span: float  # s
+    begin: float  # s, first row of all recordings
+    end: float  # s, last row
     slew: float  # largest change of the input from row to row, over the sample time
     level: float  # of the state an overflow acts on
 

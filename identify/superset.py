@@ -209,6 +209,8 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         resistance=next((f.resistance for f in forms.balances if f.resistance > 0.0), 1.0),
         step=step,
         span=span,
+        begin=min(float(recording.time[0]) for recording in recordings),
+        end=max(float(recording.time[-1]) for recording in recordings),
         slew=sizes.get("slew", 1.0),
         level=sizes.get("level", 1.0),
     )

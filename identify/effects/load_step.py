@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from identify.assembly import STEADY, Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, signed
+
+_END = 0.02  # of the recordings: a moment nearer to one of their ends is none
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -30,6 +33,12 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_term(assembly.speed, "load_step", (torque, time), assembly.per[site.balance], STEADY)
 
 
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether the load comes on between the ends, which are rarely what they seem: before, it was always there."""
+    moment = values[1]
+    return min(moment - scales.begin, scales.end - moment) >= _END * (scales.end - scales.begin)
+
+
 EFFECT = Effect(
     name="load_step",
     equation="torque",
@@ -51,6 +60,7 @@ EFFECT = Effect(
     ),
     switches=(0,),
     unmet="nobody knows beforehand when the load comes; the integral meets it",
+    believable=believable,
     coordinate="time",
     contains=("load_torque",),
     slow=True,
