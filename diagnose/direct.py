@@ -14,7 +14,7 @@ from identify.recording import Recording
 Array = NDArray[np.float64]
 
 DIRECT = ("sensor_wrap", "sensor_quantization")
-_COARSE = 0.004  # of the range: finer steps are what any sensor has
+_COARSE = 1.0 / 512.0  # of the range: finer steps are what any sensor has
 _TURN = 2.0 * np.pi / 200.0  # rad: no encoder has fewer steps a turn unless it is a coarse one
 _OWN = 0.45  # residual rms over step up to which the steps, and not noise, are what is left
 _EVEN = 1e-3  # of a step, by which a multiple may be off

@@ -61,12 +61,13 @@ def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: S
             np.full(len(time), -1, dtype=np.int32),
             course.step,
         )
-    if lines is not None and not np.isfinite(timing.slew):
-        moments, values, ramps = _straight_lines(lines, mapped(lines[1], timing), late)
+    if lines is None:
+        moments, values = course.time[: course.end] + late, value[: course.end]
+        ramps = np.zeros_like(values)
     else:
-        moments, values, ramps = _pieces(
-            course.time[: course.end] + late, value[: course.end], at_rest, timing.slew, slew
-        )
+        moments, values, ramps = _straight_lines(lines, mapped(lines[1], timing), late)
+    if np.isfinite(timing.slew):
+        moments, values, ramps = _slower(moments, values, ramps, at_rest, timing.slew, slew)
     stamps = _stamps(course, timing, outputs)
     last = max(float(stamp[-1]) for stamp in stamps)
     inner = np.concatenate([moments, timing.breaks])
@@ -124,19 +125,18 @@ def _stamps(course: Course, timing: Timing, outputs: int) -> list[Array]:
     return [np.maximum(read - timing.output_delay.get(o, 0.0), time[0]) for o in range(outputs)]
 
 
-def _pieces(time: Array, value: Array, rest: Array, rate: float, slew: Slew) -> tuple[Array, Array, Array]:
-    """Moments, values and slopes of the straight pieces of the inputs; the first input moves no faster than `rate`."""
-    if not np.isfinite(rate):
-        return time, value, np.zeros_like(value)
-    target = np.ascontiguousarray(value[:, 0])
-    begin = np.ascontiguousarray(time)
+def _slower(
+    time: Array, value: Array, ramp: Array, rest: Array, rate: float, slew: Slew
+) -> tuple[Array, Array, Array]:
+    """Return the straight pieces (moments, values and slopes) of inputs whose first moves no faster than `rate`."""
+    begin, target, slope = (np.ascontiguousarray(each) for each in (time, value[:, 0], ramp[:, 0]))
     room = np.empty((2 * len(time), 3))
-    count = slew(len(time), begin.ctypes.data, target.ctypes.data, rate, float(rest[0]), room.ctypes.data)
-    kept = room[:count]
+    given = (begin.ctypes.data, target.ctypes.data, slope.ctypes.data)
+    kept = room[: slew(len(time), *given, rate, float(rest[0]), room.ctypes.data)]
     row = np.searchsorted(time, kept[:, 0], side="right") - 1
-    values = value[row].copy()
+    values = value[row] + ramp[row] * (kept[:, 0] - time[row])[:, None]
     values[:, 0] = kept[:, 1]
-    ramps = np.zeros_like(values)
+    ramps = ramp[row]
     ramps[:, 0] = kept[:, 2]
     return kept[:, 0].copy(), values, ramps
 
@@ -153,5 +153,5 @@ def slew_function(library: ctypes.CDLL) -> Slew:
     function = library.limit_slew
     function.restype = ctypes.c_int
     array, real = ctypes.c_void_p, ctypes.c_double
-    function.argtypes = [ctypes.c_int, array, array, real, real, array]
+    function.argtypes = [ctypes.c_int, array, array, array, real, real, array]
     return function

@@ -355,25 +355,30 @@ void at_point(const problem_t *k, const double *x, const double *u, double *rate
     read_outputs(&run, u, 0, y);
 }
 
-/** Follow `target` (rows) set at `time` no faster than `rate`, from `value`; writes (time, value, slope) of each
- * straight piece, at most two per row, and returns how many. */
-int limit_slew(int rows, const double *time, const double *target, double rate, double value, double *pieces) {
+/** Follow a target that is `target` (rows) at `time` and moves by `slope` per s until the next, no faster than `rate`,
+ * from `value`; writes (time, value, slope) of each straight piece, at most two per row, and returns how many. */
+int limit_slew(int rows, const double *time, const double *target, const double *slope, double rate, double value,
+               double *pieces) {
     int count = 0;
     for (int k = 0; k < rows; ++k) {
-        const double gap = target[k] - value;
-        const double needed = fabs(gap) / rate, span = k + 1 < rows ? time[k + 1] - time[k] : INFINITY;
-        double *piece = &pieces[3 * count++];
-        piece[0] = time[k];
-        piece[1] = value;
-        piece[2] = needed > 0.0 ? copysign(rate, gap) : 0.0;
-        if (needed > 0.0 && needed < span) {
-            piece = &pieces[3 * count++];
+        const double gap = target[k] - value, span = k + 1 < rows ? time[k + 1] - time[k] : INFINITY;
+        const double along = copysign(fmin(fabs(slope[k]), rate), slope[k]); /* once the target is met */
+        const double chase = copysign(rate, gap), closing = rate - copysign(1.0, gap) * slope[k];
+        const double needed = gap == 0.0 ? 0.0 : closing > 0.0 ? fabs(gap) / closing : INFINITY;
+        if (needed > 0.0) {
+            double *piece = &pieces[3 * count++];
+            piece[0] = time[k];
+            piece[1] = value;
+            piece[2] = chase;
+        }
+        if (needed < span) {
+            double *piece = &pieces[3 * count++];
             piece[0] = time[k] + needed;
-            piece[1] = target[k];
-            piece[2] = 0.0;
-            value = target[k];
-        } else if (needed > 0.0) {
-            value += copysign(rate, gap) * span;
+            piece[1] = target[k] + slope[k] * needed;
+            piece[2] = along;
+            value = along == slope[k] ? target[k] + slope[k] * span : piece[1] + along * (span - needed);
+        } else {
+            value += chase * span;
         }
     }
     return count;

@@ -9,10 +9,11 @@ import pytest
 
 from diagnose.held import believed_hold
 from diagnose.prepare import shortened
+from identify.attach import with_effects
 from identify.clock import evened
 from identify.hold import knots
 from identify.kinds import make_plant
-from identify.plant import IdentifyError
+from identify.plant import EffectUse, IdentifyError
 from identify.plant_table import plant_from_table
 from identify.recording import make_recording
 from identify.simulate import simulate
@@ -114,3 +115,21 @@ def test_an_effort_may_be_bent_where_the_equations_are():
     assert np.polyfit(time[rows], held[rows], 1)[0] == pytest.approx(
         0.75 * np.polyfit(time[rows], free[rows], 1)[0], rel=1e-3
     )
+
+
+@pytest.mark.parametrize("rate", [40.0, 150.0, 400.0, 1e13])
+def test_an_actuator_with_a_limited_slope_follows_an_input_that_moves_between_its_rows(rate):
+    plant, recording = _recording(150, 1, "linear")
+    limited = with_effects(plant, [EffectUse("slew_rate_limit", None, {"rate_N_s": rate}, ())])
+    fine = np.linspace(0.0, recording.time[-1], 1024 * (len(recording.time) - 1) + 1)
+    wanted = np.interp(fine, recording.time, recording.columns["force_N"])
+    followed = np.zeros(len(fine))
+    for k in range(1, len(fine)):
+        most = rate * (fine[k] - fine[k - 1])
+        followed[k] = followed[k - 1] + np.clip(wanted[k] - followed[k - 1], -most, most)
+    dense = make_recording(fine, {"force_N": followed, "speed_m_s": 0.0 * fine}, "dense", "")
+    expected = simulate(plant, replace(dense, hold="linear"), None)[::1024, 0]
+    speed = simulate(limited, recording, None)[:, 0]
+    assert np.max(np.abs(speed - expected)) < 1e-3 * np.std(expected)
+    free = simulate(plant, recording, None)[:, 0]
+    assert (rate < 1e3) == (np.max(np.abs(speed - free)) > 1e-2 * np.std(free))
