@@ -105,7 +105,8 @@ def _visible(plant: Plant, labels: Path, label: Mapping[str, Any]) -> float:
     for left_out in label["effects"] or ("",):
         output = label["outputs"].get(left_out)
         if left_out == "sensor_quantization":
-            seen.append(label["effects"][left_out]["resolution"] / np.sqrt(12.0) / noises[output])
+            rounding = label["effects"][left_out]["resolution"] / np.sqrt(12.0)
+            seen.append(rounding / np.sqrt(max(noises[output] ** 2 - rounding**2, 1e-24)))
         elif left_out == "sensor_wrap":
             seen.append(np.sqrt(np.mean((clean.columns[output] - whole.columns[output]) ** 2)) / noises[output])
         else:

@@ -30,6 +30,7 @@ RIVALS = (  # never concealed together: one contains the other, or is the same i
     {"coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction"},
     {"flexible_coupling", "backlash"},
     {"load_torque", "load_step", "gravity_torque"},
+    {"load_torque", "asymmetric_friction"},  # the same function of the data as a load and Coulomb friction
     {"input_saturation", "slew_rate_limit"},
     {"input_delay", "sensor_delay", "clock_skew", "sensor_lag"},
 )
@@ -188,8 +189,6 @@ def _write_recording(
         steps_of = [each.resolution[quantity] for each in case.hidden if quantity in each.resolution]
         fine_step = steps_of[0] if steps_of else _resolution(machine, quantity)
         columns[name] = np.round(shown / fine_step) * fine_step
-        if steps_of:
-            clean[name] = np.round(clean[name] / fine_step) * fine_step
     time = np.arange(ROWS) * STEP
     write_recording(make_recording(time, columns, role, ""), folder / f"{role}.csv")
     write_recording(make_recording(time, clean, role, ""), labels / f"{role}.csv")

@@ -13,7 +13,7 @@ from diagnose.descent import whitened
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.refit import fit, noises_of
-from diagnose.rival import MINOR, TIE, Rival, contain, larger, rated, simplest, tells, without
+from diagnose.rival import MINOR, TIE, Rival, contain, larger, rated, simplest, tells, unseen_residuals, without
 from diagnose.round import CLEAR, LAST, LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import merged, swapped
@@ -31,6 +31,7 @@ _SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
 LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
+_CLOSER = 0.7, 0.85  # such ratios, on train and on test, from which no effect is a trace of how others simplify
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _PATIENCE = 30.0  # s of computing after which no further effect is looked for
@@ -78,7 +79,8 @@ def search(scene: Scene, progress: Progress) -> Search:
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        if gain < max(_bar(chosen), MINOR * sum(gains)) or larger(chosen, base) or not tells(chosen, base):
+        trace = gain < MINOR * sum(gains) and not _closer(scene, chosen, base)
+        if gain < _bar(chosen) or trace or larger(chosen, base) or not tells(chosen, base):
             best = base
             break
         gains.append(gain)
@@ -86,11 +88,13 @@ def search(scene: Scene, progress: Progress) -> Search:
         if turn == 0:
             nominal = base
     if not gains:
-        nominal = best
-    else:
-        best, tried = _settled(scene, best, gains)
-        rounds.append(tried)
-    return Search(scene, nominal, best, tuple(rounds), first, tuple(gains))
+        return Search(scene, best, best, tuple(rounds), first, ())
+    before = set(best.fitted.causes)
+    best, tried = _settled(scene, best, gains)
+    found = Search(scene, nominal, best, (*rounds, tried), first, tuple(gains))
+    if set(best.fitted.causes) - before and len(best.fitted.causes) < MOST_EFFECTS:
+        return further(found) or found  # what was mistaken for it had hidden the rest
+    return found
 
 
 def further(found: Search, table: Sequence[Screened] | None = None) -> Search | None:
@@ -180,6 +184,18 @@ def _follows_record(scene: Scene, nominal: Rival) -> bool:
                 if float(np.std(drift)) > walk:
                     return True
     return False
+
+
+def _closer(scene: Scene, rival: Rival, base: Rival) -> bool:
+    """Tell whether simulations come far closer to some output, the unseen ones too: that is no trace."""
+    train = [one.rms / other.rms for one, other in zip(rival.noises, base.noises, strict=True)]
+    if not min(train) < _CLOSER[0] or not scene.test:
+        return False
+    powers = [
+        np.mean(np.concatenate(unseen_residuals(scene, each.fitted, each.noises)) ** 2, axis=0)
+        for each in (rival, base)
+    ]
+    return bool(np.any((np.array(train) < _CLOSER[0]) & (powers[0] < _CLOSER[1] ** 2 * powers[1])))
 
 
 def _cut_off(rival: Rival) -> bool:
