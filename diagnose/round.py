@@ -12,6 +12,7 @@ from diagnose.contact import past_contacts
 from diagnose.given import afresh, runaways
 from diagnose.hypothesis import Scene
 from diagnose.orders import best_orders
+from diagnose.polish import limits
 from diagnose.refit import Fitted, evidence, fit, noises_of
 from diagnose.rival import Rival, extended, rated, related
 from diagnose.screen import Screened, ground, screen
@@ -136,7 +137,12 @@ def _too_large(fitted: Fitted) -> bool:
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:
-    """Return the start that promises most, and for effects of three parameters a second one."""
-    every = [dict(start) for start in scene.starts[screened.cause.label]]
-    others = [start for start in every if start != dict(screened.start)]
-    return [screened.start, *others[len(others) // 2 :][:1]] if len(screened.cause.keys) >= 3 else [screened.start]
+    """Return the start that promises most, for effects of three parameters a second one, and for limits all.
+
+    A limit that is set too low bends all else on its way up.
+    """
+    cause = screened.cause
+    others = [dict(start) for start in scene.starts[cause.label] if dict(start) != dict(screened.start)]
+    if limits([cause]):
+        return [screened.start, *others]
+    return [screened.start, *others[len(others) // 2 :][:1]] if len(cause.keys) >= 3 else [screened.start]

@@ -125,9 +125,7 @@ def _stamps(course: Course, timing: Timing, outputs: int) -> list[Array]:
     return [np.maximum(read - timing.output_delay.get(o, 0.0), time[0]) for o in range(outputs)]
 
 
-def _slower(
-    time: Array, value: Array, ramp: Array, rest: Array, rate: float, slew: Slew
-) -> tuple[Array, Array, Array]:
+def _slower(time: Array, value: Array, ramp: Array, rest: Array, rate: float, slew: Slew) -> tuple[Array, Array, Array]:
     """Return the straight pieces (moments, values and slopes) of inputs whose first moves no faster than `rate`."""
     begin, target, slope = (np.ascontiguousarray(each) for each in (time, value[:, 0], ramp[:, 0]))
     room = np.empty((2 * len(time), 3))
