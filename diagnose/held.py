@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.screen import outside, with_starts
+from identify.attach import all_uses, with_effects
 from identify.clock import evened
 from identify.condition import NONE
+from identify.effects import find_effect
 from identify.experiment import Experiment, best_start, experiments
 from identify.hold import HOLDS
 from identify.noise import fit_noise
@@ -47,7 +49,14 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
         return given  # preflight will say it better
     best = min(tried, key=lambda hold: tried[hold][0])
     clear = tried[best][0] < tried[given][0] - HOLD_WORTH and tried[best][1] < _SMALLER * tried[given][1]
-    return best if clear else given
+    return best if clear and not _drifts(plant, train, tried[best][0]) else given
+
+
+def _drifts(plant: Plant, train: Sequence[Recording], evidence: float) -> bool:
+    """Tell whether a clock of another rate explains the recordings as given better: it may be half a row off."""
+    clocks = [use for use in all_uses(plant) if find_effect(use.name).place == "timing"]
+    freed = [replace(use, free=tuple(use.values)) for use in clocks]
+    return any(_evidence(with_effects(plant, (*plant.effects, use)), train)[0] < evidence for use in freed)
 
 
 def _shares(plant: Plant, train: Sequence[Recording]) -> tuple[float, ...]:

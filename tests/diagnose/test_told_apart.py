@@ -16,6 +16,8 @@ QUICK = (
     (180020, "explained", "end_stop", "a stop is looked for where a recorded speed leads"),
     (240033, "explained", "coulomb_friction", "a peak at rest that train does not show"),
     (310000, "explained", "sensor_offset", "a current's offset at the end of a curved valley"),
+    (350086, "explained", "input_saturation", "a limit that had begun too low"),
+    (370061, "explained", "sensor_quantization", "steps of 390 levels and nothing else left"),
     (320047, "explained", "sensor_wrap", "a current that wraps twice where the nominal plant is a tenth off"),
 )
 SLOW = (
@@ -34,6 +36,9 @@ SLOW = (
     (330072, "no_mismatch", "", "a disturbance that drifts alike in both recordings"),
     (350012, "explained", "resistance_heating", "a disturbance that looked like a load step"),
     (310063, "explained", "flexible_coupling", "a coupling whose fit had ended half way"),
+    (360071, "explained", "clock_skew", "a clock that looked like another hold of the input"),
+    (370086, "explained", "end_stop hardening_spring stribeck_friction", "a drag in the place of friction"),
+    (350010, "explained", "dead_zone flexible_coupling input_delay", "a little beside much, that unseen outputs show"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [

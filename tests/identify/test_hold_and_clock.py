@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.blind_cases import draw_case, write_case
 from diagnose.held import believed_hold
 from diagnose.prepare import shortened
+from firmloop.pipeline import plant_of, read_data
+from firmloop.project import read_project
 from identify.attach import with_effects
 from identify.clock import evened
 from identify.hold import knots
@@ -56,6 +59,12 @@ def test_what_the_input_did_is_found_in_the_recording_alone():
     held = simulate(plant, recording, None)[:, 0] + 1e-4 * rng.standard_normal(2000)
     columns = {"force_N": recording.columns["force_N"], "speed_m_s": held}
     assert believed_hold(plant, [make_recording(recording.time, columns, "held", "")]) == "zero_order"
+
+
+def test_a_clock_that_drifts_is_no_other_hold(tmp_path):
+    write_case(draw_case(360071), tmp_path / "case", tmp_path / "labels")
+    project = read_project(tmp_path / "case" / "project.toml")
+    assert believed_hold(plant_of(project), read_data(project).train) == "zero_order"
 
 
 def test_a_band_limited_input_needs_even_rows():
