@@ -22,6 +22,8 @@ _PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects sim
 _FIRST, _LEAST = 1e-3, 1e-10  # damping, in units of each coordinate's own information
 _UNDAMPED = 1e-8  # damping that holds no valley back
 _TRIES, _FEW_TRIES = 6, 2  # dampings of a step; and after one that gained little
+_EXACT = 8  # steps of a fit that is taken to its end
+_HELD = 0.02  # damping that holds a valley back, from which slopes for initial states have to be exact
 _BACK = 8  # corrections of a step
 _CLOSER = 0.5  # share of what a step costs too much, that a correction may leave
 _MOST = 3.0  # change of a coordinate by one step
@@ -96,6 +98,10 @@ class Problem:
                 found.append(whitened(tall, self.noises))
         return tuple(found)
 
+    def start_slopes(self, point: Point, exact: bool = False) -> list[Array]:
+        """Return d output / d initial state (n, r, s) of every recording, as `start_slopes` does."""
+        return [start_slopes(self.scene, each, point, k, exact) for k, each in enumerate(self.recordings)]
+
     def normal(self, slopes: Sequence[Array]) -> Array:
         """Return J'J (k + s w, same), the tether's with it."""
         count, weights = len(self.unknowns), self.tether[:, :-1]
@@ -138,13 +144,13 @@ def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]
     """
     place = problem.at(begin)
     until = time.process_time() + _PATIENCE
-    own = [start_slopes(problem.scene, each, begin, k) for k, each in enumerate(problem.recordings)]  # for a few steps
+    own: list[Array] | None = problem.start_slopes(begin)  # for a few steps
     damping, tries = _FIRST, _TRIES
     normal: Array | None = None
     for _ in range(steps):
         if time.process_time() > until:
             break
-        slopes = problem.slopes(place, own)
+        slopes = problem.slopes(place, own or problem.start_slopes(place.point, exact=True))
         normal = problem.normal(slopes)
         lower = None
         for _ in range(tries):
@@ -152,11 +158,12 @@ def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]
             if lower is not None:
                 break
             damping = max(damping * 8.0, 1e-6)
-        if lower is None:
-            break
-        little = place.whole - lower.whole < max(_WORTH, _ENOUGH * place.cost)
-        place = lower
-        if little and damping < _UNDAMPED:
+        little = lower is None or place.whole - lower.whole < max(_WORTH, _ENOUGH * place.cost)
+        place = lower or place
+        if own and steps >= _EXACT and (little or damping > _HELD):
+            own, damping, tries = None, _FIRST, _TRIES
+            continue
+        if lower is None or (little and damping < _UNDAMPED):
             break
         damping, tries = (damping / 1e3, _FEW_TRIES) if little else (damping / 6.0, _TRIES)
         damping = max(damping, _LEAST)
@@ -237,14 +244,14 @@ def slopes_of(
     return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
 
 
-def start_slopes(scene: Scene, recording: Recording, point: Point, index: int) -> Array:
+def start_slopes(scene: Scene, recording: Recording, point: Point, index: int, exact: bool = False) -> Array:
     """Return d output / d initial state (n, r, s).
 
     Those of a linear plant are taken without effects, once: what an initial state does dies out soon, and a search that
-    accepts only what lowers the cost can do with that. In any other plant they depend on where it goes, and a phase of
-    the mains never dies out.
+    accepts only what lowers the cost can do with that, but for its end, where `exact` ones are. In any other plant they
+    depend on where it goes, and a phase of the mains never dies out.
     """
-    linear = scene.engine.engine.equations is None
+    linear = scene.engine.engine.equations is None and not exact
     values, start = ({}, full_start(scene, recording)) if linear else (point.values, point.starts[index])
     key = (id(recording), tuple(sorted(values.items())), start.tobytes())
     found = scene.memory.get(key)

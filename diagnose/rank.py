@@ -14,7 +14,7 @@ from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.refit import fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, contain, larger, rated, simplest, tells, unseen_residuals, without
-from diagnose.round import CLEAR, LAST, LONG, SHORT, screened, tried_beside
+from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import merged, swapped
 from identify.course import LONGEST_CHANGE
@@ -73,8 +73,8 @@ def search(scene: Scene, progress: Progress) -> Search:
         if not rivals:
             break
         base = best
-        if best.score - rivals[0].score < CLEAR:
-            again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, LAST)
+        if best.score > rivals[0].score:  # what it won may be that the others were further from their end
+            again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, LONG)
             base = min((rated(scene, again), best), key=lambda each: each.score)
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
