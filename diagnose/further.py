@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene
 from diagnose.plain import believed, leap, slow_rivals
 from diagnose.polish import limits, polished
@@ -52,10 +53,24 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
-    alone = best_shape(found, found.nominal) if len(found.best.fitted.causes) > 1 else None
-    if alone is not None and alone.gain > found.nominal.score - found.best.score + TIE:
-        return replace(found, best=found.nominal), alone  # one shape says more than several names
+    alone = _alone(found)
+    if alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
+        other = exhausted(found)
+        if other is not None:
+            found = further(other) or settled(other)
+            shape, alone = best_shape(found, found.best), _alone(found)
+    if alone is not None:
+        return replace(found, best=found.nominal), alone
     return _confirmed(levelled(found)), shape
+
+
+def _alone(found: Search) -> Shape | None:
+    """Return the one shape that says more than several names; None where there is none."""
+    if len(found.best.fitted.causes) < 2:
+        return None
+    shape = best_shape(found, found.nominal)
+    explained = found.nominal.score - found.best.score
+    return shape if shape is not None and shape.gain > explained + TIE else None
 
 
 def _confirmed(found: Search) -> Search:

@@ -8,11 +8,12 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered
-from diagnose.refit import fit
+from diagnose.refit import evidence, fit, noises_of
 from diagnose.rival import TIE, Rival, contain, larger, rated, related, richer, without
 
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
+_HOPELESS = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
 _PATIENCE = 10.0  # s of computing after which nothing further is tried
 
 
@@ -30,7 +31,7 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
             labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
             if mistaken and labels not in seen and time.process_time() - begun < _PATIENCE:
                 seen.add(labels)
-                tried.append(_translated(scene, best, gone, come))
+                tried.append(_translated(scene, best, gone, come, _HOPELESS * gain))
     for winner in sorted(tried, key=lambda each: each.score):
         theirs, ours = set(winner.fitted.names), set(best.fitted.names)
         if contain(theirs - ours, ours):
@@ -98,8 +99,11 @@ def _alike(one: Cause, other: Cause) -> dict[str, str]:
     return found
 
 
-def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
-    """Put one cause in the place of another, and fit from the best of the starts of what they do not share."""
+def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: float = np.inf) -> Rival:
+    """Put one cause in the place of another, and fit from the best of the starts of what they do not share.
+
+    A trial that is too far `behind` in evidence is not fitted to the end.
+    """
     values = rival.fitted.point.values
     shared = {key: values[own] for key, own in _alike(gone, come).items()}
     kept, rest = without(rival.fitted, gone)
@@ -113,6 +117,8 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause) -> Rival:
         begin = Point({**left, **start} if shared else entered(left, come, start), rest.starts)
         trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
     best = min(trials, key=lambda each: each.cost)
+    if evidence(best, noises_of(scene, best.residuals)) - evidence(rival.fitted, rival.noises) > behind:
+        return rated(scene, best)
     return rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
 
 

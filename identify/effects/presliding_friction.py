@@ -21,7 +21,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     return tuple(
         (part * scales.effort / (share * scales.travel), part * scales.effort)
         for part in (0.05, 0.15)
-        for share in (0.001, 0.02)
+        for share in (0.001, 0.02, 0.1)
     )
 
 

@@ -1,0 +1,47 @@
+"""Before something is called unknown: try every cause from all its starts, whatever a screen had promised."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from diagnose.rank import Search
+from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.rival import TIE, extended, larger, rated, tells
+from diagnose.round import LAST, LONG, SHORT
+
+_STARTS = 8  # of a grid; one that is larger has been searched when it was screened
+_FINAL = 3  # causes fitted to the end
+_SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
+_PATIENCE = 6.0  # s of computing after which no further cause is tried
+
+
+def exhausted(found: Search) -> Search | None:
+    """Return a search that begins with the one cause that explains more than all of the best does; None if none."""
+    scene, base = found.scene, found.nominal
+    promised = {each.cause.label: each.start for each in found.screened}
+    without = evidence(base.fitted, base.noises)
+    worth = _SHARE * (without - evidence(found.best.fitted, found.best.noises))
+    until = time.process_time() + _PATIENCE
+    trials: list[tuple[float, Fitted]] = []
+    first = [each.cause for each in found.screened]
+    for cause in (*first, *(each for each in scene.causes if each not in first)):
+        starts = scene.starts[cause.label]
+        fits = [
+            fit(scene, scene.train, *extended(base.fitted, cause, start), base.noises, SHORT)
+            for start in (starts if len(starts) <= _STARTS else (promised.get(cause.label, starts[0]),))
+            if time.process_time() < until
+        ]
+        told = [(evidence(each, noises_of(scene, each.residuals)), each) for each in fits]
+        trials += [min(told, key=lambda pair: pair[0])] if told else []
+    trials.sort(key=lambda pair: pair[0])
+    rivals = []
+    for begun in [each for told, each in trials if without - told > worth][:_FINAL]:
+        longer = fit(scene, scene.train, begun.causes, begun.point, noises_of(scene, begun.residuals), LONG)
+        ended = fit(scene, scene.train, begun.causes, longer.point, noises_of(scene, longer.residuals), LAST)
+        rivals.append(rated(scene, ended))
+    best = min(rivals, key=lambda each: each.score, default=base)
+    if found.best.score - best.score < TIE or larger(best, base) or not tells(best, base):
+        return None
+    rounds = (*found.rounds, tuple(sorted(rivals, key=lambda each: each.score)))
+    return replace(found, best=best, rounds=rounds, gains=(base.score - best.score,))
