@@ -267,7 +267,8 @@ def main() -> None:
                     f"{r.seed:5} {hidden:40} size {r.label['size']:<5} seen {r.visible:8.2f} {r.label['machine']} "
                     f"{'/'.join(r.label['sensors'])} {r.label['excitation']} {'closed ' if r.label['closed'] else ''}"
                     f"{'colored' if r.label['colored'] else 'white'} -> {r.said['verdict']} {_names(r)} "
-                    f"{r.said['fit'].get('train')} unseen {r.said['fit'].get('test', {}).get('after')} {r.seconds:.1f} s {r.said.get('error', '')}"
+                    f"{r.said['fit'].get('train')} unseen {r.said['fit'].get('test', {}).get('after')} "
+                    f"{r.seconds:.1f} s {r.said.get('error', '')}"
                 )
                 print(line, file=sys.stderr, flush=True)
     print("\n".join(table(results)))

@@ -26,6 +26,8 @@ _FINAL = 4  # of them refitted to the end
 _PROMISED = 3  # more of them, where no trial gains
 _MET = 3  # starts from which a contact is followed further
 _WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
+_FEW = 8  # starts of a grid that are all followed
+_INSISTED = 5.0  # s of computing for what had promised much and gained nothing
 _ROUND = 10.0  # s of computing after which a round tries no further cause
 _SHARE = 0.08  # of the best screened drop
 
@@ -65,9 +67,12 @@ def tried_beside(
     top = screened[0].gain if screened else 0.0
     picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
     trials = _trials(scene, best, screened, picked, others)
+    without = evidence(best.fitted, best.noises)
+    if trials and trials[0][0] > without:
+        trials = sorted([*trials, *_insisted(scene, best, picked)], key=lambda pair: pair[0])
     if not trials:
         return ()
-    final = _chosen(trials, picked, evidence(best.fitted, best.noises))
+    final = _chosen(trials, picked, without)
     noises = noises_of(scene, final[0].residuals)
     longer = [fit(scene, scene.train, each.causes, each.point, noises, LONG) for each in final]
     told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
@@ -109,6 +114,21 @@ def _trials(
         found += [fitted for fitted in fits if not _too_large(fitted)]
     told = [(evidence(each, noises_of(scene, each.residuals)), each) for each in found]
     return sorted(told, key=lambda pair: pair[0])
+
+
+def _insisted(scene: Scene, best: Rival, picked: Sequence[Screened]) -> list[tuple[float, Fitted]]:
+    """Follow what promised much from all its starts as if all noise were white: whitened edges are traps."""
+    flat = [white(noise.scale) for noise in best.noises]
+    found = []
+    begun = time.process_time()
+    for each in picked[:_PROMISED]:
+        starts = scene.starts[each.cause.label]
+        for start in starts if len(starts) <= _FEW else (each.start,):
+            if each.gain > CLEAR and time.process_time() - begun < _INSISTED:
+                fitted = fit(scene, scene.train, *extended(best.fitted, each.cause, start), flat, LONG)
+                if not _too_large(fitted):
+                    found.append((evidence(fitted, noises_of(scene, fitted.residuals)), fitted))
+    return found
 
 
 def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], without: float) -> list[Fitted]:
