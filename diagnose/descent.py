@@ -102,6 +102,20 @@ class Problem:
         """Return d output / d initial state (n, r, s) of every recording, as `start_slopes` does."""
         return [start_slopes(self.scene, each, point, k, exact) for k, each in enumerate(self.recordings)]
 
+    def restarted(self, slopes: Sequence[Array], place: Place) -> tuple[Array, ...]:
+        """Return whitened slopes with those for initial states as they are at a place."""
+        count, found = len(self.unknowns), []
+        for flat, own in zip(slopes, self.start_slopes(place.point, exact=True), strict=True):
+            flat = flat.copy()
+            flat[:, count:] = whitened(np.nan_to_num(own), self.noises)[: len(flat)]
+            found.append(flat)
+        return tuple(found)
+
+    def promised(self, slopes: Sequence[Array], place: Place) -> float:
+        """Return how much a step without damping would lower the cost if all were linear."""
+        pulled = self.descent(slopes, place)
+        return float(pulled @ solved(self.normal(slopes), pulled, 0.0))
+
     def normal(self, slopes: Sequence[Array]) -> Array:
         """Return J'J (k + s w, same), the tether's with it."""
         count, weights = len(self.unknowns), self.tether[:, :-1]
@@ -147,11 +161,12 @@ def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]
     own: list[Array] | None = problem.start_slopes(begin)  # for a few steps
     damping, tries = _FIRST, _TRIES
     normal: Array | None = None
+    begun: tuple[Array, ...] | None = None
     for _ in range(steps):
         if time.process_time() > until:
             break
-        slopes = problem.slopes(place, own or problem.start_slopes(place.point, exact=True))
-        normal = problem.normal(slopes)
+        slopes = begun or problem.slopes(place, own or problem.start_slopes(place.point, exact=True))
+        normal, begun = problem.normal(slopes), None
         lower = None
         for _ in range(tries):
             lower = _lower(problem, place, slopes, normal, damping)
@@ -162,6 +177,9 @@ def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]
         place = lower or place
         if own and steps >= _EXACT and (little or damping > _HELD):
             own, damping, tries = None, _FIRST, _TRIES
+            begun = problem.restarted(slopes, place)
+            if little and problem.promised(begun, place) < max(_WORTH, _ENOUGH * place.cost):
+                break
             continue
         if lower is None or (little and damping < _UNDAMPED):
             break
@@ -251,13 +269,15 @@ def start_slopes(scene: Scene, recording: Recording, point: Point, index: int, e
     accepts only what lowers the cost can do with that, but for its end, where `exact` ones are. In any other plant they
     depend on where it goes, and a phase of the mains never dies out.
     """
-    linear = scene.engine.engine.equations is None and not exact
+    names = [f"start.{state}" for state in scene.engine.states]
+    if exact:
+        return scene.engine.slopes(recording, point.values, names, point.starts[index])
+    linear = scene.engine.engine.equations is None
     values, start = ({}, full_start(scene, recording)) if linear else (point.values, point.starts[index])
     key = (id(recording), tuple(sorted(values.items())), start.tobytes())
     found = scene.memory.get(key)
     if found is None:
         while len(scene.memory) >= max(_KEPT, len(scene.train) + len(scene.test)):
             scene.memory.pop(next(iter(scene.memory)))
-        names = [f"start.{state}" for state in scene.engine.states]
         found = scene.memory[key] = scene.engine.slopes(recording, values, names, start)
     return found
