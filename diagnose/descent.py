@@ -162,6 +162,7 @@ def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]
     damping, tries = _FIRST, _TRIES
     normal: Array | None = None
     begun: tuple[Array, ...] | None = None
+    rough = steps >= _EXACT and problem.scene.engine.engine.equations is None  # see start_slopes
     for _ in range(steps):
         if time.process_time() > until:
             break
@@ -175,7 +176,7 @@ def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]
             damping = max(damping * 8.0, 1e-6)
         little = lower is None or place.whole - lower.whole < max(_WORTH, _ENOUGH * place.cost)
         place = lower or place
-        if own and steps >= _EXACT and (little or damping > _HELD):
+        if own and rough and (little or damping > _HELD):
             own, damping, tries = None, _FIRST, _TRIES
             begun = problem.restarted(slopes, place)
             if little and problem.promised(begun, place) < max(_WORTH, _ENOUGH * place.cost):

@@ -30,7 +30,6 @@ SLOW = (
     (180039, "explained", "backlash", "a clock that a bad fit asked for"),
     (310076, "explained", "backlash", "a gap between the kinks of contacts"),
     (320004, "explained", "return_spring", "a stop at the start of the way"),
-    (320024, "explained", "slew_rate_limit", "what promised much and gained nothing at first"),
     (330003, "explained", "clock_skew", "rows past the end of the input"),
     (330008, "explained", "clock_skew", "a late clock that looked like another inertia"),
     (330072, "no_mismatch", "", "a disturbance that drifts alike in both recordings"),
@@ -39,6 +38,9 @@ SLOW = (
     (360071, "explained", "clock_skew", "a clock that looked like another hold of the input"),
     (370086, "explained", "end_stop hardening_spring stribeck_friction", "a drag in the place of friction"),
     (350010, "explained", "dead_zone flexible_coupling input_delay", "a little beside much, that unseen outputs show"),
+    (390030, "explained", "clock_skew return_spring", "a contact that never yields"),
+    (390051, "explained", "presliding_friction", "a contact that yields late on its way"),
+    (380020, "explained", "torque_constant_saturation", "what it was held against had not ended"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
