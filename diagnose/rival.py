@@ -21,6 +21,7 @@ RICHER = 25.0  # what a richer effect must win over the simpler one that it cont
 MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
 IMPOSSIBLE = 1e9  # the score of what cannot be
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
+_TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
 
@@ -101,8 +102,12 @@ def larger(rival: Rival, base: Rival) -> bool:
 
 
 def tells(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation is better on train alone, where it was fitted: unseen recordings only confirm."""
-    return evidence(rival.fitted, rival.noises) < evidence(base.fitted, base.noises)
+    """Tell whether an explanation is better on train alone, where it was fitted: unseen recordings only confirm.
+
+    Beside other effects by a share of the whole gain at least: where those are chaotic, any change helps somewhere.
+    """
+    gain = evidence(base.fitted, base.noises) - evidence(rival.fitted, rival.noises)
+    return gain > (_TOLD * (base.score - rival.score) if base.fitted.causes else 0.0)
 
 
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:

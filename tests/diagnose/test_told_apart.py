@@ -40,6 +40,7 @@ SLOW = (
     (350010, "explained", "dead_zone flexible_coupling input_delay", "a little beside much, that unseen outputs show"),
     (390030, "explained", "clock_skew return_spring", "a contact that never yields"),
     (390051, "explained", "presliding_friction", "a contact that yields late on its way"),
+    (400045, "explained", "end_stop", "a stop that bounces: edges had been traps, and any change helps somewhere"),
     (380020, "explained", "torque_constant_saturation", "what it was held against had not ended"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
