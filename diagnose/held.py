@@ -45,16 +45,17 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
         if not all(_LIKE[0] < share < _LIKE[1] for share in shares) or max(shares) > _ALIKE * min(shares):
             return given
         tried = {hold: _evidence(plant, [replace(each, hold=hold) for each in train]) for hold in HOLDS}
+        best = min(tried, key=lambda hold: tried[hold][0])
+        clear = tried[best][0] < tried[given][0] - HOLD_WORTH and tried[best][1] < _SMALLER * tried[given][1]
+        return best if clear and not _drifts(plant, train, tried[best][0]) else given
     except IdentifyError:
         return given  # preflight will say it better
-    best = min(tried, key=lambda hold: tried[hold][0])
-    clear = tried[best][0] < tried[given][0] - HOLD_WORTH and tried[best][1] < _SMALLER * tried[given][1]
-    return best if clear and not _drifts(plant, train, tried[best][0]) else given
 
 
 def _drifts(plant: Plant, train: Sequence[Recording], evidence: float) -> bool:
     """Tell whether a clock of another rate explains the recordings as given better: it may be half a row off."""
-    clocks = [use for use in all_uses(plant) if find_effect(use.name).place == "timing"]
+    there = {use.name for use in plant.effects}
+    clocks = [use for use in all_uses(plant) if find_effect(use.name).place == "timing" and use.name not in there]
     freed = [replace(use, free=tuple(use.values)) for use in clocks]
     return any(_evidence(with_effects(plant, (*plant.effects, use)), train)[0] < evidence for use in freed)
 
