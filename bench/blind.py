@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.blind_cases import draw_case, write_case
+from bench.blind_cases import draw_case, folded, write_case
 from diagnose.hypothesis import Point, Scene, entered, first_point, make_scene
 from diagnose.refit import fit as refit
 from firmloop.diagnosis import diagnosed
@@ -100,7 +100,6 @@ def _visible(plant: Plant, labels: Path, label: Mapping[str, Any]) -> float:
     clean = read_recording(labels / "train.csv", {})
     noises = {signal.name: max(label["noise"][signal.name], 1e-12) for signal in plant.outputs}
     scene = make_scene(plant, [clean], [], np.zeros(len(noises)))
-    (whole,) = scene.train
     seen = []
     for left_out in label["effects"] or ("",):
         output = label["outputs"].get(left_out)
@@ -108,7 +107,9 @@ def _visible(plant: Plant, labels: Path, label: Mapping[str, Any]) -> float:
             rounding = label["effects"][left_out]["resolution"] / np.sqrt(12.0)
             seen.append(rounding / np.sqrt(max(noises[output] ** 2 - rounding**2, 1e-24)))
         elif left_out == "sensor_wrap":
-            seen.append(np.sqrt(np.mean((clean.columns[output] - whole.columns[output]) ** 2)) / noises[output])
+            values = clean.columns[output]
+            wrapped = folded(values, label["effects"][left_out]["range"])
+            seen.append(np.sqrt(np.mean((wrapped - values) ** 2)) / noises[output])
         else:
             left = _left(scene, [name for name in label["effects"] if name != left_out], label, list(noises.values()))
             seen.append(max(np.sqrt(np.mean(left**2, axis=0)) / list(noises.values())))

@@ -119,7 +119,10 @@ def _held(rng: np.random.Generator, length: int, draw: object) -> Array:
 
 
 def write_case(case: Case, folder: Path, labels: Path) -> None:
-    """Write project and recordings to `folder`, the label and the noise-free recordings to `labels`."""
+    """Write project and recordings to `folder`, the label and the noise-free recordings to `labels`.
+
+    Those are neither rounded nor wrapped, which no fit to them could follow.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     labels.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([case.seed, 79])
@@ -179,20 +182,30 @@ def _write_recording(
     applied, fine = run(truth, command, STEP, gains, torque)
     _, still = run(truth, applied, STEP, None, np.zeros(ROWS + TAIL))
     columns, clean = {_input(machine): applied[:ROWS]}, {_input(machine): applied[:ROWS]}
+    noise = {}
     for quantity in case.sensors:
         name = COLUMN[machine.motor][quantity]
         faults = [each.sensor[1] for each in case.hidden if each.sensor and each.sensor[0] == quantity]
         skew = sum(each.skew for each in case.hidden)
-        shown = read(quantity, fine, STEP, ROWS, faults[0] if faults else None, skew)
-        clean[name] = read(quantity, still, STEP, ROWS, faults[0] if faults else None, skew)
+        fault = faults[0] if faults else None
+        shown = read(quantity, fine, STEP, ROWS, fault, skew)
+        reach = fault.size["range"] if fault and fault.fault == "sensor_wrap" else np.inf
+        clean[name] = read(quantity, still, STEP, ROWS, fault if reach == np.inf else None, skew)
         shown = shown + _sensor_noise(machine, quantity, rng)
         steps_of = [each.resolution[quantity] for each in case.hidden if quantity in each.resolution]
         fine_step = steps_of[0] if steps_of else _resolution(machine, quantity)
         columns[name] = np.round(shown / fine_step) * fine_step
+        away = columns[name] - clean[name]
+        noise[name] = float(np.std(away if reach == np.inf else folded(away, reach)))
     time = np.arange(ROWS) * STEP
     write_recording(make_recording(time, columns, role, ""), folder / f"{role}.csv")
     write_recording(make_recording(time, clean, role, ""), labels / f"{role}.csv")
-    return {name: float(np.std(columns[name] - clean[name])) for name in columns if name != _input(machine)}
+    return noise
+
+
+def folded(values: Array, reach: float) -> Array:
+    """Return readings (n,) as a sensor of that range shows them, which wraps at its ends."""
+    return np.asarray((values + reach / 2.0) % reach - reach / 2.0)
 
 
 def _column(case: Case, hidden: Concealed) -> str | None:
