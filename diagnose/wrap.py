@@ -108,20 +108,22 @@ def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float,
     low, reach = float(seen.min()), float(np.ptp(seen))
     if not reach > 0.0 or not np.all(np.isfinite(wanted)):
         return None
+    found = None
     for _ in range(_REFINED):
         turns = np.round((wanted - seen) / reach)
         moved = turns != 0.0
         if np.mean(moved) < _RARE or np.max(np.abs(turns)) > _MOST_TURNS:
-            return None
+            return found
         table = np.column_stack([turns, wanted, np.ones(len(seen))])
         answer = np.linalg.lstsq(table, seen, rcond=None)[0]
         left = seen - table @ answer
         plain = np.linalg.lstsq(table[:, 1:], seen, rcond=None)[0]
         if np.std(left) > _TELLING * np.std(seen - table[:, 1:] @ plain) or abs(answer[0] / reach + 1.0) > _NEAR:
-            return None
+            return found  # where spikes are bent, a straight line through all may be worse than the plant as given
         reach = max(float(-answer[0]), _WHOLE * float(np.ptp(seen)))
         wanted = wanted * answer[1] + answer[2]
-    return reach, low, np.inf
+        found = reach, low, np.inf
+    return found
 
 
 def _refined(
