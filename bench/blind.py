@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.blind_cases import draw_case, folded, write_case
+from bench.blind_cases import draw_case, write_case
+from bench.truth import folded
 from diagnose.hypothesis import Point, Scene, entered, first_point, make_scene
 from diagnose.refit import fit as refit
 from firmloop.diagnosis import diagnosed

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.concealed import MACHINES, OUTSIDE, SIZES, Concealed, Machine, effects_for
-from bench.truth import read, run
+from bench.truth import folded, read, run
 from identify.recording import make_recording, write_recording
 
 Array = NDArray[np.float64]
@@ -201,11 +201,6 @@ def _write_recording(
     write_recording(make_recording(time, columns, role, ""), folder / f"{role}.csv")
     write_recording(make_recording(time, clean, role, ""), labels / f"{role}.csv")
     return noise
-
-
-def folded(values: Array, reach: float) -> Array:
-    """Return readings (n,) as a sensor of that range shows them, which wraps at its ends."""
-    return np.asarray((values + reach / 2.0) % reach - reach / 2.0)
 
 
 def _column(case: Case, hidden: Concealed) -> str | None:

@@ -94,5 +94,10 @@ def read(quantity: str, fine: Mapping[str, Array], step: float, rows: int, fault
     if name == "sensor_saturation":
         seen = np.clip(seen, -size["limit"], size["limit"])
     if name == "sensor_wrap":
-        seen = (seen + size["range"] / 2.0) % size["range"] - size["range"] / 2.0
+        seen = folded(seen, size["range"])
     return np.asarray(seen)
+
+
+def folded(values: Array, reach: float) -> Array:
+    """Return readings (n,) as a sensor of that range shows them, which wraps at its ends."""
+    return np.asarray((values + reach / 2.0) % reach - reach / 2.0)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 
 from diagnose.hypothesis import Point, Scene
-from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from identify.noise import Noise
 
 _NUDGES = (1.1, 0.9)  # factors on where a contact is
@@ -26,7 +26,7 @@ def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitt
         if each.name.startswith(newest.effect.contact)
     )
     until = time.process_time() + _PATIENCE
-    told = evidence(fitted, noises_of(scene, fitted.residuals))
+    told = own_evidence(scene, fitted)
     moved = True
     while moved:
         moved = False

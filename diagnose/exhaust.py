@@ -6,11 +6,11 @@ import time
 from dataclasses import replace
 
 from diagnose.rank import Search
-from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import TIE, extended, larger, rated, tells
-from diagnose.round import LAST, LONG, SHORT
+from diagnose.round import LAST, LONG, SHORT, every_start
+from diagnose.screen import Screened
 
-_STARTS = 8  # of a grid; one that is larger has been searched when it was screened
 _FINAL = 3  # causes fitted to the end
 _SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
 _PATIENCE = 6.0  # s of computing after which no further cause is tried
@@ -19,20 +19,19 @@ _PATIENCE = 6.0  # s of computing after which no further cause is tried
 def exhausted(found: Search) -> Search | None:
     """Return a search that begins with the one cause that explains more than all of the best does; None if none."""
     scene, base = found.scene, found.nominal
-    promised = {each.cause.label: each.start for each in found.screened}
     without = evidence(base.fitted, base.noises)
     worth = _SHARE * (without - evidence(found.best.fitted, found.best.noises))
     until = time.process_time() + _PATIENCE
     trials: list[tuple[float, Fitted]] = []
-    first = [each.cause for each in found.screened]
-    for cause in (*first, *(each for each in scene.causes if each not in first)):
-        starts = scene.starts[cause.label]
+    known = [each.cause for each in found.screened]
+    rest = [(cause, scene.starts[cause.label]) for cause in scene.causes if cause not in known]
+    for each in (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts)):
         fits = [
-            fit(scene, scene.train, *extended(base.fitted, cause, start), base.noises, SHORT)
-            for start in (starts if len(starts) <= _STARTS else (promised.get(cause.label, starts[0]),))
+            fit(scene, scene.train, *extended(base.fitted, each.cause, start), base.noises, SHORT)
+            for start in every_start(scene, each)
             if time.process_time() < until
         ]
-        told = [(evidence(each, noises_of(scene, each.residuals)), each) for each in fits]
+        told = [(own_evidence(scene, one), one) for one in fits]
         trials += [min(told, key=lambda pair: pair[0])] if told else []
     trials.sort(key=lambda pair: pair[0])
     rivals = []

@@ -80,7 +80,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         gain = base.score - chosen.score
         rounds.append(rivals)
         trace = gain < MINOR * sum(gains) and not _closer(scene, chosen, base)
-        if gain < _bar(chosen) or trace or larger(chosen, base) or not tells(chosen, base):
+        if trace or not _earned(chosen, base):
             best = base
             break
         gains.append(gain)
@@ -107,10 +107,9 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     if not rivals:
         return None
     chosen = simplest(rivals, base.score)
-    gain = base.score - chosen.score
-    if gain < _bar(chosen) or larger(chosen, base) or not tells(chosen, base):
+    if not _earned(chosen, base):
         return None
-    gains = (*found.gains, gain)
+    gains = (*found.gains, base.score - chosen.score)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
     nominal = found.nominal if found.gains else base
     return replace(found, nominal=nominal, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
@@ -252,6 +251,11 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
         begin = Point({**plain.point.values, **given}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, LONG)))
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
+
+
+def _earned(rival: Rival, base: Rival) -> bool:
+    """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
+    return base.score - rival.score >= _bar(rival) and not larger(rival, base) and tells(rival, base)
 
 
 def _bar(rival: Rival) -> float:

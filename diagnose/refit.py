@@ -197,6 +197,11 @@ def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, nois
     return Point(point.values, tuple(starts))
 
 
+def own_evidence(scene: Scene, fitted: Fitted) -> float:
+    """Return the evidence of a fit with the noise it leaves."""
+    return evidence(fitted, noises_of(scene, fitted.residuals))
+
+
 def evidence(fitted: Fitted, noises: Sequence[Noise]) -> float:
     """Return -2 log likelihood + BIC penalty; innovations have the variance that each output's noise model says.
 

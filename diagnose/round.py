@@ -13,7 +13,7 @@ from diagnose.given import afresh, runaways
 from diagnose.hypothesis import Scene
 from diagnose.orders import best_orders
 from diagnose.polish import limits
-from diagnose.refit import Fitted, evidence, fit, noises_of
+from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import Rival, extended, rated, related
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import relatives
@@ -75,7 +75,7 @@ def tried_beside(
     final = _chosen(trials, picked, without)
     noises = noises_of(scene, final[0].residuals)
     longer = [fit(scene, scene.train, each.causes, each.point, noises, LONG) for each in final]
-    told = [evidence(each, noises_of(scene, each.residuals)) for each in longer]
+    told = [own_evidence(scene, each) for each in longer]
     longer = [
         past_contacts(scene, each, noises) if score - min(told) < CLEAR else each
         for each, score in zip(longer, told, strict=True)
@@ -112,7 +112,7 @@ def _trials(
             first = sorted(fits, key=lambda one: one.cost)[:_MET]
             fits = [fit(scene, scene.train, one.causes, one.point, best.noises, LONG // 2) for one in first]
         found += [fitted for fitted in fits if not _too_large(fitted)]
-    told = [(evidence(each, noises_of(scene, each.residuals)), each) for each in found]
+    told = [(own_evidence(scene, each), each) for each in found]
     return sorted(told, key=lambda pair: pair[0])
 
 
@@ -122,12 +122,11 @@ def _insisted(scene: Scene, best: Rival, picked: Sequence[Screened]) -> list[tup
     found = []
     begun = time.process_time()
     for each in picked[:_PROMISED]:
-        starts = scene.starts[each.cause.label]
-        for start in starts if len(starts) <= _FEW else (each.start,):
+        for start in every_start(scene, each):
             if each.gain > CLEAR and time.process_time() - begun < _INSISTED:
                 fitted = fit(scene, scene.train, *extended(best.fitted, each.cause, start), flat, LONG)
                 if not _too_large(fitted):
-                    found.append((evidence(fitted, noises_of(scene, fitted.residuals)), fitted))
+                    found.append((own_evidence(scene, fitted), fitted))
     return found
 
 
@@ -154,6 +153,12 @@ def _too_large(fitted: Fitted) -> bool:
     sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
     bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
     return any(fitted.point.values[key] > _WHOLE * high for key, high in bounded)
+
+
+def every_start(scene: Scene, screened: Screened) -> Sequence[Mapping[str, float]]:
+    """Return all starts of a cause; of a large grid, which was searched when it was screened, the one it promised."""
+    starts = scene.starts[screened.cause.label]
+    return starts if len(starts) <= _FEW else (screened.start,)
 
 
 def _starts(scene: Scene, screened: Screened) -> list[Mapping[str, float]]:

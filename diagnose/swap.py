@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered
-from diagnose.refit import evidence, fit, noises_of
+from diagnose.refit import evidence, fit, own_evidence
 from diagnose.rival import TIE, Rival, contain, larger, rated, related, richer, without
 
 _STARTS = 3  # from which one effect is tried in the place of another
@@ -117,7 +117,7 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
         begin = Point({**left, **start} if shared else entered(left, come, start), rest.starts)
         trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
     best = min(trials, key=lambda each: each.cost)
-    if evidence(best, noises_of(scene, best.residuals)) - evidence(rival.fitted, rival.noises) > behind:
+    if own_evidence(scene, best) - evidence(rival.fitted, rival.noises) > behind:
         return rated(scene, best)
     return rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
 
