@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from diagnose.hypothesis import Cause, Scene, first_point
 from diagnose.orders import best_orders
 from diagnose.polish import polished
-from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search
+from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, extended, rated, unseen_residuals, without
+from diagnose.rival import Rival, creeps, extended, rated, unseen_residuals, without
 from diagnose.screen import ground, screen
 from identify.noise import Noise, memory
 
@@ -32,7 +32,7 @@ _FAR = 0.8  # such a ratio on test, that does where train is clearly better too
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict
-_DRIFTS = 2.0 * THRESHOLD  # drop of BIC by innovations that what drifts has to bring
+_DRIFTS = SLOW_THRESHOLD  # drop of BIC by innovations that what drifts has to bring
 _WORSE = 1.2  # such a ratio on test, from which an effect is none
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
@@ -61,7 +61,7 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
         better = train < 1.0 and test < (_CLEAR if evidence > explained else _LEAP)
         better |= train < _CLEAR and test < _FAR
         ours, theirs = set(found.best.fitted.causes), set(plain.best.fitted.causes)
-        drifts = ours < theirs and any(_drifts(cause) for cause in theirs - ours)
+        drifts = ours < theirs and any(_drifts(plain.best.fitted, cause) for cause in theirs - ours)
         if better and not (drifts and evidence - explained < _DRIFTS):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
@@ -155,16 +155,16 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
             continue
         again = _by_innovations(scene, one.fitted)
         gain = best.score - again.score
-        if gain >= (_DRIFTS if _drifts(one.fitted.causes[-1]) else THRESHOLD if ratio > _SURE else 0.0):
+        if gain >= (_DRIFTS if _drifts(one.fitted, one.fitted.causes[-1]) else THRESHOLD if ratio > _SURE else 0.0):
             nominal = found.nominal if found.gains else best
             rounds, gains = (*found.rounds, (again,)), (*found.gains, gain)
             return replace(found, nominal=nominal, best=again, rounds=rounds, gains=gains)
     return None
 
 
-def _drifts(cause: Cause) -> bool:
+def _drifts(fitted: Fitted, cause: Cause) -> bool:
     """Tell whether a disturbance may drift as an effect does, in all recordings."""
-    return cause.effect.slow and cause.effect.place == "torque"
+    return creeps(cause, fitted.point.values) and cause.effect.place == "torque"
 
 
 def _least_ratio(scene: Scene, one: Fitted, other: Fitted) -> float:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from diagnose.descent import whitened
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.refit import fit, noises_of
-from diagnose.rival import MINOR, TIE, Rival, contain, larger, rated, simplest, tells, unseen_residuals, without
+from diagnose.refit import evidence, fit, noises_of, own_evidence
+from diagnose.rival import MINOR, TIE, Rival, contain, creeps, larger, rated, simplest, tells, unseen_residuals, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import merged, swapped
@@ -80,7 +80,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         gain = base.score - chosen.score
         rounds.append(rivals)
         trace = gain < MINOR * sum(gains) and not _closer(scene, chosen, base)
-        if trace or not _earned(chosen, base):
+        if trace or not _earned(chosen, base) or _lost_count(scene, chosen, base):
             best = base
             break
         gains.append(gain)
@@ -107,7 +107,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     if not rivals:
         return None
     chosen = simplest(rivals, base.score)
-    if not _earned(chosen, base):
+    if not _earned(chosen, base) or _lost_count(scene, chosen, base):
         return None
     gains = (*found.gains, base.score - chosen.score)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
@@ -207,8 +207,7 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
     if _cut_off(rival):
         scene.engine.follow(False)
         return rival
-    waves = any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
-    if not waves:
+    if not _turning(rival):
         return rival
     now = scene.engine.recorded
     scene.engine.follow(not now)
@@ -218,6 +217,25 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
         return other
     scene.engine.follow(now)
     return rival
+
+
+def _turning(rival: Rival) -> bool:
+    """Tell whether an explanation has waves per turn."""
+    return any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
+
+
+def _lost_count(scene: Scene, rival: Rival, base: Rival) -> bool:
+    """Tell whether the newest effect only makes up for what the integral of a noisy speed has lost.
+
+    Without it, waves that follow the simulated angle explain the train recordings as well.
+    """
+    angles = any("position_rad" in recording.columns for recording in scene.train)
+    if not scene.engine.recorded or angles or not _turning(base):
+        return False
+    scene.engine.follow(False)
+    other = fit(scene, scene.train, base.fitted.causes, base.fitted.point, base.noises, LONG)
+    scene.engine.follow(True)
+    return own_evidence(scene, other) <= evidence(rival.fitted, rival.noises)
 
 
 def _refined(scene: Scene, rival: Rival) -> Rival:
@@ -260,11 +278,12 @@ def _earned(rival: Rival, base: Rival) -> bool:
 
 def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
-    slow = rival.fitted.causes[-1].effect.slow
+    newest = rival.fitted.causes[-1]
     colored = any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises)
-    searched = any(key.endswith(_SOUGHT) for key in rival.fitted.causes[-1].keys)
-    least = SLOW_THRESHOLD if slow else COLORED_THRESHOLD
+    searched = any(key.endswith(_SOUGHT) for key in newest.keys)
+    least = SLOW_THRESHOLD if creeps(newest, rival.fitted.point.values) else COLORED_THRESHOLD
     return (least if colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
+
 
 
 def _nominal(scene: Scene) -> Rival:

@@ -22,6 +22,7 @@ MINOR = 0.015  # of what the others explain: less may be the trace of how a mode
 IMPOSSIBLE = 1e9  # the score of what cannot be
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 _TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
+_FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a disturbance
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
 
@@ -108,6 +109,13 @@ def tells(rival: Rival, base: Rival) -> bool:
     """
     gain = evidence(base.fitted, base.noises) - evidence(rival.fitted, rival.noises)
     return gain > (_TOLD * (base.score - rival.score) if base.fitted.causes else 0.0)
+
+
+def creeps(cause: Cause, values: Mapping[str, float]) -> bool:
+    """Tell whether an effect may look like a slow disturbance; a wave that hardly repeats in the whole way does."""
+    periods = {".periods_per_rev": cause.scales.travel / (2.0 * np.pi), ".periods_per_m": cause.scales.travel}
+    waves = [values[key] * way for ending, way in periods.items() for key in cause.keys if key.endswith(ending)]
+    return cause.effect.slow or min(waves, default=np.inf) < _FEW_PERIODS
 
 
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:

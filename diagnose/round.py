@@ -95,7 +95,12 @@ def _trials(
 ) -> list[tuple[float, Fitted]]:
     """Fit what was picked and its relatives in a few steps; return all trials with their evidence, best first."""
     kin = {other for each in picked for other in related(each.cause.effect.name)}
-    more = [each for each in screened if each.cause.effect.name in kin and each not in picked]
+    blind = not best.fitted.causes  # beside other effects, what no screen sees would be tried in every round
+    more = [
+        each
+        for each in screened
+        if each not in picked and (each.cause.effect.name in kin or (blind and not each.cause.effect.screened))
+    ]
     found = [*reversed(others)]
     begun = time.process_time()
     away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))

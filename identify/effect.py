@@ -141,7 +141,7 @@ class Effect:
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
     their effects in the order of `stage`. `contact` begins the name of the parameter that says where bodies meet: there
     a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a slow disturbance; `late`: like another
-    hold of the input.
+    hold of the input. `screened`: what it changes at a start tells how much a fit gains by it.
     """
 
     name: str
@@ -172,6 +172,7 @@ class Effect:
     limits: bool = False
     slow: bool = False
     late: bool = False
+    screened: bool = True
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""
