@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 FAR = 1e4  # times the noise: what a diverged simulation counts
 _ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
 _WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
-_PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
+PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
 _FIRST, _LEAST = 1e-3, 1e-10  # damping, in units of each coordinate's own information
 _UNDAMPED = 1e-8  # damping that holds no valley back
 _TRIES, _FEW_TRIES = 6, 2  # dampings of a step; and after one that gained little
@@ -148,16 +148,16 @@ class Problem:
         return np.asarray(self.tether[:, :-1] @ self._inner(point) - self.tether[:, -1])
 
 
-def descended(problem: Problem, begin: Point, steps: int) -> tuple[Place, Array]:
+def descended(problem: Problem, begin: Point, steps: int, patience: float = PATIENCE) -> tuple[Place, Array]:
     """Search from `begin` as Levenberg (1944) and Marquardt (1963); return the place and J'J of the slopes taken last.
 
     Where some combinations of coordinates are known far better than others, a long step along what is hardly known
     leaves a curved valley. Before such a step is damped it is corrected with the slopes it was made with, as chords in
     Newton's method (Shamanskii 1967), as long as that leads back. Damping holds just these combinations back, so that
-    a descent is not at its end while it is damped.
+    a descent is not at its end while it is damped. No step begins after `patience` (s of computing).
     """
     place = problem.at(begin)
-    until = time.process_time() + _PATIENCE
+    until = time.process_time() + patience
     own: list[Array] | None = problem.start_slopes(begin)  # for a few steps
     damping, tries = _FIRST, _TRIES
     normal: Array | None = None

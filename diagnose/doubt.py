@@ -8,6 +8,7 @@ from diagnose.finding import Finding
 
 FAR = 20.0  # residual over noise on unseen recordings from which nothing that was fitted holds there
 WORSE = 10.0  # times the residual on those that were fitted
+HELD = 0.05  # of what the nominal plant misses of the unseen ones: what leaves no more of that does hold there
 
 
 def with_doubt(finding: Finding) -> Finding:
@@ -16,6 +17,8 @@ def with_doubt(finding: Finding) -> Finding:
     if test is None or test.after is None or train.after is None:
         return finding
     if test.after < FAR or test.after < WORSE * train.after:
+        return finding
+    if test.refit is not None and test.after < HELD * test.refit:
         return finding
     said = (
         f"The test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is "

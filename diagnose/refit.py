@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import Problem, descended, solved
+from diagnose.descent import PATIENCE, Problem, descended, solved
 from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start
 from identify.noise import Noise, fit_noise
 from identify.recording import Recording
@@ -59,11 +59,15 @@ def fit(
     begin: Point,
     noises: Sequence[Noise],
     steps: int,
+    patience: float = PATIENCE,
 ) -> Fitted:
-    """Search from `begin` in a given number of steps; bounds hold by stopping at them."""
+    """Search from `begin` in a given number of steps; bounds hold by stopping at them.
+
+    No step begins after `patience` (s of computing).
+    """
     unknowns = coordinates(scene, causes, begin.values)
     problem = Problem(scene, recordings, unknowns, noises, tethers(scene, unknowns))
-    place, normal = descended(problem, begin, steps)
+    place, normal = descended(problem, begin, steps, patience)
     return Fitted(tuple(causes), unknowns, place.point, place.residuals, place.cost, normal)
 
 

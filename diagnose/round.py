@@ -37,11 +37,12 @@ def screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     found = best.fitted.causes
     special = {name for cause in found for name in cause.effect.contains}  # cases of what is there already
     open_causes = [each for each in scene.causes if each not in found and each.effect.name not in special]
-    flat = [white(noise.rms) for noise in best.noises]
-    grounds = [ground(scene, scene.train, best.fitted, noises) for noises in (best.noises, flat)]
+    flat = tuple(white(noise.rms) for noise in best.noises)
+    under = [best.noises, flat] if any(len(noise.coefficients) for noise in best.noises) else [best.noises]
+    grounds = [ground(scene, scene.train, best.fitted, noises) for noises in under]
     orders = best_orders(scene, best.fitted, grounds)
     tables = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
-    colored, plain = ({each.cause.label: each for each in table} for table in tables)
+    colored, plain = ({each.cause.label: each for each in table} for table in (tables[0], tables[-1]))
     scale = max((each.gain for each in plain.values()), default=1.0) / max(
         max((each.gain for each in colored.values()), default=1.0), 1.0
     )

@@ -14,6 +14,7 @@ from diagnose.rival import TIE, Rival, contain, larger, rated, related, richer, 
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
 _HOPELESS = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
+_TRIAL = 0.5  # s of computing for a trial, after which no further step is made
 _PATIENCE = 10.0  # s of computing after which nothing further is tried
 
 
@@ -115,7 +116,7 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
     for start in distinct:
         left = rest.values if shared else {**rest.values, **_returned(gone, values)}
         begin = Point({**left, **start} if shared else entered(left, come, start), rest.starts)
-        trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT))
+        trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT, _TRIAL))
     best = min(trials, key=lambda each: each.cost)
     if own_evidence(scene, best) - evidence(rival.fitted, rival.noises) > behind:
         return rated(scene, best)
