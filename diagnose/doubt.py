@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diagnose.finding import Finding
+from diagnose.rival import HELD
 
 FAR = 20.0  # residual over noise on unseen recordings from which nothing that was fitted holds there
 WORSE = 10.0  # times the residual on those that were fitted
-HELD = 0.05  # of what the nominal plant misses of the unseen ones: what leaves no more of that does hold there
 
 
 def with_doubt(finding: Finding) -> Finding:

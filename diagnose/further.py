@@ -12,8 +12,8 @@ from diagnose.plain import believed, leap, slow_rivals
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
-from diagnose.refit import Fitted, ended, fit, noises_of, with_doubt
-from diagnose.rival import TIE, Rival, rated, without
+from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
+from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
 
@@ -54,7 +54,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             break
         found, shape = more, rest
     alone = _alone(found)
-    if alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
+    strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
+    if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         other = exhausted(found)
         if other is not None:
             found = further(other) or settled(other)
@@ -65,12 +66,18 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
 
 
 def _alone(found: Search) -> Shape | None:
-    """Return the one shape that says more than several names; None where there is none."""
-    if len(found.best.fitted.causes) < 2:
+    """Return the one shape that says more than several names; None where there is none.
+
+    Or clearly more than one name, where unseen recordings speak against that.
+    """
+    best, nominal = found.best, found.nominal
+    explained = nominal.score - best.score
+    several = len(best.fitted.causes) > 1
+    told = evidence(nominal.fitted, nominal.noises) - evidence(best.fitted, best.noises)
+    if not best.fitted.causes or (not several and explained >= told):
         return None
-    shape = best_shape(found, found.nominal)
-    explained = found.nominal.score - found.best.score
-    return shape if shape is not None and shape.gain > explained + TIE else None
+    shape = best_shape(found, nominal)
+    return shape if shape is not None and shape.gain > explained + (TIE if several else LEFT) else None
 
 
 def _confirmed(found: Search) -> Search:

@@ -17,7 +17,7 @@ from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import Fitted, fit_starts, variances
-from diagnose.rival import MINOR, TIE, Rival, innovations, unseen_residuals
+from diagnose.rival import MINOR, TIE, Rival, contradicted, innovations, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -78,7 +78,7 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     if not search.best.fitted.causes:
         return ("unknown_physics" if outweighs(shape, search.best.noises, 0.0) else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
-    if outweighs(shape, search.best.noises, explained):
+    if outweighs(shape, search.best.noises, explained) or contradicted(search.scene, search.best, search.nominal):
         return "unknown_physics", ()
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)
@@ -254,10 +254,10 @@ def _location(search: Search, shown: Rival, shape: Shape | None, verdict: Verdic
     output, spans, size = worst_spans(search)
     if verdict == "unknown_physics" and shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
-    elif not shown.fitted.causes:
+    elif not search.best.fitted.causes:
         equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term
     else:
-        cause = max(shown.fitted.causes, key=lambda each: _strength(shown.fitted, each))
+        cause = max(search.best.fitted.causes, key=lambda each: _strength(search.best.fitted, each))
         equation, coordinate = _equation(search.scene, cause), cause.effect.coordinate or cause.effect.term
     where = ", ".join(f"{low:.2f}-{high:.2f} s" for low, high in spans)
     evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (

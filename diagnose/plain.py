@@ -31,8 +31,8 @@ _LEAP = 0.6  # ratio of residual rms that weighs more than innovations which pre
 _FAR = 0.8  # such a ratio on test, that does where train is clearly better too
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
-_SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict
-_DRIFTS = SLOW_THRESHOLD  # drop of BIC by innovations that what drifts has to bring
+_SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict, or is that of a drift
+_DRIFTS = 2.0 * THRESHOLD  # drop of BIC by innovations that what drifts has to bring even so
 _WORSE = 1.2  # such a ratio on test, from which an effect is none
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
@@ -62,7 +62,7 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
         better |= train < _CLEAR and test < _FAR
         ours, theirs = set(found.best.fitted.causes), set(plain.best.fitted.causes)
         drifts = ours < theirs and any(_drifts(plain.best.fitted, cause) for cause in theirs - ours)
-        if better and not (drifts and evidence - explained < _DRIFTS):
+        if better and not (drifts and evidence - explained < SLOW_THRESHOLD):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
 
@@ -144,18 +144,23 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
     """Add the effect after which the simulations miss far less, on unseen recordings too, if the evidence agrees.
 
     Innovations hardly see what moves slowly; but what makes the simulations right is no noise. `rivals` are what was
-    tried by what the simulations miss, best first; what the search tried last and found too little may do as well.
+    tried by what the simulations miss, best first, none where no misfit is slow; what the search tried last and found
+    too little may do as well.
     """
     scene, best = found.scene, found.best
+    if not scene.test:
+        return None
     mine = set(best.fitted.causes)
     more = [each for turn in found.rounds[-2:] for each in turn if mine < set(each.fitted.causes)]
-    for one in (*rivals[:1], *sorted(more, key=lambda each: each.score)[:_FINAL]) if rivals else ():
+    for one in (*rivals[:1], *sorted(more, key=lambda each: each.score)[:_FINAL]):
         ratio = _least_ratio(scene, one.fitted, best.fitted)
-        if not ratio <= _LEAP:  # nor where one of them has diverged
+        if not ratio <= (_LEAP if rivals else _SURE):  # nor where one of them has diverged
             continue
         again = _by_innovations(scene, one.fitted)
+        drifts = _drifts(one.fitted, one.fitted.causes[-1])
+        least, sure = (SLOW_THRESHOLD, _DRIFTS) if drifts else (THRESHOLD, 0.0 if rivals else _DRIFTS)
         gain = best.score - again.score
-        if gain >= (_DRIFTS if _drifts(one.fitted, one.fitted.causes[-1]) else THRESHOLD if ratio > _SURE else 0.0):
+        if gain >= (least if ratio > _SURE else sure):
             nominal = found.nominal if found.gains else best
             rounds, gains = (*found.rounds, (again,)), (*found.gains, gain)
             return replace(found, nominal=nominal, best=again, rounds=rounds, gains=gains)

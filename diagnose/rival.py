@@ -23,6 +23,8 @@ IMPOSSIBLE = 1e9  # the score of what cannot be
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 _TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
 _FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a disturbance
+_STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
+HELD = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
 
@@ -116,6 +118,21 @@ def creeps(cause: Cause, values: Mapping[str, float]) -> bool:
     periods = {".periods_per_rev": cause.scales.travel / (2.0 * np.pi), ".periods_per_m": cause.scales.travel}
     waves = [values[key] * way for ending, way in periods.items() for key in cause.keys if key.endswith(ending)]
     return cause.effect.slow or min(waves, default=np.inf) < _FEW_PERIODS
+
+
+def contradicted(scene: Scene, rival: Rival, nominal: Rival) -> bool:
+    """Tell whether unseen recordings are missed by far more than the white noise that train leaves.
+
+    Not where nearly all that the nominal plant misses of them is explained.
+    """
+    if not scene.test or any(len(noise.coefficients) for noise in rival.noises):
+        return False
+    sizes = np.array([noise.rms for noise in rival.noises])
+    after, refit = (
+        float(np.sqrt(np.mean((np.concatenate(unseen_residuals(scene, each.fitted, rival.noises)) / sizes) ** 2)))
+        for each in (rival, nominal)
+    )
+    return not (after < _STRANGE or after < HELD * refit)
 
 
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:

@@ -23,16 +23,11 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
     tried: list[Rival] = []
     seen = {frozenset(cause.label for cause in best.fitted.causes)}
     begun = time.process_time()
-    for gone in best.fitted.causes:
-        names = {*gone.effect.confusable_with, *related(gone.effect.name)}
-        for come in scene.causes:
-            if come in best.fitted.causes:
-                continue
-            mistaken = come.effect.name in names or gone.effect.name in come.effect.confusable_with
-            labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
-            if mistaken and labels not in seen and time.process_time() - begun < _PATIENCE:
-                seen.add(labels)
-                tried.append(_translated(scene, best, gone, come, _HOPELESS * gain))
+    for gone, come in _mistaken(scene, best):
+        labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
+        if labels not in seen and time.process_time() - begun < _PATIENCE:
+            seen.add(labels)
+            tried.append(_translated(scene, best, gone, come, _HOPELESS * gain))
     for winner in sorted(tried, key=lambda each: each.score):
         theirs, ours = set(winner.fitted.names), set(best.fitted.names)
         if contain(theirs - ours, ours):
@@ -48,6 +43,19 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
                 return again, tuple(sorted((best, *tried), key=lambda each: each.score))
             return winner, (best, *tried)
     return best, tuple(sorted(tried, key=lambda each: each.score))
+
+
+def _mistaken(scene: Scene, best: Rival) -> list[tuple[Cause, Cause]]:
+    """Return each cause of the best with what it may be mistaken for, first what is most likely for each."""
+    found: list[tuple[int, Cause, Cause]] = []
+    for gone in best.fitted.causes:
+        names = (*gone.effect.confusable_with, *related(gone.effect.name))
+        for come in scene.causes:
+            if come not in best.fitted.causes and come.effect.name in names:
+                found.append((names.index(come.effect.name), gone, come))
+            elif come not in best.fitted.causes and gone.effect.name in come.effect.confusable_with:
+                found.append((len(names), gone, come))
+    return [(gone, come) for _, gone, come in sorted(found, key=lambda each: each[0])]
 
 
 def merged(scene: Scene, best: Rival) -> Rival:

@@ -42,6 +42,11 @@ SLOW = (
     (390051, "explained", "presliding_friction", "a contact that yields late on its way"),
     (400045, "explained", "end_stop", "a stop that bounces: edges had been traps, and any change helps somewhere"),
     (380020, "explained", "torque_constant_saturation", "what it was held against had not ended"),
+    (320024, "explained", "slew_rate_limit", "a rate that bends the cost at every row"),
+    (430065, "explained", "slew_rate_limit", "a rate that no screen shows"),
+    (430033, "explained", "gravity_torque", "an angle that the integral of a noisy speed has lost"),
+    (420054, "no_mismatch", "", "a wave of two periods in the whole way"),
+    (390099, "unknown_physics", "", "a name that unseen recordings speak against"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
