@@ -13,6 +13,7 @@ from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
 from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
+from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
@@ -40,6 +41,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     same = slow is found or set(slow.best.fitted.causes) == set(found.best.fitted.causes)
     shape = best_shape(found, found.best) if same else None
     if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
+        slow = rested(slow)
         doubted = with_doubt(slow.scene, slow.best.fitted, slow.best.noises)
         return replace(slow, best=replace(slow.best, fitted=doubted)), None
     while (
@@ -62,7 +64,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             shape, alone = best_shape(found, found.best), _alone(found)
     if alone is not None:
         return replace(found, best=found.nominal), alone
-    return _confirmed(levelled(found)), shape
+    return _confirmed(rested(levelled(found))), shape
 
 
 def _alone(found: Search) -> Shape | None:

@@ -32,6 +32,7 @@ _FAR = 0.8  # such a ratio on test, that does where train is clearly better too
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict, or is that of a drift
+_BARE = 1.5  # residual rms over innovation rms, up to which next to no misfit is left
 _DRIFTS = 2.0 * THRESHOLD  # drop of BIC by innovations that what drifts has to bring even so
 _WORSE = 1.2  # such a ratio on test, from which an effect is none
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
@@ -144,8 +145,8 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
     """Add the effect after which the simulations miss far less, on unseen recordings too, if the evidence agrees.
 
     Innovations hardly see what moves slowly; but what makes the simulations right is no noise. `rivals` are what was
-    tried by what the simulations miss, best first, none where no misfit is slow; what the search tried last and found
-    too little may do as well.
+    tried by what the simulations miss, best first; what the search tried last and found too little may do as well.
+    Where no misfit is slow there are none, and an effect has to leave hardly more than innovations.
     """
     scene, best = found.scene, found.best
     if not scene.test:
@@ -157,6 +158,8 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
         if not ratio <= (_LEAP if rivals else _SURE):  # nor where one of them has diverged
             continue
         again = _by_innovations(scene, one.fitted)
+        if not rivals and max(noise.rms / noise.scale for noise in again.noises) > _BARE:
+            continue
         drifts = _drifts(one.fitted, one.fitted.causes[-1])
         least, sure = (SLOW_THRESHOLD, _DRIFTS) if drifts else (THRESHOLD, 0.0 if rivals else _DRIFTS)
         gain = best.score - again.score

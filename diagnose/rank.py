@@ -285,7 +285,6 @@ def _bar(rival: Rival) -> float:
     return (least if colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
 
 
-
 def _nominal(scene: Scene) -> Rival:
     """Fit the nominal plant from several starts with white noise, then with the noise it left over."""
     begin = first_point(scene, scene.train)
