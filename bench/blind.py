@@ -164,6 +164,8 @@ def table(results: Sequence[Scored]) -> list[str]:
         many = [r for r in results if len(r.label["effects"]) == count]
         lines.append(_share(f"{word} exact", [_exact(r) for r in many]))
         lines.append(_share(f"{word} exact, each effect visible", [_exact(r) for r in many if r.visible >= 1.0]))
+        told = [_told(r) for r in many if r.visible >= 1.0]
+        lines.append(_share(f"{word} exact, each effect visible, or the set of what is one function", told))
     placed = [
         equation_of(next(iter(r.label["effects"]))) == str(r.said["location"]["equation"]).replace("force", "torque")
         for r in seen
@@ -219,7 +221,9 @@ def _told(r: Scored) -> bool:
 def _one_function(r: Scored) -> bool:
     first, *others = r.label["sensors"]
     sets = [names for names, alone in ONE_FUNCTION if first in alone and not others]
-    return any(set(r.label["effects"]) < names == set(_names(r)) for names in sets)
+    hidden, said = set(r.label["effects"]), set(_names(r))
+    same = {name for names in sets if names & hidden for name in names}
+    return r.said["verdict"] == "ambiguous" and hidden < said <= hidden | same
 
 
 def _covered(r: Scored) -> bool:

@@ -53,5 +53,5 @@ def _begins(scene: Scene, rival: Rival) -> Array:
         problem = Problem(scene, [recording], (), rival.noises, np.zeros((0, 1)))
         place = problem.at(Point(rival.fitted.point.values, (start,)))
         spread = inverse(problem.normal(problem.slopes(place)))[np.ix_(kept, kept)]
-        found.append(float(np.sqrt(max(start[kept] @ inverse(spread) @ start[kept], 0.0))))
+        found.append(max(float(start[kept] @ inverse(spread) @ start[kept]), 0.0) ** 0.5)
     return np.array(found)
