@@ -272,7 +272,7 @@ def start_slopes(scene: Scene, recording: Recording, point: Point, index: int, e
     """
     names = [f"start.{state}" for state in scene.engine.states]
     if exact:
-        return scene.engine.slopes(recording, point.values, names, point.starts[index])
+        return _anchored(scene, recording, scene.engine.slopes(recording, point.values, names, point.starts[index]))
     linear = scene.engine.engine.equations is None
     values, start = ({}, full_start(scene, recording)) if linear else (point.values, point.starts[index])
     key = (id(recording), tuple(sorted(values.items())), start.tobytes())
@@ -280,5 +280,14 @@ def start_slopes(scene: Scene, recording: Recording, point: Point, index: int, e
     if found is None:
         while len(scene.memory) >= max(_KEPT, len(scene.train) + len(scene.test)):
             scene.memory.pop(next(iter(scene.memory)))
-        found = scene.memory[key] = scene.engine.slopes(recording, values, names, start)
+        found = scene.engine.slopes(recording, values, names, start)
+        scene.memory[key] = found = _anchored(scene, recording, found)
     return found
+
+
+def _anchored(scene: Scene, recording: Recording, slopes: Array) -> Array:
+    """Hold the place where the first train recording begins if nobody measures it: all others count from there."""
+    for index, state in enumerate(scene.engine.states):
+        if state.startswith("position") and recording is scene.train[0] and state not in recording.columns:
+            slopes[..., index] = 0.0
+    return slopes

@@ -10,10 +10,11 @@ from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import TIE, extended, larger, rated, tells
 from diagnose.round import LAST, LONG, SHORT, every_start
 from diagnose.screen import Screened
+from identify.noise import white
 
 _FINAL = 3  # causes fitted to the end
 _SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
-_PATIENCE = 6.0  # s of computing after which no further cause is tried
+_PATIENCE = 8.0  # s of computing after which no further cause is tried
 
 
 def exhausted(found: Search) -> Search | None:
@@ -22,20 +23,21 @@ def exhausted(found: Search) -> Search | None:
     without = evidence(base.fitted, base.noises)
     worth = _SHARE * (without - evidence(found.best.fitted, found.best.noises))
     until = time.process_time() + _PATIENCE
-    trials: list[tuple[float, Fitted]] = []
     known = [each.cause for each in found.screened]
     rest = [(cause, scene.starts[cause.label]) for cause in scene.causes if cause not in known]
-    for each in (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts)):
-        fits = [
-            fit(scene, scene.train, *extended(base.fitted, each.cause, start), base.noises, SHORT)
-            for start in every_start(scene, each)
-            if time.process_time() < until
-        ]
-        told = [(own_evidence(scene, one), one) for one in fits]
-        trials += [min(told, key=lambda pair: pair[0])] if told else []
+    every = (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts))
+    told: dict[str, list[tuple[float, Fitted]]] = {}
+    # Whitened edges are traps in which the search has looked already.
+    for noises in (tuple(white(noise.rms) for noise in base.noises), base.noises):
+        for each in every:
+            for start in every_start(scene, each):
+                if time.process_time() < until:
+                    one = fit(scene, scene.train, *extended(base.fitted, each.cause, start), noises, SHORT)
+                    told.setdefault(each.cause.label, []).append((own_evidence(scene, one), one))
+    trials = [min(fits, key=lambda pair: pair[0]) for fits in told.values()]
     trials.sort(key=lambda pair: pair[0])
     rivals = []
-    for begun in [each for told, each in trials if without - told > worth][:_FINAL]:
+    for begun in [each for score, each in trials if without - score > worth][:_FINAL]:
         longer = fit(scene, scene.train, begun.causes, begun.point, noises_of(scene, begun.residuals), LONG)
         ended = fit(scene, scene.train, begun.causes, longer.point, noises_of(scene, longer.residuals), LAST)
         rivals.append(rated(scene, ended))

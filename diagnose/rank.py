@@ -30,6 +30,7 @@ _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: tw
 _SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
 LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
+_SWAPS = 3  # times that what is mistaken for an effect is put in its place
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 _CLOSER = 0.7, 0.85  # such ratios, on train and on test, from which no effect is a trace of how others simplify
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
@@ -161,9 +162,14 @@ def _others(search: Search) -> list[tuple[Rival, set[str], set[str]]]:
 
 def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, tuple[Rival, ...]]:
     """Drop what is not needed, and put what is mistaken for an effect in its place; the best and all that was tried."""
-    slim = pruned(scene, best)
-    swap, tried = swapped(scene, slim, sum(gains))
-    return merged(scene, swap if swap is slim else pruned(scene, swap)), tried
+    tried: tuple[Rival, ...] = ()
+    for _ in range(_SWAPS):
+        slim = pruned(scene, best)
+        best, more = swapped(scene, slim, sum(gains))
+        tried += more
+        if best is slim:
+            break
+    return merged(scene, best if best is slim else pruned(scene, best)), tried
 
 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:

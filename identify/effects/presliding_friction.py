@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from identify.assembly import STEADY, Assembly
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
+
+_AT_ONCE = 1e-6  # of the way
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -36,6 +39,12 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
 def holding(site: Site, values: tuple[float, ...]) -> Holding:
     """Return what meets it."""
     return Holding(up=values[1], down=values[1])
+
+
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether it yields on its way: what never does is a spring, and what does at once is dry friction."""
+    stiffness, coulomb = values
+    return _AT_ONCE * stiffness * scales.travel < coulomb < stiffness * scales.travel
 
 
 EFFECT = Effect(
@@ -69,6 +78,7 @@ EFFECT = Effect(
     ),
     switches=(1,),
     holding=holding,
+    believable=believable,
     coordinate="travel since the last reversal",
     contains=("coulomb_friction",),
 )
