@@ -21,7 +21,7 @@ from identify.course import LONGEST_CHANGE
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _STEPS = 12  # of a fit without an effect
 _POLISH = 4.0  # s of computing past kinks
-_PATCHED = 300.0  # drop of BIC that an effect may owe to kinks
+_PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
 
@@ -79,7 +79,7 @@ def _alone(found: Search) -> Shape | None:
     if not best.fitted.causes or (not several and explained >= told):
         return None
     shape = best_shape(found, nominal)
-    return shape if shape is not None and shape.gain > explained + (TIE if several else LEFT) else None
+    return shape if shape is not None and shape.gain > explained + (0.0 if several else LEFT) else None
 
 
 def _confirmed(found: Search) -> Search:
@@ -96,21 +96,24 @@ def _confirmed(found: Search) -> Search:
     if len(best.fitted.causes) > 1:
         whole = rated(scene, finer)
         slim = pruned(scene, whole) if abs(best.score - whole.score) > TIE else whole
-        slim = _past_kinks(scene, slim)
+        slim = _past_kinks(scene, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(scene, slim)
     finer = with_doubt(scene, finer, best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
 
 
-def _past_kinks(scene: Scene, rival: Rival) -> Rival:
-    """Drop effects that only make up for the kinks at which a fit of the others had ended."""
+def _past_kinks(scene: Scene, rival: Rival, owed: float) -> Rival:
+    """Drop effects that only make up for the kinks at which a fit of the others had ended.
+
+    `owed` is the drop of BIC that an effect may owe to them.
+    """
     for cause in rival.fitted.causes:
         causes, point = without(rival.fitted, cause)
         if not _kinked(causes, rival):
             continue
         slim = fit(scene, scene.train, causes, point, rival.noises, _STEPS)
-        if rated(scene, slim).score - rival.score < _PATCHED:
+        if rated(scene, slim).score - rival.score < owed:
             one = rated(scene, polished(scene, slim, rival.noises, _POLISH))
             rival = one if one.score - rival.score < THRESHOLD else rival
     return rival

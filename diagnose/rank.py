@@ -16,7 +16,7 @@ from diagnose.refit import evidence, fit, noises_of, own_evidence
 from diagnose.rival import MINOR, TIE, Rival, contain, creeps, larger, rated, simplest, tells, unseen_residuals, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
-from diagnose.swap import merged, swapped
+from diagnose.swap import amounting, amounts_to, merged, swapped
 from identify.course import LONGEST_CHANGE
 from identify.noise import white
 
@@ -150,13 +150,18 @@ def richer_of(search: Search) -> tuple[Rival, ...]:
 
 
 def _others(search: Search) -> list[tuple[Rival, set[str], set[str]]]:
-    """Return the explanations with as many effects, best first, with what only they have and what only the best has."""
+    """Return the explanations with as many effects, best first, with what only they have and what only the best has.
+
+    Not those that amount to a simpler one.
+    """
     mine = search.best.fitted
     every = sorted((each for turn in search.rounds for each in turn), key=lambda each: each.score)
     return [
         (each, set(each.fitted.names) - set(mine.names), set(mine.names) - set(each.fitted.names))
         for each in every
-        if len(each.fitted.causes) == len(mine.causes) and set(each.fitted.causes) != set(mine.causes)
+        if len(each.fitted.causes) == len(mine.causes)
+        and set(each.fitted.causes) != set(mine.causes)
+        and not any(amounts_to(each.fitted, cause) for cause in each.fitted.causes)
     ]
 
 
@@ -169,7 +174,8 @@ def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, 
         tried += more
         if best is slim:
             break
-    return merged(scene, best if best is slim else pruned(scene, best)), tried
+    best = amounting(scene, best if best is slim else pruned(scene, best), sum(gains))
+    return merged(scene, best, sum(gains)), tried
 
 
 def _follows_record(scene: Scene, nominal: Rival) -> bool:

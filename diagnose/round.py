@@ -19,7 +19,7 @@ from diagnose.screen import Screened, ground, screen
 from diagnose.swap import relatives
 from identify.noise import white
 
-CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up
+CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up, or has clearly gained
 SHORT, LONG, LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
 _TRIED = 5  # causes refitted per round, besides relatives
 _FINAL = 4  # of them refitted to the end
@@ -69,7 +69,7 @@ def tried_beside(
     picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
     trials = _trials(scene, best, screened, picked, others)
     without = evidence(best.fitted, best.noises)
-    if trials and trials[0][0] > without:
+    if trials and without - trials[0][0] < CLEAR:
         trials = sorted([*trials, *_insisted(scene, best, picked)], key=lambda pair: pair[0])
     if not trials:
         return ()

@@ -8,13 +8,14 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered
-from diagnose.refit import evidence, fit, own_evidence
-from diagnose.rival import TIE, Rival, contain, larger, rated, related, richer, without
+from diagnose.refit import Fitted, evidence, fit, own_evidence
+from diagnose.rival import MINOR, RICHER, TIE, Rival, contain, larger, rated, related, richer, without
 
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
 _HOPELESS = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
 _TRIAL = 0.5  # s of computing for a trial, after which no further step is made
+_SAME = 0.1  # of that drop, that may be missing where two effects are the same for all that is known of them
 _PATIENCE = 10.0  # s of computing after which nothing further is tried
 
 
@@ -58,7 +59,25 @@ def _mistaken(scene: Scene, best: Rival) -> list[tuple[Cause, Cause]]:
     return [(gone, come) for _, gone, come in sorted(found, key=lambda each: each[0])]
 
 
-def merged(scene: Scene, best: Rival) -> Rival:
+def amounting(scene: Scene, best: Rival, gain: float) -> Rival:
+    """Put the simpler effect in the place of one whose values amount to it; `gain` is what all effects have brought."""
+    for gone in best.fitted.causes:
+        come = scene.cause(amounts_to(best.fitted, gone))
+        if come is not None and come not in best.fitted.causes:
+            one = _translated(scene, best, gone, come)
+            if one.score - best.score < max(RICHER, _SAME * gain):
+                return one
+    return best
+
+
+def amounts_to(fitted: Fitted, cause: Cause) -> str:
+    """Name the simpler effect that a cause with its values amounts to; blank for none."""
+    if cause.effect.becomes is None:
+        return ""
+    return cause.effect.becomes([fitted.point.values[key] for key in cause.keys], cause.scales)
+
+
+def merged(scene: Scene, best: Rival, gain: float) -> Rival:
     """Put one effect in the place of those whose sum it is, where that explains as much."""
     for come in scene.causes:
         parts = {name: shares for name, shares in come.effect.sum_of}
@@ -76,7 +95,7 @@ def merged(scene: Scene, best: Rival) -> Rival:
         causes = (*(cause for cause in best.fitted.causes if cause not in gone), come)
         begin = Point({**rest, **start}, best.fitted.point.starts)
         one = rated(scene, fit(scene, scene.train, causes, begin, best.noises, _LONG))
-        if one.score - best.score < TIE:
+        if one.score - best.score < max(TIE, MINOR * gain):
             return one
     return best
 

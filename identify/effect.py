@@ -136,7 +136,8 @@ class Effect:
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
     cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
     show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `believable(values, scales)` says
-    whether a fit's values are still this effect's; None where they do not matter.
+    whether a fit's values are still this effect's, `becomes(values, scales)` names the simpler effect that they amount
+    to, blank for none; None where they do not matter.
     `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
     their effects in the order of `stage`. `contact` begins the name of the parameter that says where bodies meet: there
@@ -164,6 +165,7 @@ class Effect:
     possible: Callable[[Scales], bool] | None = None
     bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
     believable: Callable[[Sequence[float], Scales], bool] | None = None
+    becomes: Callable[[Sequence[float], Scales], str] | None = None
     coordinate: str = ""
     contains: tuple[str, ...] = ()
     units: tuple[str, ...] = ()

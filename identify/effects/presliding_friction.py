@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from identify.assembly import STEADY, Assembly
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
 
-_AT_ONCE = 1e-6  # of the way
+_AT_ONCE, _LATE = 1e-6, 0.5  # of the way
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -41,10 +41,12 @@ def holding(site: Site, values: tuple[float, ...]) -> Holding:
     return Holding(up=values[1], down=values[1])
 
 
-def believable(values: Sequence[float], scales: Scales) -> bool:
-    """Tell whether it yields on its way: what never does is a spring, and what does at once is dry friction."""
+def becomes(values: Sequence[float], scales: Scales) -> str:
+    """Name what it is where it hardly yields on its way, or does at once."""
     stiffness, coulomb = values
-    return _AT_ONCE * stiffness * scales.travel < coulomb < stiffness * scales.travel
+    if coulomb > _LATE * stiffness * scales.travel:
+        return "return_spring"
+    return "coulomb_friction" if coulomb < _AT_ONCE * stiffness * scales.travel else ""
 
 
 EFFECT = Effect(
@@ -78,7 +80,7 @@ EFFECT = Effect(
     ),
     switches=(1,),
     holding=holding,
-    believable=believable,
+    becomes=becomes,
     coordinate="travel since the last reversal",
     contains=("coulomb_friction",),
 )
