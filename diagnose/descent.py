@@ -286,8 +286,12 @@ def start_slopes(scene: Scene, recording: Recording, point: Point, index: int, e
 
 
 def _anchored(scene: Scene, recording: Recording, slopes: Array) -> Array:
-    """Hold the place where the first train recording begins if nobody measures it: all others count from there."""
+    """Hold the place where the first train recording begins if nobody measures it: all others count from there.
+
+    Not in equations of one's own, which may depend on it.
+    """
     for index, state in enumerate(scene.engine.states):
-        if state.startswith("position") and recording is scene.train[0] and state not in recording.columns:
+        unseen = state.startswith("position") and state not in recording.columns
+        if unseen and recording is scene.train[0] and scene.plant.kind != "ode":
             slopes[..., index] = 0.0
     return slopes

@@ -1,14 +1,20 @@
-"""A load and a sensor's offset are one function of a speed, but not where the recordings begin at rest."""
+"""Where recordings begin: at rest, where a load and an offset are two things, and at places that nobody measures."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.blind_cases import draw_case, write_case
+from diagnose.descent import start_slopes
+from diagnose.hypothesis import entered, first_point, make_scene
 from firmloop.cli import main
+from identify.recording import make_recording
+from tests.sizes import stage
 
 OFFSET, LOAD = 440098, 410094  # seeds of cases with a speed alone
 IN_MOTION = 1300  # rows after which these machines move
@@ -31,3 +37,17 @@ def test_where_recordings_begin(seed: int, skipped: int, verdict: str, names: st
     assert main(["diagnose", str(folder / "project.toml"), "--out", str(tmp_path / "out")]) == 1
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert (said["verdict"], {each["name"] for each in said["effects"]}) == (verdict, set(names.split()))
+
+
+@pytest.mark.parametrize(("kind", "free"), [("linear_stage", [False, True]), ("ode", [True, True])])
+def test_places_count_from_where_the_first_recording_begins(kind: str, free: list[bool]) -> None:
+    plant, time = replace(stage("speed_m_s"), kind=kind), np.arange(50) * 1e-3
+    columns = {"force_N": np.sin(40.0 * time), "speed_m_s": np.cos(40.0 * time)}
+    train = [make_recording(time, columns, name, "") for name in ("first.csv", "second.csv")]
+    scene = make_scene(plant, train, [], np.zeros(1))
+    cause, begin = scene.cause("return_spring"), first_point(scene, scene.train)
+    assert cause is not None
+    point = replace(begin, values=entered(begin.values, cause, scene.starts[cause.label][0]))
+    place = [state.startswith("position") for state in scene.engine.states].index(True)
+    slopes = [start_slopes(scene, each, point, k, exact=True)[..., place] for k, each in enumerate(scene.train)]
+    assert [bool(np.any(each)) for each in slopes] == free
