@@ -12,8 +12,11 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
-    """Propose where a fit begins: closely, as every row that just reaches the rate bends the cost."""
-    return tuple((share * scales.slew,) for share in (0.1, 0.02, 0.25, 0.5))
+    """Propose where a fit begins: closely, as every row that just reaches the rate bends the cost.
+
+    A held input jumps between its rows, so that a rate above its slope from row to row shows, too.
+    """
+    return tuple((share * scales.slew,) for share in (0.1, 0.02, 0.25, 0.5, 1.5))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

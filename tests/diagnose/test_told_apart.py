@@ -47,6 +47,7 @@ SLOW = (
     (430033, "explained", "gravity_torque", "an angle that the integral of a noisy speed has lost"),
     (420054, "no_mismatch", "", "a wave of two periods in the whole way"),
     (390099, "unknown_physics", "", "a name that unseen recordings speak against"),
+    (470196, "explained", "slew_rate_limit", "a rate above all slopes from row to row, which held jumps meet"),
     (450005, "explained", "end_stop", "a place from which nobody counts"),
     (450041, "explained", "asymmetric_friction", "a load and a contact that yields at once"),
     (450079, "explained", "return_spring", "a contact that hardly yields"),
