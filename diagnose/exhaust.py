@@ -10,7 +10,7 @@ from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import TIE, extended, larger, rated, tells
 from diagnose.round import LAST, LONG, SHORT, every_start
 from diagnose.screen import Screened
-from identify.noise import white
+from identify.noise import flat
 
 _FINAL = 3  # causes fitted to the end
 _SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
@@ -28,7 +28,7 @@ def exhausted(found: Search) -> Search | None:
     every = (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts))
     told: dict[str, list[tuple[float, Fitted]]] = {}
     # Whitened edges are traps in which the search has looked already.
-    for noises in (tuple(white(noise.rms) for noise in base.noises), base.noises):
+    for noises in (flat(base.noises), base.noises):
         for each in every:
             for start in every_start(scene, each):
                 if time.process_time() < until:

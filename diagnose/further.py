@@ -17,6 +17,7 @@ from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
+from identify.noise import colored
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _STEPS = 12  # of a fit without an effect
@@ -121,7 +122,7 @@ def _past_kinks(scene: Scene, rival: Rival, owed: float) -> Rival:
 
 def _kinked(causes: Sequence[Cause], rival: Rival) -> bool:
     """Tell whether plain squared error, which tells all where noise is white, has the kinks of limits."""
-    return bool(limits(causes)) and not any(len(noise.coefficients) for noise in rival.noises)
+    return bool(limits(causes)) and not colored(rival.noises)
 
 
 def _finer(scene: Scene, rival: Rival) -> Fitted:

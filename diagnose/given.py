@@ -12,7 +12,7 @@ from diagnose.orders import best_orders
 from diagnose.refit import Fitted, fit
 from diagnose.rival import Rival, extended, joined
 from diagnose.screen import Screened, ground, screen
-from identify.noise import white
+from identify.noise import colored, flat
 
 _STEPS = 6  # of a trial
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
@@ -24,18 +24,18 @@ _GIVEN = 3  # causes tried beside the parameters as given
 def from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
     """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
     folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
-    calm = all(len(noise.coefficients) == 0 for noise in nominal.noises) or not _ran_away(scene, nominal)
+    calm = not colored(nominal.noises) or not _ran_away(scene, nominal)
     if calm and not folded:
         return ()
-    flat = [white(noise.rms) for noise in nominal.noises]
+    sizes = flat(nominal.noises)
     begin = first_point(scene, scene.train)
-    given = fit(scene, scene.train, (), begin, flat, 0)
-    under = [ground(scene, scene.train, given, flat)]
+    given = fit(scene, scene.train, (), begin, sizes, 0)
+    under = [ground(scene, scene.train, given, sizes)]
     (screened,) = screen(scene, scene.train, given, scene.causes, under, best_orders(scene, given, under))
     found = []
     for each in [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]:
         causes, point = extended(given, each.cause, each.start)
-        found.append(fit(scene, scene.train, causes, point, flat, _STEPS))
+        found.append(fit(scene, scene.train, causes, point, sizes, _STEPS))
     return tuple(found)
 
 

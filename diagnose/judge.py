@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from diagnose.descent import residual_of
 from diagnose.direct import Direct, coarse
 from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
-from diagnose.hypothesis import Cause, Point, Scene, full_start
+from diagnose.hypothesis import Cause, Scene
 from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import Fitted, fit_starts, variances
-from diagnose.rival import MINOR, TIE, Rival, contradicted, innovations, unseen_residuals
+from diagnose.rival import MINOR, TIE, Rival, contradicted, innovations, relative, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -132,9 +132,8 @@ def _ratios(search: Search, shown: Rival, noise: Sequence[float], unseen: bool) 
     """Residual rms over noise rms, over all outputs; only initial states are fitted."""
     scene = search.scene
     recordings = scene.test if unseen else scene.train
-    starts = tuple(full_start(scene, recording) for recording in recordings)
     given = {p.name: p.value for p in scene.plant.parameters}
-    before = fit_starts(scene, recordings, Point(given, starts), search.best.noises)
+    before = fit_starts(scene, recordings, given, search.best.noises)
     lefts = [
         [residual_of(scene, recording, before, k) for k, recording in enumerate(recordings)],
         list(unseen_residuals(scene, search.nominal.fitted, search.best.noises))
@@ -142,7 +141,7 @@ def _ratios(search: Search, shown: Rival, noise: Sequence[float], unseen: bool) 
         else list(search.nominal.fitted.residuals),
         list(unseen_residuals(scene, shown.fitted, search.best.noises)) if unseen else list(shown.fitted.residuals),
     ]
-    figures = [float(np.sqrt(np.mean((np.concatenate(parts) / np.asarray(noise)) ** 2))) for parts in lefts]
+    figures = [relative(parts, noise) for parts in lefts]
     return Ratio(*(figure if math.isfinite(figure) else None for figure in figures))
 
 

@@ -18,7 +18,7 @@ from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import amounting, amounts_to, merged, swapped
 from identify.course import LONGEST_CHANGE
-from identify.noise import white
+from identify.noise import colored, white
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -68,7 +68,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         table = screened(scene, best)
         first = first or table
         # Where noise alone is left, no cause gains more than it promises; where not, a soaked one hides another.
-        whole = all(len(noise.coefficients) == 0 for noise in best.noises)
+        whole = not colored(best.noises)
         worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
         rivals = tried_beside(scene, best, table, from_given(scene, nominal) if turn == 0 else (), worth)
         if not rivals:
@@ -274,7 +274,7 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     fitted = rival.fitted
     given = runaways(scene, fitted)
     found = [rival]
-    if given or any(len(noise.coefficients) for noise in rival.noises):
+    if given or colored(rival.noises):
         flat = [white(noise.scale) for noise in rival.noises]
         plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, LONG)
         noises = noises_of(scene, plain.residuals)
@@ -291,10 +291,10 @@ def _earned(rival: Rival, base: Rival) -> bool:
 def _bar(rival: Rival) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
     newest = rival.fitted.causes[-1]
-    colored = any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises)
+    lasting = any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises)
     searched = any(key.endswith(_SOUGHT) for key in newest.keys)
     least = SLOW_THRESHOLD if creeps(newest, rival.fitted.point.values) else COLORED_THRESHOLD
-    return (least if colored else THRESHOLD) + (_SEARCHED if searched else 0.0)
+    return (least if lasting else THRESHOLD) + (_SEARCHED if searched else 0.0)
 
 
 def _nominal(scene: Scene) -> Rival:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,8 +127,7 @@ def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     count = len(fitted.coordinates)
     if not scene.test or not count:
         return fitted
-    starts = tuple(full_start(scene, recording) for recording in scene.test)
-    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
+    point = fit_starts(scene, scene.test, fitted.point.values, noises)
     problem = Problem(scene, scene.test, fitted.coordinates, noises, np.zeros((0, count + 1)))
     place = problem.at(point)
     slopes = problem.slopes(place)
@@ -184,12 +183,14 @@ def tethers(scene: Scene, unknowns: Sequence[Coordinate]) -> Array:
     return np.array(rows).reshape(len(rows), len(unknowns) + 1)
 
 
-def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, noises: Sequence[Noise]) -> Point:
-    """Fit the initial states alone, by two Gauss-Newton steps."""
+def fit_starts(
+    scene: Scene, recordings: Sequence[Recording], values: Mapping[str, float], noises: Sequence[Noise]
+) -> Point:
+    """Fit the initial states alone, from rest by two Gauss-Newton steps."""
     starts = []
-    for k, recording in enumerate(recordings):
+    for recording in recordings:
         problem = Problem(scene, [recording], (), noises, np.zeros((0, 1)))
-        place = problem.at(Point(point.values, (point.starts[k],)))
+        place = problem.at(Point(values, (full_start(scene, recording),)))
         for _ in range(2):
             slopes = problem.slopes(place)
             step = solved(problem.normal(slopes), problem.descent(slopes, place), 1e-9)
@@ -198,7 +199,7 @@ def fit_starts(scene: Scene, recordings: Sequence[Recording], point: Point, nois
                 break
             place = trial
         starts.append(place.point.starts[0])
-    return Point(point.values, tuple(starts))
+    return Point(values, tuple(starts))
 
 
 def own_evidence(scene: Scene, fitted: Fitted) -> float:

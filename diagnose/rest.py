@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.descent import Problem
-from diagnose.hypothesis import Point, Scene, full_start
+from diagnose.hypothesis import Point, Scene
 from diagnose.rank import Search, rivals_of
 from diagnose.refit import fit_starts, inverse
 from diagnose.rival import TIE, Rival
@@ -46,8 +46,8 @@ def rested(found: Search) -> Search:
 def _begins(scene: Scene, rival: Rival) -> Array:
     """Return how far from rest all recordings begin, in deviations of the states but for positions."""
     kept = [k for k, name in enumerate(scene.engine.states) if not name.startswith("position")]
-    point = Point(rival.fitted.point.values, tuple(full_start(scene, each) for each in scene.test))
-    starts = (*rival.fitted.point.starts, *fit_starts(scene, scene.test, point, rival.noises).starts)
+    unseen = fit_starts(scene, scene.test, rival.fitted.point.values, rival.noises)
+    starts = (*rival.fitted.point.starts, *unseen.starts)
     found = []
     for recording, start in zip((*scene.train, *scene.test), starts, strict=True):
         problem = Problem(scene, [recording], (), rival.noises, np.zeros((0, 1)))

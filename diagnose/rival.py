@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.descent import residual_of
-from diagnose.hypothesis import Cause, Point, Scene, entered, full_start
+from diagnose.hypothesis import Cause, Point, Scene, entered
 from diagnose.refit import Fitted, evidence, fit_starts, noises_of
 from identify.effects import effects, find_effect
-from identify.noise import Noise, memory
+from identify.noise import Noise, colored, memory
 
 Array = NDArray[np.float64]
 
@@ -79,8 +79,7 @@ def unlikely(scene: Scene, residuals: Sequence[Array]) -> float:
 
 def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
     """Return measured - simulated (n, r) of every test recording."""
-    starts = tuple(full_start(scene, recording) for recording in scene.test)
-    point = fit_starts(scene, scene.test, Point(fitted.point.values, starts), noises)
+    point = fit_starts(scene, scene.test, fitted.point.values, noises)
     return tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
 
 
@@ -120,18 +119,20 @@ def creeps(cause: Cause, values: Mapping[str, float]) -> bool:
     return cause.effect.slow or min(waves, default=np.inf) < _FEW_PERIODS
 
 
+def relative(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
+    """Return the rms of residuals (n, r) over the sizes (r,) of the noise, over all outputs."""
+    return float(np.sqrt(np.mean((np.concatenate(residuals) / np.asarray(sizes)) ** 2)))
+
+
 def contradicted(scene: Scene, rival: Rival, nominal: Rival) -> bool:
     """Tell whether unseen recordings are missed by far more than the white noise that train leaves.
 
     Not where nearly all that the nominal plant misses of them is explained.
     """
-    if not scene.test or any(len(noise.coefficients) for noise in rival.noises):
+    if not scene.test or colored(rival.noises):
         return False
-    sizes = np.array([noise.rms for noise in rival.noises])
-    after, refit = (
-        float(np.sqrt(np.mean((np.concatenate(unseen_residuals(scene, each.fitted, rival.noises)) / sizes) ** 2)))
-        for each in (rival, nominal)
-    )
+    sizes = [noise.rms for noise in rival.noises]
+    after, refit = (relative(unseen_residuals(scene, each.fitted, rival.noises), sizes) for each in (rival, nominal))
     return not (after < _STRANGE or after < HELD * refit)
 
 

@@ -17,7 +17,7 @@ from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import Rival, extended, rated, related
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import relatives
-from identify.noise import white
+from identify.noise import colored, flat, white
 
 CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up, or has clearly gained
 SHORT, LONG, LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
@@ -37,18 +37,17 @@ def screened(scene: Scene, best: Rival) -> tuple[Screened, ...]:
     found = best.fitted.causes
     special = {name for cause in found for name in cause.effect.contains}  # cases of what is there already
     open_causes = [each for each in scene.causes if each not in found and each.effect.name not in special]
-    flat = tuple(white(noise.rms) for noise in best.noises)
-    under = [best.noises, flat] if any(len(noise.coefficients) for noise in best.noises) else [best.noises]
+    under = [best.noises, flat(best.noises)] if colored(best.noises) else [best.noises]
     grounds = [ground(scene, scene.train, best.fitted, noises) for noises in under]
     orders = best_orders(scene, best.fitted, grounds)
     tables = screen(scene, scene.train, best.fitted, open_causes, grounds, orders)
-    colored, plain = ({each.cause.label: each for each in table} for table in (tables[0], tables[-1]))
+    shaped, plain = ({each.cause.label: each for each in table} for table in (tables[0], tables[-1]))
     scale = max((each.gain for each in plain.values()), default=1.0) / max(
-        max((each.gain for each in colored.values()), default=1.0), 1.0
+        max((each.gain for each in shaped.values()), default=1.0), 1.0
     )
-    labels = sorted({*colored, *plain})  # a cause may show under one noise model alone
-    merged = [max((colored.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
-    drops = {label: max(each.drop for each in (colored.get(label), plain.get(label)) if each) for label in labels}
+    labels = sorted({*shaped, *plain})  # a cause may show under one noise model alone
+    merged = [max((shaped.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
+    drops = {label: max(each.drop for each in (shaped.get(label), plain.get(label)) if each) for label in labels}
     raised = [replace(each, gain=max(each.gain, drops[each.cause.label])) for each in merged if each is not None]
     return tuple(sorted(raised, key=lambda each: -each.gain))
 
@@ -124,13 +123,13 @@ def _trials(
 
 def _insisted(scene: Scene, best: Rival, picked: Sequence[Screened]) -> list[tuple[float, Fitted]]:
     """Follow what promised much from all its starts as if all noise were white: whitened edges are traps."""
-    flat = [white(noise.scale) for noise in best.noises]
+    sizes = [white(noise.scale) for noise in best.noises]
     found = []
     begun = time.process_time()
     for each in picked[:_PROMISED]:
         for start in every_start(scene, each):
             if each.gain > CLEAR and time.process_time() - begun < _INSISTED:
-                fitted = fit(scene, scene.train, *extended(best.fitted, each.cause, start), flat, LONG)
+                fitted = fit(scene, scene.train, *extended(best.fitted, each.cause, start), sizes, LONG)
                 if not _too_large(fitted):
                     found.append((own_evidence(scene, fitted), fitted))
     return found

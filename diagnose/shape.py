@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from diagnose.descent import residual_of, slopes_of, whitened
 from diagnose.direct import coarse
-from diagnose.hypothesis import Point, full_start, outputs_of
+from diagnose.hypothesis import Point, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.rank import LONG_MEMORY, Search
 from diagnose.refit import fit_starts, noises_of
@@ -19,7 +19,7 @@ from diagnose.round import screened
 from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms
 from identify.least_squares import triangle
-from identify.noise import Noise, white
+from identify.noise import Noise, flat
 from identify.plant import Plant
 from identify.recording import Recording
 
@@ -101,7 +101,7 @@ def best_shape(search: Search, rival: Rival) -> Shape | None:
     ]
     moved = [_moved(base, term, base.train) for term in choices]
     picked: list[int] = []
-    for noises in (rival.noises, tuple(white(noise.rms) for noise in rival.noises)):
+    for noises in (rival.noises, flat(rival.noises)):
         gains = _promised(base, moved, noises)
         picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
     bare = _weighed(base, ())
@@ -129,8 +129,7 @@ def weighed(search: Search) -> tuple[Screened, ...]:
 
 def _base(search: Search, rival: Rival) -> _Base:
     scene, fitted = search.scene, rival.fitted
-    starts = tuple(full_start(scene, recording) for recording in scene.test)
-    unseen = fit_starts(scene, scene.test, Point(fitted.point.values, starts), rival.noises)
+    unseen = fit_starts(scene, scene.test, fitted.point.values, rival.noises)
     point = Point(fitted.point.values, (*fitted.point.starts, *unseen.starts))
     recordings = (*scene.train, *scene.test)
     left = tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(recordings))
@@ -186,7 +185,7 @@ def _weighed(base: _Base, moved: Sequence[Array], free: bool = False) -> tuple[f
     tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(base.train)]
     best = (np.inf, np.zeros(0), base.residuals)
     # A noise model may hold what the term would explain, and then hides it from the fit: so begin without one, too.
-    begins = (base.rival.noises, tuple(white(noise.rms) for noise in base.rival.noises))
+    begins = (base.rival.noises, flat(base.rival.noises))
     for noises in begins if moved else begins[:1]:
         for _ in range(_ROUNDS):
             answer = _solved(tall, base.residuals[: base.train], noises)

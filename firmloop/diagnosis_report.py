@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from diagnose.cut import Cut
 from diagnose.descent import residual_of
 from diagnose.finding import Finding
-from diagnose.hypothesis import Point, full_start, outputs_of
+from diagnose.hypothesis import outputs_of
 from diagnose.locate import Latent, latent, nominal_plant
 from diagnose.refit import fit_starts
 from diagnose.run import Diagnosis
@@ -94,8 +94,7 @@ def _courses(made: Diagnosis) -> list[str]:
             measured = outputs_of(scene, recording)
             runs = []
             for values in (given, made.search.nominal.fitted.point.values, shown.fitted.point.values):
-                begin = Point(values, (full_start(scene, recording),))
-                point = fit_starts(scene, [recording], begin, made.search.best.noises)
+                point = fit_starts(scene, [recording], values, made.search.best.noises)
                 runs.append(measured - residual_of(scene, recording, point, 0))
             for index, signal in enumerate(scene.plant.outputs):
                 title = f"{role}: {recording.source}, {signal.name}"
@@ -162,8 +161,7 @@ def _scatter(made: Diagnosis) -> list[str]:
 def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
     """See the outputs that the explanation simulates as the nominal plant sees the recorded ones."""
     scene, recording = made.search.scene, made.search.scene.train[0]
-    begin = Point(made.shown.fitted.point.values, (full_start(scene, recording),))
-    point = fit_starts(scene, [recording], begin, made.search.best.noises)
+    point = fit_starts(scene, [recording], made.shown.fitted.point.values, made.search.best.noises)
     simulated = outputs_of(scene, recording) - residual_of(scene, recording, point, 0)
     if not np.all(np.isfinite(simulated)):
         return None

@@ -46,6 +46,16 @@ def white(scale: float) -> Noise:
     return Noise(np.zeros(0), scale, scale)
 
 
+def flat(noises: Sequence[Noise]) -> tuple[Noise, ...]:
+    """Return noises of the same sizes without memory."""
+    return tuple(white(noise.rms) for noise in noises)
+
+
+def colored(noises: Sequence[Noise]) -> bool:
+    """Tell whether any of them has a memory."""
+    return any(len(noise.coefficients) for noise in noises)
+
+
 def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     """Fit one output's noise to residuals (q,) of several recordings, by least squares over all of them.
 
