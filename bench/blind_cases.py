@@ -30,7 +30,8 @@ RIVALS = (  # never concealed together: one contains the other, or is the same i
     {"coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction"},
     {"flexible_coupling", "backlash"},
     {"load_torque", "load_step", "gravity_torque"},
-    {"load_torque", "asymmetric_friction"},  # the same function of the data as a load and Coulomb friction
+    {"load_torque", "asymmetric_friction"},  # the same function of the data as a load and Coulomb friction,
+    {"load_torque", "coulomb_friction"},  # which are asymmetric friction
     {"input_saturation", "slew_rate_limit"},
     {"input_delay", "sensor_delay", "clock_skew", "sensor_lag"},
 )

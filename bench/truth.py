@@ -80,8 +80,10 @@ def read(quantity: str, fine: Mapping[str, Array], step: float, rows: int, fault
     if name == "eccentric_encoder":
         values = values + size["amplitude"] * np.sin(fine["position"] + size["phase"])
     if name == "sensor_lag":
-        keep = float(np.exp(-h / size["time_constant"]))
-        values = lfilter([1.0 - keep], [1.0, -keep], values)
+        share = h / size["time_constant"]
+        keep = float(np.exp(-share))
+        late = (1.0 - keep) / share  # exact for what is straight within a substep: the end of it alone is h/2 early
+        values = lfilter([1.0 - late, late - keep], [1.0, -keep], values)
     if name == "sensor_delay":
         moments = moments - size["delay"]
     seen = np.interp(moments, grid, values)

@@ -73,7 +73,11 @@ class Problem:
                 cost += FAR**2 * part.size
             else:
                 cost += float(np.sum(whitened(part, self.noises) ** 2))
-        return Place(point, cost, float(np.sum(self._tied(point) ** 2)), residuals)
+        return Place(point, cost, self.pull(point), residuals)
+
+    def pull(self, point: Point) -> float:
+        """Return how far a point is from what is known beforehand, squared."""
+        return float(np.sum(self._tied(point) ** 2))
 
     def moved(self, point: Point, step: Array) -> Point:
         """Return the point a step (k + s w,) of all unknowns away; bounds hold by stopping at them."""

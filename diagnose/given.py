@@ -66,12 +66,18 @@ def _ran_away(scene: Scene, nominal: Rival) -> bool:
 
 
 def runaways(scene: Scene, fitted: Fitted) -> dict[str, float]:
-    """Return the values as given of free nominal parameters that a fit has moved far from there."""
-    return {
-        p.name: p.value
-        for p in scene.plant.parameters
-        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < fitted.point.values[p.name] / p.value < _FAR_OFF
-    }
+    """Return the values as given of free nominal parameters that a fit has moved far from there.
+
+    An inertia that causes have taken a part of has not gone with it.
+    """
+    values, found = fitted.point.values, {}
+    for p in scene.plant.parameters:
+        taken = sum(
+            values[cause.taken[0]] for cause in fitted.causes if cause.taken is not None and cause.taken[1] == p.name
+        )
+        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < (values[p.name] + taken) / p.value < _FAR_OFF:
+            found[p.name] = p.value
+    return found
 
 
 def afresh(scene: Scene, base: Fitted, screened: Screened) -> tuple[tuple[Cause, ...], Point]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,7 @@ _SWAPS = 3  # times that what is mistaken for an effect is put in its place
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 _CLOSER = 0.7, 0.85  # such ratios, on train and on test, from which no effect is a trace of how others simplify
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
+_NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _PATIENCE = 30.0  # s of computing after which no further effect is looked for
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
@@ -277,7 +279,11 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     if given or colored(rival.noises):
         flat = [white(noise.scale) for noise in rival.noises]
         plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, LONG)
-        noises = noises_of(scene, plain.residuals)
+        noises, last = noises_of(scene, plain.residuals), math.inf
+        while (size := sum(math.log(noise.rms) for noise in noises)) < last - _NEARER:
+            last = size  # it had ended in a valley that went on
+            plain = fit(scene, scene.train, fitted.causes, plain.point, [white(noise.rms) for noise in noises], LONG)
+            noises = noises_of(scene, plain.residuals)
         begin = Point({**plain.point.values, **given}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, LONG)))
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)

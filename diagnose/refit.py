@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from diagnose.descent import PATIENCE, Problem, descended, solved
 from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start
+from diagnose.torque_scale import near_given
 from identify.noise import Noise, fit_noise
 from identify.recording import Recording
 
@@ -80,7 +81,7 @@ def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """
     unknowns, count = fitted.coordinates, len(fitted.coordinates)
     problem = Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns))
-    place, normal = problem.at(fitted.point), fitted.normal
+    place, normal = near_given(problem, problem.at(fitted.point)), fitted.normal
     told = [variances(normal, count)]
     for _ in range(_LAST_STEPS):
         slopes = problem.slopes(place)

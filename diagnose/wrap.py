@@ -26,7 +26,11 @@ _REFINED = 3  # times a range is refined
 _SURE = 3.0  # deviations of what the jumps say, further from which no fit is believed
 _WHOLE = 0.97  # of what is seen of a range, less than which none is
 _RARE = 0.003  # share of readings that must be off by a range
-_MOST_TURNS = 3  # that a reading may be off
+_MOST_TURNS = 8  # that a reading may be off
+_LEAPS = 10  # by more than half a range, that tell of it
+_GAINS, _SHARES = np.arange(0.8, 1.21, 0.05), np.arange(0.9, 1.01, 0.02)  # of the plant's leaps; of what is seen
+_MET = 0.08  # of the range, by which leaps differ from the plant's (rms); chance leaves 0.29
+_RIM, _AT_RIM = 0.05, 0.3  # of what is seen, and the share of readings that near its ends: more is a limit
 _TELLING = 0.35  # of the residual without wraps
 _NEAR = 0.2  # of the range, by which the readings' span and their jumps may differ
 _STEP = 1e-4  # of a parameter's logarithm, for difference quotients
@@ -42,12 +46,20 @@ def unwrapped(
         columns = [recording.columns[signal.name] for recording in train]
         wrap = _wrap(columns)
         if wrap is not None:
-            moved = [_unrolled(plant, recording, signal.name, wrap[0]) for recording in (*train, *test)]
+            moved = [_unrolled(plant, recording, signal.name, wrap[0], 1.0) for recording in (*train, *test)]
         else:
-            wrap = _folded(columns, [_expected(plant, recording, signal.name) for recording in train])
+            expected = [_expected(plant, recording, signal.name) for recording in train]
+            wrap, gain = _folded(columns, expected), 0.0
+            if wrap is None:
+                wrap, gain = _leaping(columns, expected)
             if wrap is None:
                 continue
-            moved = [_unfolded(plant, recording, signal.name, wrap[0]) for recording in (*train, *test)]
+            moved = [
+                _unrolled(plant, recording, signal.name, wrap[0], gain)
+                if gain
+                else _unfolded(plant, recording, signal.name, wrap[0])
+                for recording in (*train, *test)
+            ]
         turns = [
             turns_between(before, after, signal.name, wrap[0])
             for before, after in zip((*train, *test), moved, strict=True)
@@ -126,6 +138,35 @@ def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float,
     return found
 
 
+def _leaping(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[tuple[float, float, float] | None, float]:
+    """Return the same for a reading that leaps by several ranges from row to row, and by what the plant's leaps grow.
+
+    What else is hidden moves a reading slowly: where it leaps it goes as far as the plant as given would, but for whole
+    ranges. One that ends at a limit does not.
+    """
+    seen, wanted = np.concatenate(columns), np.concatenate(expected)
+    low, whole = float(seen.min()), float(np.ptp(seen))
+    near = np.mean(np.abs(seen - low - whole / 2.0) > (0.5 - _RIM) * whole)
+    if not whole > 0.0 or near > _AT_RIM or not np.all(np.isfinite(wanted)):
+        return None, 0.0
+    leaps, aims = (np.concatenate([np.diff(each) for each in parts]) for parts in (columns, expected))
+    best: tuple[float, float, float] | None = None
+    for gain in _GAINS:
+        for share in _SHARES:
+            reach = share * whole
+            away = gain * aims - leaps
+            turned = np.abs(away) > _JUMP * reach
+            if np.count_nonzero(turned) >= _LEAPS:
+                spread = float(np.std((away - reach * np.round(away / reach))[turned])) / reach
+                best = min(best or (np.inf, 0.0, 0.0), (spread, gain, reach))
+    if best is None or best[0] > _MET:
+        return None, 0.0
+    _, gain, reach = best
+    turns = np.round((gain * aims - leaps) / reach)
+    answer = np.linalg.lstsq(np.column_stack([aims, -turns])[turns != 0.0], leaps[turns != 0.0], rcond=None)[0]
+    return (float(answer[1]), low, np.inf), float(answer[0])
+
+
 def _refined(
     plant: Plant, recordings: Sequence[Recording], name: str, turns: Sequence[Array], reach: float
 ) -> tuple[float, float]:
@@ -187,13 +228,15 @@ def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Re
     return _with_column(recording, name, seen + reach * np.round(away / reach))
 
 
-def _unrolled(plant: Plant, recording: Recording, name: str, reach: float) -> Recording:
-    """Follow the reading from row to row, or what it is away from the plant as given, whichever stays nearer to that.
+def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain: float) -> Recording:
+    """Follow the reading from row to row, or what it is away from `gain` times the plant as given.
+
+    The one that stays nearer to that.
 
     A current may rise by more than half a range from one row to the next, and then fall through the end of the range:
     the reading alone shows only the second.
     """
-    seen, expected = recording.columns[name], _expected(plant, recording, name)
+    seen, expected = recording.columns[name], gain * _expected(plant, recording, name)
     plain = np.unwrap(seen, period=reach)
     if not np.all(np.isfinite(expected)):
         return _with_column(recording, name, plain)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from identify.assembly import STEADY, Assembly
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, size
+
+_ALIKE = 0.05  # of both, by which two directions differ that are one
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -24,6 +28,12 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
 def holding(site: Site, values: tuple[float, ...]) -> Holding:
     """Return what meets it."""
     return Holding(up=values[0], down=values[1])
+
+
+def becomes(values: Sequence[float], scales: Scales) -> str:
+    """Name what it is where both directions are alike."""
+    positive, negative = values
+    return "coulomb_friction" if abs(positive - negative) < _ALIKE * (positive + negative) / 2.0 else ""
 
 
 EFFECT = Effect(
@@ -48,6 +58,7 @@ EFFECT = Effect(
     switches=(0, 1),
     sum_of=(("coulomb_friction", (1.0, 1.0)), ("load_torque", (1.0, -1.0))),
     holding=holding,
+    becomes=becomes,
     coordinate="sign of speed",
     contains=("coulomb_friction",),
 )

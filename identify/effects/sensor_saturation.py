@@ -7,6 +7,8 @@ from dataclasses import replace
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
 
+_ROUNDED = 1e-3  # of the largest reading, by which the limit itself may lie above it
+
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
@@ -24,8 +26,8 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
 
 
 def bounded(parameter: EffectParameter, scales: Scales) -> EffectParameter:
-    """Bound the limit by the largest reading: a limit above that is none."""
-    return replace(parameter, high=min(parameter.high, scales.output))
+    """Bound the limit by the largest reading: a limit above that, and above what rounding takes off, is none."""
+    return replace(parameter, high=min(parameter.high, scales.output * (1.0 + _ROUNDED)))
 
 
 EFFECT = Effect(
