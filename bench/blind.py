@@ -21,6 +21,8 @@ from bench.blind_cases import draw_case, write_case
 from bench.truth import folded
 from diagnose.hypothesis import Point, Scene, entered, first_point, make_scene
 from diagnose.refit import fit as refit
+from diagnose.rival import relative, unseen_residuals
+from diagnose.run import Diagnosis
 from firmloop.diagnosis import diagnosed
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
@@ -64,6 +66,7 @@ class Scored:
     said: Mapping[str, Any]
     seconds: float
     visible: float  # of the hidden effect that shows least, see _visible
+    unseen: float | None  # residual on test over the noise there, which the truth itself leaves
 
 
 def equation_of(name: str) -> str:
@@ -79,13 +82,23 @@ def work(seed: int) -> Scored:
         begin = time.process_time()
         try:
             project = read_project(folder / "project.toml")
-            said: Mapping[str, Any] = diagnosed(project, read_data(project), _quiet).finding.as_dict()
+            found = diagnosed(project, read_data(project), _quiet)
+            said: Mapping[str, Any] = found.finding.as_dict()
         except (IdentifyError, ProjectError, ToolError, ArithmeticError) as error:
+            found = None
             said = {"verdict": "refused", "effects": [], "error": str(error), "fit": {}, "location": None}
         seconds = time.process_time() - begin
         label = json.loads((labels / "label.json").read_text(encoding="utf-8"))
         hidden = label["effects"] or label["outside"]
-        return Scored(seed, label, said, seconds, _visible(plant_of(project), labels, label) if hidden else 0.0)
+        unseen = None if found is None else _unseen(found, label)
+        return Scored(seed, label, said, seconds, _visible(plant_of(project), labels, label) if hidden else 0.0, unseen)
+
+
+def _unseen(found: Diagnosis, label: Mapping[str, Any]) -> float:
+    """Return what is left of the unseen recording over its own noise: of one that drifts, each has another."""
+    scene, shown = found.search.scene, found.shown
+    sizes = [label["noise_of_test"][signal.name] for signal in scene.plant.outputs]
+    return relative(unseen_residuals(scene, shown.fitted, shown.noises), sizes)
 
 
 def _quiet(fraction: float, label: str) -> None:
@@ -178,7 +191,12 @@ def table(results: Sequence[Scored]) -> list[str]:
         lines.append(_share("95 % interval covers", covers))
     after = [r.said["fit"]["test"]["after"] for r in seen if r.said["fit"].get("test", {}).get("after")]
     if after:
-        lines.append(f"unseen residual / noise: median {np.median(after):.3f}, p90 {np.quantile(after, 0.9):.3f}")
+        lines.append(
+            f"unseen residual / noise of train: median {np.median(after):.3f}, p90 {np.quantile(after, 0.9):.3f}"
+        )
+    own = [r.unseen for r in seen if r.unseen is not None]
+    if own:
+        lines.append(f"unseen residual / noise there: median {np.median(own):.3f}, p90 {np.quantile(own, 0.9):.3f}")
     # A name alone is a set of one, as where the bar was measured first.
     for verdicts, word in ((("explained", "ambiguous"), "sets of one and more"), (("ambiguous",), "ambiguous sets")):
         sets = [r for r in seen if r.said["verdict"] in verdicts]
@@ -273,7 +291,7 @@ def main() -> None:
                     f"{r.seed:5} {hidden:40} size {r.label['size']:<5} seen {r.visible:8.2f} {r.label['machine']} "
                     f"{'/'.join(r.label['sensors'])} {r.label['excitation']} {'closed ' if r.label['closed'] else ''}"
                     f"{'colored' if r.label['colored'] else 'white'} -> {r.said['verdict']} {_names(r)} "
-                    f"{r.said['fit'].get('train')} unseen {r.said['fit'].get('test', {}).get('after')} "
+                    f"{r.said['fit'].get('train')} unseen {r.said['fit'].get('test', {}).get('after')} own {r.unseen} "
                     f"{r.seconds:.1f} s {r.said.get('error', '')}"
                 )
                 print(line, file=sys.stderr, flush=True)

@@ -152,6 +152,7 @@ def write_case(case: Case, folder: Path, labels: Path) -> None:
         "colored": case.colored,
         "size": case.size,
         "noise": {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in noise.items()},
+        "noise_of_test": {name: values[-1] for name, values in noise.items()},
     }
     (labels / "label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
 
