@@ -27,7 +27,6 @@ _HELD = 0.02  # damping that holds a valley back, from which slopes for initial 
 _BACK = 8  # corrections of a step
 _CLOSER = 0.5  # share of what a step costs too much, that a correction may leave
 _MOST = 3.0  # change of a coordinate by one step
-_STEP = 1e-5  # of a coordinate, for difference quotients
 _KEPT = 16  # slopes for initial states
 
 
@@ -255,7 +254,7 @@ def slopes_of(
     slopes = np.zeros((*residual.shape, len(unknowns)))
     for place, each in enumerate(unknowns):
         value = point.values.get(each.name, scene.engine.neutral[each.name])
-        inside = each.inner(value) + (_STEP if each.logarithmic else _STEP * max(abs(value) / each.scale, 0.01))
+        inside = each.inner(value) + each.step * (1.0 if each.logarithmic else max(abs(value) / each.scale, 0.01))
         moved = each.outer(inside)
         if not moved > value:  # at its upper bound
             moved = each.outer(2.0 * each.inner(value) - inside)

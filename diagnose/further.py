@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+from diagnose.contact import past_contacts
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene
 from diagnose.plain import believed, leap, slow_rivals
@@ -21,7 +22,7 @@ from identify.noise import colored
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _STEPS = 12  # of a fit without an effect
-_POLISH = 4.0  # s of computing past kinks
+_POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
@@ -43,7 +44,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     shape = best_shape(found, found.best) if same else None
     if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         slow = rested(slow)
-        doubted = with_doubt(slow.scene, slow.best.fitted, slow.best.noises)
+        doubted = with_doubt(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
         return replace(slow, best=replace(slow.best, fitted=doubted)), None
     while (
         shape is not None
@@ -125,9 +126,18 @@ def _kinked(causes: Sequence[Cause], rival: Rival) -> bool:
     return bool(limits(causes)) and not colored(rival.noises)
 
 
+def _met(scene: Scene, rival: Rival) -> Fitted:
+    """Lead a fit past the kinks of contacts, where there are any, by finer steps."""
+    if not any(cause.effect.contact for cause in rival.fitted.causes):
+        return rival.fitted
+    return past_contacts(scene, ended(scene, rival.fitted, rival.noises), rival.noises, _CONTACTS)
+
+
 def _finer(scene: Scene, rival: Rival) -> Fitted:
     """Take a fit to its end; past the kinks of limits, where noise is white and plain squared error tells all."""
-    fitted, noises = rival.fitted, rival.noises
+    fitted, noises = _met(scene, rival), rival.noises
+    if fitted is not rival.fitted:
+        noises = noises_of(scene, fitted.residuals)
     if _kinked(fitted.causes, rival):
         fitted = polished(scene, fitted, noises, _POLISH)
     return profiled(scene, ended(scene, fitted, noises), noises)

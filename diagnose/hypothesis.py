@@ -23,6 +23,8 @@ from identify.superset import Superset, inertia_parameter, scales_of, superset
 Array = NDArray[np.float64]
 
 _COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
+_STEP = 1e-5  # of a coordinate, for difference quotients
+_ROUGH_STEP = 1e-2  # the same where bodies meet: each time they meet a moment later, outputs move by a small leap
 _LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
 
@@ -70,13 +72,17 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """One unknown: a parameter by its full name, as its logarithm where it spans decades, in units of `scale`."""
+    """One unknown: a parameter by its full name, as its logarithm where it spans decades, in units of `scale`.
+
+    `step` is by how much of it a difference quotient moves it.
+    """
 
     name: str
     logarithmic: bool
     low: float
     high: float
     scale: float
+    step: float
 
     def inner(self, value: float) -> float:
         """Return the coordinate of a value."""
@@ -149,16 +155,17 @@ def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float
 def coordinates(scene: Scene, causes: Sequence[Cause], at: Mapping[str, float]) -> tuple[Coordinate, ...]:
     """Return the unknowns of a hypothesis: the free nominal parameters, then those of its causes."""
     found = []
+    step = _ROUGH_STEP if any(cause.effect.contact for cause in causes) else _STEP
     for parameter in scene.plant.parameters:
         if parameter.free:
             value = at.get(parameter.name, parameter.value)
             positive = parameter.low >= 0.0 and value > 0.0 and not _may_vanish(parameter.name)
             size = max(abs(parameter.value), 1e-12)
-            found.append(Coordinate(parameter.name, positive, parameter.low, parameter.high, size))
+            found.append(Coordinate(parameter.name, positive, parameter.low, parameter.high, size, step))
     for cause in causes:
         for key, each in zip(cause.keys, cause.parameters, strict=True):
             size = max((abs(start[key]) for start in scene.starts[cause.label] if key in start), default=1.0)
-            found.append(Coordinate(key, each.logarithmic, each.low, each.high, size or 1.0))
+            found.append(Coordinate(key, each.logarithmic, each.low, each.high, size or 1.0, step))
     return tuple(found)
 
 

@@ -140,9 +140,10 @@ class Effect:
     to, blank for none; None where they do not matter.
     `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
-    their effects in the order of `stage`. `contact` begins the name of the parameter that says where bodies meet: there
-    a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a slow disturbance; `late`: like another
-    hold of the input. `screened`: what it changes at a start tells how much a fit gains by it.
+    their effects in the order of `stage`. `contact` begins the names of the parameters that say where bodies meet, how
+    stiff they are there and how damped: a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a
+    slow disturbance; `late`: like another hold of the input. `screened`: what it changes at a start
+    tells how much a fit gains by it.
     """
 
     name: str
@@ -170,7 +171,7 @@ class Effect:
     contains: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     stage: int = 0
-    contact: str = ""
+    contact: tuple[str, ...] = ()
     limits: bool = False
     slow: bool = False
     late: bool = False

@@ -82,5 +82,5 @@ EFFECT = Effect(
     unmet="which flank bears cannot be seen from the reference",
     coordinate="reversals",
     contains=("flexible_coupling",),
-    contact="gap",
+    contact=("gap", "stiffness", "damping"),
 )
