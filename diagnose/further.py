@@ -9,6 +9,7 @@ from dataclasses import replace
 from diagnose.contact import past_contacts
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene
+from diagnose.lasting import with_lasting
 from diagnose.plain import believed, leap, slow_rivals
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
@@ -45,7 +46,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         slow = rested(slow)
         doubted = with_doubt(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
-        return replace(slow, best=replace(slow.best, fitted=doubted)), None
+        return replace(slow, best=replace(slow.best, fitted=with_lasting(slow.scene, doubted, slow.best.noises))), None
     while (
         shape is not None
         and shape.gain > LEFT
@@ -101,7 +102,7 @@ def _confirmed(found: Search) -> Search:
         slim = _past_kinks(scene, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(scene, slim)
-    finer = with_doubt(scene, finer, best.noises)
+    finer = with_lasting(scene, with_doubt(scene, finer, best.noises), best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import Cause, Scene, first_point
+from diagnose.lasting import by_chance
 from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search
@@ -63,7 +64,11 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
         better |= train < _CLEAR and test < _FAR
         ours, theirs = set(found.best.fitted.causes), set(plain.best.fitted.causes)
         drifts = ours < theirs and any(_drifts(plain.best.fitted, cause) for cause in theirs - ours)
-        if better and not (drifts and evidence - explained < SLOW_THRESHOLD):
+        values = plain.best.fitted.point.values
+        idle = ours < theirs and evidence < explained and not any(creeps(cause, values) for cause in theirs - ours)
+        left = noises_of(scene, plain.best.fitted.residuals)
+        chance = by_chance(scene, plain.best.fitted, left, theirs - ours)
+        if better and not chance and not idle and not (drifts and evidence - explained < SLOW_THRESHOLD):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
 
@@ -159,6 +164,8 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
             continue
         again = _by_innovations(scene, one.fitted)
         if not rivals and max(noise.rms / noise.scale for noise in again.noises) > _BARE:
+            continue
+        if by_chance(scene, again.fitted, again.noises, again.fitted.causes[-1:]):
             continue
         drifts = _drifts(one.fitted, one.fitted.causes[-1])
         least, sure = (SLOW_THRESHOLD, _DRIFTS) if drifts else (THRESHOLD, 0.0 if rivals else _DRIFTS)

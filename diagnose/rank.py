@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from diagnose.descent import whitened
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
+from diagnose.lasting import by_chance, times_chance
 from diagnose.refit import evidence, fit, noises_of, own_evidence
 from diagnose.rival import MINOR, TIE, Rival, contain, creeps, larger, rated, simplest, tells, unseen_residuals, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
@@ -31,6 +32,7 @@ _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: tw
 _SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
 LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
+_SURE = 8.0  # deviations by batches, more than which no slow disturbance has
 _SWAPS = 3  # times that what is mistaken for an effect is put in its place
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 _CLOSER = 0.7, 0.85  # such ratios, on train and on test, from which no effect is a trace of how others simplify
@@ -83,7 +85,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         gain = base.score - chosen.score
         rounds.append(rivals)
         trace = gain < MINOR * sum(gains) and not _closer(scene, chosen, base)
-        if trace or not _earned(chosen, base) or _lost_count(scene, chosen, base):
+        if trace or not _earned(scene, chosen, base) or _lost_count(scene, chosen, base):
             best = base
             break
         gains.append(gain)
@@ -110,7 +112,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     if not rivals:
         return None
     chosen = simplest(rivals, base.score)
-    if not _earned(chosen, base) or _lost_count(scene, chosen, base):
+    if not _earned(scene, chosen, base) or _lost_count(scene, chosen, base):
         return None
     gains = (*found.gains, base.score - chosen.score)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
@@ -289,18 +291,25 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
 
 
-def _earned(rival: Rival, base: Rival) -> bool:
+def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
-    return base.score - rival.score >= _bar(rival) and not larger(rival, base) and tells(rival, base)
+    return base.score - rival.score >= _bar(scene, rival) and not larger(rival, base) and tells(rival, base)
 
 
-def _bar(rival: Rival) -> float:
-    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is."""
-    newest = rival.fitted.causes[-1]
-    lasting = any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises)
-    searched = any(key.endswith(_SOUGHT) for key in newest.keys)
-    least = SLOW_THRESHOLD if creeps(newest, rival.fitted.point.values) else COLORED_THRESHOLD
-    return (least if lasting else THRESHOLD) + (_SEARCHED if searched else 0.0)
+def _bar(scene: Scene, rival: Rival) -> float:
+    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
+
+    Of an effect that lasts batches tell that.
+    """
+    newest, values = rival.fitted.causes[-1], rival.fitted.point.values
+    least = THRESHOLD
+    if any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises):
+        least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
+        if by_chance(scene, rival.fitted, rival.noises, (newest,)):
+            return np.inf
+        if _SURE < times_chance(scene, rival.fitted, rival.noises, newest) < np.inf:
+            least = THRESHOLD
+    return least + (_SEARCHED if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
 
 
 def _nominal(scene: Scene) -> Rival:

@@ -142,8 +142,8 @@ class Effect:
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
     their effects in the order of `stage`. `contact` begins the names of the parameters that say where bodies meet, how
     stiff they are there and how damped: a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a
-    slow disturbance; `late`: like another hold of the input. `screened`: what it changes at a start
-    tells how much a fit gains by it.
+    slow disturbance; `lasting`: it stays the same, as the average of such a one does not; `late`: it may look like
+    another hold of the input. `screened`: what it changes at a start tells how much a fit gains by it.
     """
 
     name: str
@@ -174,6 +174,7 @@ class Effect:
     contact: tuple[str, ...] = ()
     limits: bool = False
     slow: bool = False
+    lasting: bool = False
     late: bool = False
     screened: bool = True
 

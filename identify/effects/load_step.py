@@ -64,4 +64,5 @@ EFFECT = Effect(
     coordinate="time",
     contains=("load_torque",),
     slow=True,
+    lasting=True,
 )

@@ -44,4 +44,5 @@ EFFECT = Effect(
     holding=holding,
     coordinate="none: constant",
     slow=True,
+    lasting=True,
 )

@@ -42,5 +42,6 @@ EFFECT = Effect(
     ),
     switches=(0,),
     slow=True,
+    lasting=True,
     stage=6,
 )

@@ -1,0 +1,101 @@
+"""Tell a load that lasts from a slow disturbance: by how much its average differs from batch to batch.
+
+The noise models of outputs are short: a disturbance of a moment's memory, integrated to a place, looks like a load to
+them. Over batches far longer than its memory it averages out, and the means of batches tell how well (batch means;
+Fishman, Management Science 24 (1978) 510-521).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.descent import start_slopes
+from diagnose.hypothesis import Cause, Scene
+from diagnose.refit import Fitted, inverse
+from identify.noise import Noise, colored
+from identify.recording import Recording
+
+Array = NDArray[np.float64]
+
+_CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
+_BATCHES = 12  # of each recording
+_PROBE = "load_step"
+_PUSH = 0.02  # of the largest effort
+
+
+def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
+    """Return the standard deviation of a load or an offset that slow disturbances leave it; 0 where none is told."""
+    if not cause.effect.lasting or not colored(noises):
+        return 0.0
+    means, after = [], []
+    moments = [fitted.point.values[key] for key in cause.keys if key.endswith(".time_s")]
+    for index, recording in enumerate(scene.train):
+        begins = np.linspace(recording.time[0], recording.time[-1], _BATCHES + 1)[:-1]
+        moved = _moved(scene, fitted, cause, recording, index, begins)
+        if moved is None:
+            return 0.0
+        sizes = np.array([noise.rms for noise in noises])
+        own = np.nan_to_num(start_slopes(scene, recording, fitted.point, index, exact=True))
+        tall = np.concatenate([moved, own], axis=2) / sizes[:, None]
+        tall = tall.reshape(-1, tall.shape[2])
+        scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+        answer = np.linalg.lstsq(tall / scale, (fitted.residuals[index] / sizes).ravel(), rcond=1e-9)[0] / scale
+        means.append(answer[:_BATCHES])
+        after.append(begins >= min(moments, default=-np.inf))
+    every, late = np.concatenate(means), np.concatenate(after)
+    parts = [part for part in (np.sum(late), np.sum(~late)) if part]
+    return float(np.std(every, ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
+
+
+def times_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
+    """Return how many deviations by batches a load or an offset is; infinite where none is told."""
+    spread = deviation(scene, fitted, noises, cause)
+    return abs(fitted.point.values[cause.keys[0]]) / spread if spread > 0.0 else np.inf
+
+
+def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Iterable[Cause]) -> bool:
+    """Tell whether one of the causes may be no more than the average of a slow disturbance."""
+    return any(times_chance(scene, fitted, noises, cause) < _CHANCE for cause in causes)
+
+
+def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Widen the deviations of loads and offsets to what slow disturbances leave of them."""
+    wider = np.ones(len(fitted.coordinates)) if fitted.wider is None else fitted.wider.copy()
+    spread = np.sqrt(np.maximum(np.diag(inverse(fitted.normal)), 0.0))
+    for cause in fitted.causes:
+        least = deviation(scene, fitted, noises, cause)
+        for index, each in enumerate(fitted.coordinates):
+            if each.name == cause.keys[0] and least > 0.0 and spread[index] > 0.0:
+                told = spread[index] * abs(each.gradient(fitted.point.values[each.name]))
+                wider[index] = max(wider[index], least / told)
+    return replace(fitted, wider=wider)
+
+
+def _moved(scene: Scene, fitted: Fitted, cause: Cause, recording: Recording, index: int, begins: Array) -> Array | None:
+    """Return what an offset, or a load, of one in each batch alone does to the outputs (n, r, batches)."""
+    rows, count = fitted.residuals[index].shape
+    if cause.output is not None:
+        found = np.zeros((rows, count, len(begins)))
+        batch = np.searchsorted(begins, recording.time, side="right") - 1
+        place = [signal.name for signal in scene.plant.outputs].index(cause.output)
+        found[np.arange(rows), place, batch] = 1.0
+        return found
+    probe = scene.cause(_PROBE)
+    if probe is None:
+        return None
+    push, moment = probe.keys
+    size = _PUSH * probe.scales.effort
+    start = fitted.point.starts[index]
+    values = {key: value for key, value in fitted.point.values.items() if key not in probe.keys}
+    without = scene.engine.simulate(recording, values, start)
+    steps = [
+        (without - scene.engine.simulate(recording, {**values, push: size, moment: float(begin)}, start)) / size
+        for begin in begins
+    ]
+    steps.append(np.zeros_like(without))
+    return np.nan_to_num(np.stack([one - other for one, other in pairwise(steps)], axis=2))
