@@ -23,6 +23,7 @@ from identify.recording import Recording
 Array = NDArray[np.float64]
 
 _CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
+_FEW = 500.0  # drop of BIC that such an average may bring
 _BATCHES = 12  # of each recording
 _PROBE = "load_step"
 _PUSH = 0.02  # of the largest effort
@@ -58,9 +59,12 @@ def times_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: C
     return abs(fitted.point.values[cause.keys[0]]) / spread if spread > 0.0 else np.inf
 
 
-def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Iterable[Cause]) -> bool:
-    """Tell whether one of the causes may be no more than the average of a slow disturbance."""
-    return any(times_chance(scene, fitted, noises, cause) < _CHANCE for cause in causes)
+def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Iterable[Cause], gain: float) -> bool:
+    """Tell whether one of the causes may be no more than the average of a slow disturbance.
+
+    `gain` is the drop of BIC they brought: where it is large, what batches differ by may be other physics.
+    """
+    return gain < _FEW and any(times_chance(scene, fitted, noises, cause) < _CHANCE for cause in causes)
 
 
 def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:

@@ -67,7 +67,7 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
         values = plain.best.fitted.point.values
         idle = ours < theirs and evidence < explained and not any(creeps(cause, values) for cause in theirs - ours)
         left = noises_of(scene, plain.best.fitted.residuals)
-        chance = by_chance(scene, plain.best.fitted, left, theirs - ours)
+        chance = by_chance(scene, plain.best.fitted, left, theirs - ours, evidence - explained)
         if better and not chance and not idle and not (drifts and evidence - explained < SLOW_THRESHOLD):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
@@ -165,11 +165,11 @@ def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
         again = _by_innovations(scene, one.fitted)
         if not rivals and max(noise.rms / noise.scale for noise in again.noises) > _BARE:
             continue
-        if by_chance(scene, again.fitted, again.noises, again.fitted.causes[-1:]):
+        gain = best.score - again.score
+        if by_chance(scene, again.fitted, again.noises, again.fitted.causes[-1:], gain):
             continue
         drifts = _drifts(one.fitted, one.fitted.causes[-1])
         least, sure = (SLOW_THRESHOLD, _DRIFTS) if drifts else (THRESHOLD, 0.0 if rivals else _DRIFTS)
-        gain = best.score - again.score
         if gain >= (least if ratio > _SURE else sure):
             nominal = found.nominal if found.gains else best
             rounds, gains = (*found.rounds, (again,)), (*found.gains, gain)

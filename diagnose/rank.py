@@ -293,19 +293,20 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
 
 def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
-    return base.score - rival.score >= _bar(scene, rival) and not larger(rival, base) and tells(rival, base)
+    gain = base.score - rival.score
+    return gain >= _bar(scene, rival, gain) and not larger(rival, base) and tells(rival, base)
 
 
-def _bar(scene: Scene, rival: Rival) -> float:
+def _bar(scene: Scene, rival: Rival, gain: float) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
 
-    Of an effect that lasts batches tell that.
+    Of an effect that lasts batches tell that; `gain` is what it did bring.
     """
     newest, values = rival.fitted.causes[-1], rival.fitted.point.values
     least = THRESHOLD
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
-        if by_chance(scene, rival.fitted, rival.noises, (newest,)):
+        if by_chance(scene, rival.fitted, rival.noises, (newest,), gain):
             return np.inf
         if _SURE < times_chance(scene, rival.fitted, rival.noises, newest) < np.inf:
             least = THRESHOLD

@@ -229,9 +229,7 @@ def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Re
 
 
 def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain: float) -> Recording:
-    """Follow the reading from row to row, or what it is away from `gain` times the plant as given.
-
-    The one that stays nearer to that.
+    """Follow the reading from row to row, or what it is away from `gain` times the plant as given: what stays nearer.
 
     A current may rise by more than half a range from one row to the next, and then fall through the end of the range:
     the reading alone shows only the second.

@@ -19,6 +19,9 @@ QUICK = (
     (350086, "explained", "input_saturation", "a limit that had begun too low"),
     (370061, "explained", "sensor_quantization", "steps of 390 levels and nothing else left"),
     (320047, "explained", "sensor_wrap", "a current that wraps twice where the nominal plant is a tenth off"),
+    (470184, "explained", "sensor_wrap", "a current that leaps over five of its ranges"),
+    (470164, "ambiguous", "load_torque sensor_offset", "a load that lasts beside a slow disturbance"),
+    (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
     (250070, "explained", "sensor_offset", "a constant that noise follows"),
@@ -52,6 +55,10 @@ SLOW = (
     (450041, "explained", "asymmetric_friction", "a load and a contact that yields at once"),
     (450079, "explained", "return_spring", "a contact that hardly yields"),
     (430078, "explained", "backlash stribeck_friction", "what is mistaken most often comes first"),
+    (470127, "explained", "clock_skew", "waves that innovations count against"),
+    (480008, "explained", "stribeck_friction", "the average of a slow disturbance beside friction"),
+    (480035, "explained", "coulomb_friction load_dependent_friction sensor_wrap", "leaps of a current beside friction"),
+    (480074, "explained", "coulomb_friction load_step sensor_delay", "friction that is alike in both directions"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [

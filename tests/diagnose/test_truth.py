@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bench.blind_cases import COLUMN, single_case, write_case
+from bench.truth import FINE, Sensor, read
 from firmloop.pipeline import plant_of
 from firmloop.project import read_project
 from identify.attach import parameters_of, with_effects
@@ -65,3 +66,11 @@ def test_an_eccentric_encoder_shows_the_angle_with_its_own_error(recorded: bool,
     at_zero = np.zeros(len(engine.states))
     away = clean.columns["position_rad"] - engine.simulate(clean, {}, at_zero)[:, 0]
     assert float(np.std(away)) < STEP[True] / np.sqrt(12.0)
+
+
+def test_the_truth_lags_behind_a_ramp_by_its_time_constant() -> None:
+    step, rows, late = 1e-3, 200, 3e-3
+    ramp = np.arange(rows * FINE) * step / FINE
+    seen = read("speed", {"speed": ramp}, step, rows, Sensor("sensor_lag", {"time_constant": late}), 0.0)
+    time = np.arange(rows) * step
+    assert np.allclose(seen, time - late * (1.0 - np.exp(-time / late)), rtol=0.0, atol=1e-12)

@@ -1,0 +1,91 @@
+"""Where fits end: on the scale of torques as given, with inertias split, past contacts, in honest intervals."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.blind_cases import draw_case, write_case
+from diagnose.descent import Problem
+from diagnose.given import runaways
+from diagnose.hypothesis import Point, Scene, coordinates, entered, first_point, make_scene
+from diagnose.refit import Fitted, tethers
+from diagnose.torque_scale import near_given
+from firmloop.cli import main
+from firmloop.pipeline import plant_of, read_data
+from firmloop.project import read_project
+from identify.effects import find_effect
+from identify.noise import white
+
+TORQUES = ("kt_N_m_A", "J_kg_m2", "b_N_m_s_rad")
+
+
+def scene_of(seed: int, folder: Path) -> Scene:
+    write_case(draw_case(seed), folder / "case", folder / "labels")
+    project = read_project(folder / "case" / "project.toml")
+    data, plant = read_data(project), plant_of(project)
+    return make_scene(plant, data.train, data.test, np.zeros(len(plant.outputs)))
+
+
+def test_torques_keep_the_scale_that_is_given(tmp_path: Path) -> None:
+    scene = scene_of(470089, tmp_path)
+    begin = first_point(scene, scene.train)
+    unknowns = coordinates(scene, (), begin.values)
+    noises = [white(float(np.std(scene.train[0].columns[signal.name]))) for signal in scene.plant.outputs]
+    problem = Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns))
+    place = near_given(problem, problem.at(begin))
+    away = problem.at(
+        replace(place.point, values={**place.point.values, **{k: 1.3 * place.point.values[k] for k in TORQUES}})
+    )
+    assert away.cost == pytest.approx(place.cost, rel=1e-6)
+    back = near_given(problem, away)
+    assert back.whole < away.whole
+    for key in TORQUES:
+        assert back.point.values[key] == pytest.approx(place.point.values[key], rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "away"), [(0.5, False), (0.2, True)])
+def test_an_inertia_that_was_split_has_not_run_away(share: float, away: bool, tmp_path: Path) -> None:
+    scene = scene_of(470076, tmp_path)
+    cause, begin = scene.cause("flexible_coupling"), first_point(scene, scene.train)
+    assert cause is not None and cause.taken is not None
+    load, held = cause.taken
+    given = begin.values[held]
+    start = {**scene.starts[cause.label][0], load: 0.5 * given}
+    values = {**entered(begin.values, cause, start), held: share * given - (0.1 * given if away else 0.0)}
+    fitted = Fitted((cause,), (), Point(values, begin.starts), (), 0.0, np.zeros((0, 0)))
+    assert (held in runaways(scene, fitted)) is away
+
+
+@pytest.mark.parametrize(("levels", "simpler"), [((1.0, 1.02), "coulomb_friction"), ((1.0, 1.2), "")])
+def test_friction_alike_in_both_directions_is_dry_friction(
+    levels: tuple[float, float], simpler: str, tmp_path: Path
+) -> None:
+    becomes = find_effect("asymmetric_friction").becomes
+    cause = scene_of(470076, tmp_path).cause("asymmetric_friction")
+    assert becomes is not None and cause is not None
+    assert becomes(levels, cause.scales) == simpler
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(490063, id="a load beside a slow disturbance"),
+        pytest.param(470076, id="a coupling in a curved valley", marks=pytest.mark.slow),
+        pytest.param(490014, id="a gap that a position shows to a fiftieth", marks=pytest.mark.slow),
+    ],
+)
+def test_intervals_hold_what_is_true(seed: int, tmp_path: Path) -> None:
+    case = draw_case(seed)
+    (hidden,) = case.hidden
+    write_case(case, tmp_path / "case", tmp_path / "labels")
+    assert main(["diagnose", str(tmp_path / "case" / "project.toml"), "--out", str(tmp_path / "out")]) == 1
+    (effect,) = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))["effects"]
+    assert effect["name"] == hidden.name
+    (true,) = list(hidden.told.values())[:1]
+    low, high = next(iter(effect["parameters"].values()))["ci95"]
+    assert low <= true <= high
