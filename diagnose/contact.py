@@ -21,10 +21,10 @@ _NUDGES = (  # factors on where a contact is, how stiff it is, and how damped: a
 )
 _STEPS = 12  # of a fit from there
 _WORTH = 2.0  # evidence that a nudge has to bring
-PATIENCE = 5.0  # s of computing
+_PATIENCE = 5.0  # s of computing
 
 
-def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float = PATIENCE) -> Fitted:
+def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float = _PATIENCE) -> Fitted:
     """Move the contacts that causes make, a little at a time, as long as a fit from there explains more."""
     nudges = [
         {

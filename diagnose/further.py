@@ -19,7 +19,7 @@ from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
-from identify.noise import colored
+from identify.noise import Noise, colored
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _STEPS = 12  # of a fit without an effect
@@ -45,8 +45,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     shape = best_shape(found, found.best) if same else None
     if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         slow = rested(slow)
-        doubted = with_doubt(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
-        return replace(slow, best=replace(slow.best, fitted=with_lasting(slow.scene, doubted, slow.best.noises))), None
+        fitted = _with_doubts(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
+        return replace(slow, best=replace(slow.best, fitted=fitted)), None
     while (
         shape is not None
         and shape.gain > LEFT
@@ -102,8 +102,13 @@ def _confirmed(found: Search) -> Search:
         slim = _past_kinks(scene, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(scene, slim)
-    finer = with_lasting(scene, with_doubt(scene, finer, best.noises), best.noises)
+    finer = _with_doubts(scene, finer, best.noises)
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
+
+
+def _with_doubts(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Widen the deviations to what test recordings and slow disturbances leave of them."""
+    return with_lasting(scene, with_doubt(scene, fitted, noises), noises)
 
 
 def _past_kinks(scene: Scene, rival: Rival, owed: float) -> Rival:

@@ -14,16 +14,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import start_slopes
+from diagnose.descent import start_slopes, whitened
 from diagnose.hypothesis import Cause, Scene
 from diagnose.refit import Fitted, inverse
-from identify.noise import Noise, colored
+from identify.noise import Noise, colored, flat
 from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
-_CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
-_FEW = 500.0  # drop of BIC that such an average may bring
+CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
+FEW = 500.0  # drop of BIC that such an average may bring
 _BATCHES = 12  # of each recording
 _PROBE = "load_step"
 _PUSH = 0.02  # of the largest effort
@@ -33,19 +33,17 @@ def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Caus
     """Return the standard deviation of a load or an offset that slow disturbances leave it; 0 where none is told."""
     if not cause.effect.lasting or not colored(noises):
         return 0.0
-    means, after = [], []
+    means, after, sizes = [], [], flat(noises)
     moments = [fitted.point.values[key] for key in cause.keys if key.endswith(".time_s")]
     for index, recording in enumerate(scene.train):
         begins = np.linspace(recording.time[0], recording.time[-1], _BATCHES + 1)[:-1]
         moved = _moved(scene, fitted, cause, recording, index, begins)
         if moved is None:
             return 0.0
-        sizes = np.array([noise.rms for noise in noises])
         own = np.nan_to_num(start_slopes(scene, recording, fitted.point, index, exact=True))
-        tall = np.concatenate([moved, own], axis=2) / sizes[:, None]
-        tall = tall.reshape(-1, tall.shape[2])
+        tall = whitened(np.concatenate([moved, own], axis=2), sizes)
         scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-        answer = np.linalg.lstsq(tall / scale, (fitted.residuals[index] / sizes).ravel(), rcond=1e-9)[0] / scale
+        answer = np.linalg.lstsq(tall / scale, whitened(fitted.residuals[index], sizes), rcond=1e-9)[0] / scale
         means.append(answer[:_BATCHES])
         after.append(begins >= min(moments, default=-np.inf))
     every, late = np.concatenate(means), np.concatenate(after)
@@ -64,7 +62,7 @@ def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Ite
 
     `gain` is the drop of BIC they brought: where it is large, what batches differ by may be other physics.
     """
-    return gain < _FEW and any(times_chance(scene, fitted, noises, cause) < _CHANCE for cause in causes)
+    return gain < FEW and any(times_chance(scene, fitted, noises, cause) < CHANCE for cause in causes)
 
 
 def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:

@@ -62,15 +62,25 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
         train, test = _ratios(scene, plain.best.fitted, found.best.fitted)
         better = train < 1.0 and test < (_CLEAR if evidence > explained else _LEAP)
         better |= train < _CLEAR and test < _FAR
-        ours, theirs = set(found.best.fitted.causes), set(plain.best.fitted.causes)
-        drifts = ours < theirs and any(_drifts(plain.best.fitted, cause) for cause in theirs - ours)
-        values = plain.best.fitted.point.values
-        idle = ours < theirs and evidence < explained and not any(creeps(cause, values) for cause in theirs - ours)
-        left = noises_of(scene, plain.best.fitted.residuals)
-        chance = by_chance(scene, plain.best.fitted, left, theirs - ours, evidence - explained)
-        if better and not chance and not idle and not (drifts and evidence - explained < SLOW_THRESHOLD):
+        if better and not _idle(found, plain.best.fitted, evidence - explained):
             return _whitened(found, _refined(plain))
     return _simulated(found) if found.best.fitted.causes else found
+
+
+def _idle(found: Search, fitted: Fitted, gain: float) -> bool:
+    """Tell whether what a fit adds to what was found is no more than a disturbance, or counts against it.
+
+    `gain` is the drop of BIC by innovations that the fit brings beside what was found.
+    """
+    ours, theirs = set(found.best.fitted.causes), set(fitted.causes)
+    added = theirs - ours
+    if by_chance(found.scene, fitted, noises_of(found.scene, fitted.residuals), added, gain):
+        return True
+    if not ours < theirs:
+        return False
+    if gain < SLOW_THRESHOLD and any(_drifts(fitted, cause) for cause in added):
+        return True
+    return gain < 0.0 and not any(creeps(cause, fitted.point.values) for cause in added)
 
 
 def _simulated(found: Search) -> Search:

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from diagnose.descent import whitened
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.lasting import by_chance, times_chance
+from diagnose.lasting import CHANCE, FEW, times_chance
 from diagnose.refit import evidence, fit, noises_of, own_evidence
 from diagnose.rival import MINOR, TIE, Rival, contain, creeps, larger, rated, simplest, tells, unseen_residuals, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import amounting, amounts_to, merged, swapped
 from identify.course import LONGEST_CHANGE
-from identify.noise import colored, white
+from identify.noise import colored, flat, white
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -279,12 +279,12 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
     given = runaways(scene, fitted)
     found = [rival]
     if given or colored(rival.noises):
-        flat = [white(noise.scale) for noise in rival.noises]
-        plain = fit(scene, scene.train, fitted.causes, fitted.point, flat, LONG)
+        sizes = [white(noise.scale) for noise in rival.noises]
+        plain = fit(scene, scene.train, fitted.causes, fitted.point, sizes, LONG)
         noises, last = noises_of(scene, plain.residuals), math.inf
         while (size := sum(math.log(noise.rms) for noise in noises)) < last - _NEARER:
             last = size  # it had ended in a valley that went on
-            plain = fit(scene, scene.train, fitted.causes, plain.point, [white(noise.rms) for noise in noises], LONG)
+            plain = fit(scene, scene.train, fitted.causes, plain.point, flat(noises), LONG)
             noises = noises_of(scene, plain.residuals)
         begin = Point({**plain.point.values, **given}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, LONG)))
@@ -306,9 +306,10 @@ def _bar(scene: Scene, rival: Rival, gain: float) -> float:
     least = THRESHOLD
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
-        if by_chance(scene, rival.fitted, rival.noises, (newest,), gain):
+        times = times_chance(scene, rival.fitted, rival.noises, newest)
+        if gain < FEW and times < CHANCE:
             return np.inf
-        if _SURE < times_chance(scene, rival.fitted, rival.noises, newest) < np.inf:
+        if _SURE < times < np.inf:
             least = THRESHOLD
     return least + (_SEARCHED if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
 
@@ -317,18 +318,17 @@ def _nominal(scene: Scene) -> Rival:
     """Fit the nominal plant from several starts with white noise, then with the noise it left over."""
     begin = first_point(scene, scene.train)
     spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(scene)]
-    flat = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, scene.floors, strict=True)]
+    whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, scene.floors, strict=True)]
     trials = []
     for factor in _SPREAD:
         values = {
             p.name: p.value * (factor if p.free and p.name.startswith(("R_", "J_", "b_", "mass")) else 1.0)
             for p in scene.plant.parameters
         }
-        trials.append(fit(scene, scene.train, (), Point({**begin.values, **values}, begin.starts), flat, SHORT * 2))
+        trials.append(fit(scene, scene.train, (), Point({**begin.values, **values}, begin.starts), whole, SHORT * 2))
     fitted = min(trials, key=lambda each: each.cost)
     for _ in range(2):
-        sizes = [white(noise.rms) for noise in noises_of(scene, fitted.residuals)]
-        fitted = fit(scene, scene.train, (), fitted.point, sizes, LONG)
+        fitted = fit(scene, scene.train, (), fitted.point, flat(noises_of(scene, fitted.residuals)), LONG)
     fits = [rated(scene, fitted)]
     for _ in range(3):
         fits.append(rated(scene, fit(scene, scene.train, (), fits[-1].fitted.point, fits[-1].noises, LONG)))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -44,22 +45,17 @@ def unwrapped(
     found = []
     for signal in plant.outputs:
         columns = [recording.columns[signal.name] for recording in train]
+        undo: Callable[[Plant, Recording, str, float], Recording] = _unrolled
         wrap = _wrap(columns)
-        if wrap is not None:
-            moved = [_unrolled(plant, recording, signal.name, wrap[0], 1.0) for recording in (*train, *test)]
-        else:
+        if wrap is None:
             expected = [_expected(plant, recording, signal.name) for recording in train]
-            wrap, gain = _folded(columns, expected), 0.0
+            undo, wrap = _unfolded, _folded(columns, expected)
             if wrap is None:
                 wrap, gain = _leaping(columns, expected)
-            if wrap is None:
-                continue
-            moved = [
-                _unrolled(plant, recording, signal.name, wrap[0], gain)
-                if gain
-                else _unfolded(plant, recording, signal.name, wrap[0])
-                for recording in (*train, *test)
-            ]
+                undo = partial(_unrolled, gain=gain)
+        if wrap is None:
+            continue
+        moved = [undo(plant, recording, signal.name, wrap[0]) for recording in (*train, *test)]
         turns = [
             turns_between(before, after, signal.name, wrap[0])
             for before, after in zip((*train, *test), moved, strict=True)
@@ -228,7 +224,7 @@ def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Re
     return _with_column(recording, name, seen + reach * np.round(away / reach))
 
 
-def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain: float) -> Recording:
+def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain: float = 1.0) -> Recording:
     """Follow the reading from row to row, or what it is away from `gain` times the plant as given: what stays nearer.
 
     A current may rise by more than half a range from one row to the next, and then fall through the end of the range:

@@ -9,16 +9,11 @@ from pathlib import Path
 import pytest
 
 from firmloop.cli import main
-from tests.diagnose.cases import concealed
-
-
-def _diagnosis(project: Path, out: Path) -> tuple[int, dict[str, object]]:
-    status = main(["diagnose", str(project), "--out", str(out)])
-    return status, json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+from tests.diagnose.cases import concealed, diagnosis
 
 
 def test_friction_is_named_in_colored_noise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, said = _diagnosis(concealed(tmp_path, "coulomb_friction", 0.3, True), tmp_path / "out")
+    status, said = diagnosis(concealed(tmp_path, "coulomb_friction", 0.3, True), tmp_path / "out")
     assert status == 1
     assert said["verdict"] == "explained" and said["half"] == "plant"
     (effect,) = said["effects"]  # type: ignore[misc]
@@ -40,7 +35,7 @@ def test_friction_is_named_in_colored_noise(tmp_path: Path, capsys: pytest.Captu
 
 @pytest.mark.parametrize("colored", [False, True])
 def test_nothing_is_invented(tmp_path: Path, colored: bool) -> None:
-    status, said = _diagnosis(concealed(tmp_path, "", 1.0, colored), tmp_path / "out")
+    status, said = diagnosis(concealed(tmp_path, "", 1.0, colored), tmp_path / "out")
     assert status == 0
     assert said["verdict"] == "no_mismatch"
     assert said["effects"] == []
@@ -49,6 +44,6 @@ def test_nothing_is_invented(tmp_path: Path, colored: bool) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["quadratic_drag", "brush_drop", "input_delay", "dead_zone"])
 def test_single_effects_are_named(tmp_path: Path, name: str) -> None:
-    _, said = _diagnosis(concealed(tmp_path, name, 0.3, False), tmp_path / "out")
+    _, said = diagnosis(concealed(tmp_path, name, 0.3, False), tmp_path / "out")
     names = [effect["name"] for effect in said["effects"]]  # type: ignore[attr-defined]
     assert said["verdict"] == "explained" and names == [name]

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.blind_cases import draw_case, write_case
 from diagnose.descent import start_slopes
 from diagnose.hypothesis import entered, first_point, make_scene
-from firmloop.cli import main
 from identify.recording import make_recording
+from tests.diagnose.cases import diagnosis, drawn
 from tests.sizes import stage
 
 OFFSET, LOAD = 440098, 410094  # seeds of cases with a speed alone
@@ -29,13 +27,12 @@ IN_MOTION = 1300  # rows after which these machines move
     ],
 )
 def test_where_recordings_begin(seed: int, skipped: int, verdict: str, names: str, tmp_path: Path) -> None:
-    folder = tmp_path / "case"
-    write_case(draw_case(seed), folder, tmp_path / "labels")
+    project = drawn(tmp_path, seed)
     for part in ("train.csv", "test.csv"):
-        head, *rows = (folder / part).read_text(encoding="utf-8").splitlines()
-        (folder / part).write_text("\n".join([head, *rows[skipped:], ""]), encoding="utf-8")
-    assert main(["diagnose", str(folder / "project.toml"), "--out", str(tmp_path / "out")]) == 1
-    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+        head, *rows = (project.parent / part).read_text(encoding="utf-8").splitlines()
+        (project.parent / part).write_text("\n".join([head, *rows[skipped:], ""]), encoding="utf-8")
+    status, said = diagnosis(project, tmp_path / "out")
+    assert status == 1
     assert (said["verdict"], {each["name"] for each in said["effects"]}) == (verdict, set(names.split()))
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
-from bench.blind_cases import draw_case, write_case
-from firmloop.cli import main
+from tests.diagnose.cases import diagnosis, drawn
 
 # Seed of a case, what is to be said of it, and what it had been mistaken for.
 QUICK = (
@@ -69,8 +67,6 @@ CASES = [
 
 @pytest.mark.parametrize(("seed", "verdict", "names"), CASES)
 def test_what_is_named(seed: int, verdict: str, names: str, tmp_path: Path) -> None:
-    write_case(draw_case(seed), tmp_path / "case", tmp_path / "labels")
-    status = main(["diagnose", str(tmp_path / "case" / "project.toml"), "--out", str(tmp_path / "out")])
+    status, said = diagnosis(drawn(tmp_path, seed), tmp_path / "out")
     assert status == (verdict != "no_mismatch")
-    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert (said["verdict"], {each["name"] for each in said["effects"]}) == (verdict, set(names.split()))

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.blind_cases import draw_case, write_case
+from bench.blind_cases import draw_case
 from diagnose.descent import Problem
 from diagnose.given import runaways
 from diagnose.hypothesis import Point, Scene, coordinates, entered, first_point, make_scene
 from diagnose.refit import Fitted, tethers
 from diagnose.torque_scale import near_given
-from firmloop.cli import main
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
 from identify.effects import find_effect
 from identify.noise import white
+from tests.diagnose.cases import diagnosis, drawn
 
 TORQUES = ("kt_N_m_A", "J_kg_m2", "b_N_m_s_rad")
 
 
 def scene_of(seed: int, folder: Path) -> Scene:
-    write_case(draw_case(seed), folder / "case", folder / "labels")
-    project = read_project(folder / "case" / "project.toml")
+    project = read_project(drawn(folder, seed))
     data, plant = read_data(project), plant_of(project)
     return make_scene(plant, data.train, data.test, np.zeros(len(plant.outputs)))
 
@@ -80,11 +78,10 @@ def test_friction_alike_in_both_directions_is_dry_friction(
     ],
 )
 def test_intervals_hold_what_is_true(seed: int, tmp_path: Path) -> None:
-    case = draw_case(seed)
-    (hidden,) = case.hidden
-    write_case(case, tmp_path / "case", tmp_path / "labels")
-    assert main(["diagnose", str(tmp_path / "case" / "project.toml"), "--out", str(tmp_path / "out")]) == 1
-    (effect,) = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))["effects"]
+    (hidden,) = draw_case(seed).hidden
+    status, said = diagnosis(drawn(tmp_path, seed), tmp_path / "out")
+    assert status == 1
+    (effect,) = said["effects"]
     assert effect["name"] == hidden.name
     (true,) = list(hidden.told.values())[:1]
     low, high = next(iter(effect["parameters"].values()))["ci95"]
