@@ -17,7 +17,7 @@ from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import Fitted, fit_starts, variances
-from diagnose.rival import MINOR, TIE, Rival, contradicted, innovations, relative, unseen_residuals
+from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -82,7 +82,8 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
         return "unknown_physics", ()
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)
-    tied = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
+    near = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
+    tied = [rival for rival in near if not closer(search.scene, search.best, rival)]
     tied += [rival for rival in richer_of(search) if not shows and search.best.score - rival.score > _HINT]
     return ("ambiguous" if tied else "explained"), tuple(tied)
 

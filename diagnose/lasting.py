@@ -22,9 +22,11 @@ from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
-CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
+_CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
+_PULLED = 5.0  # the same of what pulls by where it is
 FEW = 500.0  # drop of BIC that such an average may bring
 _BATCHES = 12  # of each recording
+_WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
 _PROBE = "load_step"
 _PUSH = 0.02  # of the largest effort
 
@@ -33,28 +35,48 @@ def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Caus
     """Return the standard deviation of a load or an offset that slow disturbances leave it; 0 where none is told."""
     if not cause.effect.lasting or not colored(noises):
         return 0.0
-    means, after, sizes = [], [], flat(noises)
+    means, after = [], []
     moments = [fitted.point.values[key] for key in cause.keys if key.endswith(".time_s")]
     for index, recording in enumerate(scene.train):
-        begins = np.linspace(recording.time[0], recording.time[-1], _BATCHES + 1)[:-1]
-        moved = _moved(scene, fitted, cause, recording, index, begins)
-        if moved is None:
+        found = _by_batches(scene, fitted, noises, cause, index, fitted.residuals[index])
+        if found is None:
             return 0.0
-        own = np.nan_to_num(start_slopes(scene, recording, fitted.point, index, exact=True))
-        tall = whitened(np.concatenate([moved, own], axis=2), sizes)
-        scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-        answer = np.linalg.lstsq(tall / scale, whitened(fitted.residuals[index], sizes), rcond=1e-9)[0] / scale
-        means.append(answer[:_BATCHES])
-        after.append(begins >= min(moments, default=-np.inf))
+        means.append(found[0])
+        after.append(_begins(recording) >= min(moments, default=-np.inf))
     every, late = np.concatenate(means), np.concatenate(after)
     parts = [part for part in (np.sum(late), np.sum(~late)) if part]
     return float(np.std(every, ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
 
 
 def times_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
-    """Return how many deviations by batches a load or an offset is; infinite where none is told."""
+    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told."""
+    if cause.effect.slow and not cause.effect.lasting and cause.effect.place == "torque" and colored(noises):
+        return _times_pull(scene, fitted, noises, cause)
     spread = deviation(scene, fitted, noises, cause)
     return abs(fitted.point.values[cause.keys[0]]) / spread if spread > 0.0 else np.inf
+
+
+def _times_pull(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
+    """Return how many deviations an effect's loads by batches are; infinite where those are not what it does."""
+    pulls, means = [], []
+    bare = {key: value for key, value in fitted.point.values.items() if key not in cause.keys}
+    for index, recording in enumerate(scene.train):
+        start = fitted.point.starts[index]
+        values = (fitted.point.values, bare)
+        one, other = (scene.engine.simulate(recording, each, start) for each in values)
+        pull = _by_batches(scene, fitted, noises, cause, index, np.nan_to_num(one - other))
+        left = _by_batches(scene, fitted, noises, cause, index, fitted.residuals[index])
+        if pull is None or left is None or pull[1] > _WITHIN:
+            return np.inf
+        pulls.append(pull[0])
+        means.append(left[0])
+    spread = float(np.std(np.concatenate(means), ddof=1))
+    return float(np.linalg.norm(np.concatenate(pulls))) / spread if spread > 0.0 else np.inf
+
+
+def least_told(cause: Cause) -> float:
+    """Return how many deviations by batches a cause has to be, not to be the average of a slow disturbance."""
+    return _CHANCE if cause.effect.lasting else _PULLED
 
 
 def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Iterable[Cause], gain: float) -> bool:
@@ -62,7 +84,7 @@ def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Ite
 
     `gain` is the drop of BIC they brought: where it is large, what batches differ by may be other physics.
     """
-    return gain < FEW and any(times_chance(scene, fitted, noises, cause) < CHANCE for cause in causes)
+    return gain < FEW and any(times_chance(scene, fitted, noises, cause) < least_told(cause) for cause in causes)
 
 
 def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -76,6 +98,27 @@ def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitte
                 told = spread[index] * abs(each.gradient(fitted.point.values[each.name]))
                 wider[index] = max(wider[index], least / told)
     return replace(fitted, wider=wider)
+
+
+def _begins(recording: Recording) -> Array:
+    """Return when the batches of a recording begin."""
+    return np.linspace(recording.time[0], recording.time[-1], _BATCHES + 1)[:-1]
+
+
+def _by_batches(
+    scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause, index: int, seen: Array
+) -> tuple[Array, float] | None:
+    """Return the load, or offset, of every batch that makes outputs `seen` (n, r), and the share of them it leaves."""
+    recording, sizes = scene.train[index], flat(noises)
+    moved = _moved(scene, fitted, cause, recording, index, _begins(recording))
+    if moved is None:
+        return None
+    own = np.nan_to_num(start_slopes(scene, recording, fitted.point, index, exact=True))
+    tall, goal = whitened(np.concatenate([moved, own], axis=2), sizes), whitened(seen, sizes)
+    scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+    answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
+    rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
+    return (answer / scale)[:_BATCHES], rest / whole if whole > 0.0 else 0.0
 
 
 def _moved(scene: Scene, fitted: Fitted, cause: Cause, recording: Recording, index: int, begins: Array) -> Array | None:

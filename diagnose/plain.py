@@ -20,7 +20,7 @@ from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, creeps, extended, rated, unseen_residuals, without
+from diagnose.rival import Rival, creeps, extended, rated, simplest, unseen_residuals, without
 from diagnose.screen import ground, screen
 from identify.noise import Noise, memory
 
@@ -223,7 +223,8 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
         rivals = tuple(each for each in tried if _same_machine(nominal.fitted, each.fitted))
         if not rivals:
             break
-        base, chosen = _rated(scene, best.fitted, noises), rivals[0]
+        base = _rated(scene, best.fitted, noises)
+        chosen = simplest(rivals, base.score)
         rounds.append(rivals)
         if base.score - chosen.score < _THRESHOLD or max(_ratios(scene, chosen.fitted, base.fitted)) > _BETTER:
             break

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.contact import past_contacts
 from diagnose.descent import whitened
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.lasting import CHANCE, FEW, times_chance
+from diagnose.lasting import FEW, by_chance, least_told, times_chance
 from diagnose.refit import evidence, fit, noises_of, own_evidence
-from diagnose.rival import MINOR, TIE, Rival, contain, creeps, larger, rated, simplest, tells, unseen_residuals, without
+from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, simplest, tells, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import amounting, amounts_to, merged, swapped
@@ -35,7 +36,6 @@ MOST_EFFECTS = 4
 _SURE = 8.0  # deviations by batches, more than which no slow disturbance has
 _SWAPS = 3  # times that what is mistaken for an effect is put in its place
 _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
-_CLOSER = 0.7, 0.85  # such ratios, on train and on test, from which no effect is a trace of how others simplify
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
 _NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
@@ -84,7 +84,7 @@ def search(scene: Scene, progress: Progress) -> Search:
         chosen = simplest(rivals, base.score)
         gain = base.score - chosen.score
         rounds.append(rivals)
-        trace = gain < MINOR * sum(gains) and not _closer(scene, chosen, base)
+        trace = gain < MINOR * sum(gains) and not closer(scene, chosen, base)
         if trace or not _earned(scene, chosen, base) or _lost_count(scene, chosen, base):
             best = base
             break
@@ -201,18 +201,6 @@ def _follows_record(scene: Scene, nominal: Rival) -> bool:
     return False
 
 
-def _closer(scene: Scene, rival: Rival, base: Rival) -> bool:
-    """Tell whether simulations come far closer to some output, the unseen ones too: that is no trace."""
-    train = [one.rms / other.rms for one, other in zip(rival.noises, base.noises, strict=True)]
-    if not min(train) < _CLOSER[0] or not scene.test:
-        return False
-    powers = [
-        np.mean(np.concatenate(unseen_residuals(scene, each.fitted, each.noises)) ** 2, axis=0)
-        for each in (rival, base)
-    ]
-    return bool(np.any((np.array(train) < _CLOSER[0]) & (powers[0] < _CLOSER[1] ** 2 * powers[1])))
-
-
 def _cut_off(rival: Rival) -> bool:
     """Tell whether the recorded angle ends at a limit of its sensor: it is no angle then."""
     return any(cause.effect.limits and cause.output == "position_rad" for cause in rival.fitted.causes)
@@ -307,7 +295,7 @@ def _bar(scene: Scene, rival: Rival, gain: float) -> float:
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
         times = times_chance(scene, rival.fitted, rival.noises, newest)
-        if gain < FEW and times < CHANCE:
+        if gain < FEW and times < least_told(newest):
             return np.inf
         if _SURE < times < np.inf:
             least = THRESHOLD
@@ -347,8 +335,17 @@ def pruned(scene: Scene, best: Rival) -> Rival:
             for cause in best.fitted.causes
         ]
         least = min(slimmer, key=lambda each: each.score)
-        far = any(one.rms > _FAR_MORE * other.rms for one, other in zip(least.noises, best.noises, strict=True))
-        if far or least.score - best.score >= THRESHOLD:
-            return best
+        if not _spared(scene, best, least):
+            least = rated(scene, past_contacts(scene, least.fitted, least.noises))
+            if not _spared(scene, best, least):
+                return best
         best = least
     return best
+
+
+def _spared(scene: Scene, best: Rival, slim: Rival) -> bool:
+    """Tell whether the best can do without what a slimmer one has not, which may be the average of a disturbance."""
+    if any(one.rms > _FAR_MORE * other.rms for one, other in zip(slim.noises, best.noises, strict=True)):
+        return False
+    lost, gone = slim.score - best.score, set(best.fitted.causes) - set(slim.fitted.causes)
+    return lost < THRESHOLD or by_chance(scene, best.fitted, best.noises, gone, lost)

@@ -24,6 +24,7 @@ _WIDER = 1.1  # ratio of residual rms from which an explanation is none
 _TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
 _FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a disturbance
 _STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
+_CLOSER = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
 HELD = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
@@ -134,6 +135,18 @@ def contradicted(scene: Scene, rival: Rival, nominal: Rival) -> bool:
     sizes = [noise.rms for noise in rival.noises]
     after, refit = (relative(unseen_residuals(scene, each.fitted, rival.noises), sizes) for each in (rival, nominal))
     return not (after < _STRANGE or after < HELD * refit)
+
+
+def closer(scene: Scene, rival: Rival, base: Rival) -> bool:
+    """Tell whether simulations come far closer to some output, the unseen ones too: that is no trace."""
+    train = [one.rms / other.rms for one, other in zip(rival.noises, base.noises, strict=True)]
+    if not min(train) < _CLOSER[0] or not scene.test:
+        return False
+    powers = [
+        np.mean(np.concatenate(unseen_residuals(scene, each.fitted, each.noises)) ** 2, axis=0)
+        for each in (rival, base)
+    ]
+    return bool(np.any((np.array(train) < _CLOSER[0]) & (powers[0] < _CLOSER[1] ** 2 * powers[1])))
 
 
 def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:

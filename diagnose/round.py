@@ -14,7 +14,7 @@ from diagnose.hypothesis import Scene
 from diagnose.orders import best_orders
 from diagnose.polish import limits
 from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
-from diagnose.rival import Rival, extended, rated, related
+from diagnose.rival import IMPOSSIBLE, Rival, extended, rated, related
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import relatives
 from identify.noise import colored, flat, white
@@ -86,7 +86,7 @@ def tried_beside(
     if not rivals:
         return ()
     best_one = min(rivals, key=lambda each: each.score)
-    known = {each.fitted.causes for each in rivals}
+    known = {each.fitted.causes for each in rivals if each.score < IMPOSSIBLE}
     return tuple(sorted([*rivals, *relatives(scene, best_one, known)], key=lambda each: each.score))
 
 

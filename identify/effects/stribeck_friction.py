@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
 
@@ -36,6 +39,17 @@ def holding(site: Site, values: tuple[float, ...]) -> Holding:
     return Holding(up=values[0], down=values[0], extra=values[1] - values[0], slow=values[2])
 
 
+def bounded(parameter: EffectParameter, scales: Scales) -> EffectParameter:
+    """Keep the speed at which friction falls inside the recorded ones."""
+    return replace(parameter, high=scales.speed) if parameter.name.startswith("stribeck_") else parameter
+
+
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether friction falls: what rises with speed is a drag."""
+    coulomb, static, _ = values
+    return static >= coulomb
+
+
 EFFECT = Effect(
     name="stribeck_friction",
     equation="torque",
@@ -58,6 +72,8 @@ EFFECT = Effect(
     ),
     switches=(0, 1),
     holding=holding,
+    bounded=bounded,
+    believable=believable,
     coordinate="speed near rest",
     contains=("coulomb_friction",),
 )

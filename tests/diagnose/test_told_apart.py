@@ -57,6 +57,9 @@ SLOW = (
     (480008, "explained", "stribeck_friction", "the average of a slow disturbance beside friction"),
     (480035, "explained", "coulomb_friction load_dependent_friction sensor_wrap", "leaps of a current beside friction"),
     (480074, "explained", "coulomb_friction load_step sensor_delay", "friction that is alike in both directions"),
+    (520042, "explained", "stribeck_friction", "a spring that pulls no more than a disturbance"),
+    (520055, "explained", "gravity_torque sensor_wrap stribeck_friction", "friction that would rise with speed"),
+    (520110, "explained", "coulomb_friction", "one direction's friction beside a slow disturbance"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
