@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from bench.blind_cases import draw_case, write_case
 from bench.truth import folded
-from diagnose.hypothesis import Point, Scene, entered, first_point, make_scene
+from diagnose.contact import past_contacts
+from diagnose.hypothesis import Cause, Point, Scene, entered, first_point, make_scene
+from diagnose.refit import Fitted
 from diagnose.refit import fit as refit
 from diagnose.rival import relative, unseen_residuals
 from diagnose.run import Diagnosis
@@ -35,6 +37,7 @@ from identify.recording import read_recording
 Array = NDArray[np.float64]
 
 _STEPS, _TURNS = 40, 4  # of a refit, and refits with the sizes that the last one left
+_PATIENCE = 20.0  # s of computing past contacts
 EQUATIONS = {
     "friction": "torque",
     "drag": "torque",
@@ -131,26 +134,62 @@ def _visible(plant: Plant, labels: Path, label: Mapping[str, Any]) -> float:
 
 
 def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: Sequence[float]) -> Array:
-    """Return what is left (n, r) beside the effects called `names`; a value that has no label begins mid-grid."""
+    """Return what the best refit leaves (n, r) beside the effects called `names`.
+
+    A value that has no label begins mid-grid; where that leaves something to see, at all of the grid, and where bodies
+    meet the best is led past the kinks of that.
+    """
+    causes = [
+        each for each in scene.causes if each.effect.name in names and each.output == label["outputs"][each.effect.name]
+    ]
+    grids = [_grid(scene, cause, label["effects"][cause.effect.name]) for cause in causes]
+    best = _refitted(scene, causes, [grid[len(grid) // 2] for grid in grids], noises)
+    if _shown(best, noises) < 1.0:
+        return best.residuals[0]
+    tried = {
+        tuple(tuple(grid[k % len(grid)].items()) for grid in grids) for k in range(max(map(len, grids), default=0))
+    }
+    for starts in sorted(tried):
+        best = min(
+            best,
+            _refitted(scene, causes, [dict(start) for start in starts], noises),
+            key=lambda each: _shown(each, noises),
+        )
+    sizes = [white(float(size)) for size in np.maximum(np.sqrt(np.mean(best.residuals[0] ** 2, axis=0)), noises)]
+    return past_contacts(scene, best, sizes, _PATIENCE).residuals[0]
+
+
+def _grid(scene: Scene, cause: Cause, told: Mapping[str, float]) -> list[dict[str, float]]:
+    """Return the grid of a cause with the values that its label tells; one start where it has none."""
+    known = {
+        key: value
+        for key, each in zip(cause.keys, cause.parameters, strict=True)
+        for word, value in told.items()
+        if each.name.startswith(word)
+    }
+    return [{**start, **known} for start in scene.starts[cause.label]] or [known]
+
+
+def _shown(fitted: Fitted, noises: Sequence[float]) -> float:
+    """Return the residual rms over the noise, of the output where that is largest."""
+    return float(max(np.sqrt(np.mean(fitted.residuals[0] ** 2, axis=0)) / noises))
+
+
+def _refitted(
+    scene: Scene, causes: Sequence[Cause], starts: Sequence[Mapping[str, float]], noises: Sequence[float]
+) -> Fitted:
+    """Refit the plant and causes from their starts to the one recording there is."""
     begin = first_point(scene, scene.train)
-    causes, values = [], begin.values
-    for cause in scene.causes:
-        if cause.effect.name not in names or cause.output != label["outputs"][cause.effect.name]:
-            continue
-        grid, told = scene.starts[cause.label], label["effects"][cause.effect.name]
-        start = dict(grid[len(grid) // 2]) if grid else {}
-        for key, each in zip(cause.keys, cause.parameters, strict=True):
-            start[key] = next((value for word, value in told.items() if each.name.startswith(word)), start.get(key))
-        causes.append(cause)
+    values = begin.values
+    for cause, start in zip(causes, starts, strict=True):
         values = entered(values, cause, start)
     point, found = Point(values, begin.starts), []
     sizes = np.std([scene.train[0].columns[signal.name] for signal in scene.plant.outputs], axis=1)
     for _ in range(_TURNS):  # a fine sensor is followed once the coarse ones have led near
         flat = [white(float(size)) for size in np.maximum(sizes, noises)]
-        fitted = refit(scene, scene.train, causes, point, flat, _STEPS)
-        point, sizes = fitted.point, np.sqrt(np.mean(fitted.residuals[0] ** 2, axis=0))
-        found.append((float(max(sizes / noises)), len(found), fitted.residuals[0]))
-    return min(found)[2]
+        found.append(refit(scene, scene.train, causes, point, flat, _STEPS))
+        point, sizes = found[-1].point, np.sqrt(np.mean(found[-1].residuals[0] ** 2, axis=0))
+    return min(found, key=lambda each: _shown(each, noises))
 
 
 def table(results: Sequence[Scored]) -> list[str]:

@@ -21,22 +21,28 @@ _FOLD = 0.03  # of the largest reading: noise of one that is never negative
 _GIVEN = 3  # causes tried beside the parameters as given
 
 
-def from_given(scene: Scene, nominal: Rival) -> tuple[Fitted, ...]:
-    """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one."""
-    folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
-    calm = not colored(nominal.noises) or not _ran_away(scene, nominal)
-    if calm and not folded:
+def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
+    """Try the causes that help most beside the parameters as given: a refit may have run far away to hide one.
+
+    Beside effects that were found, what has not run away stays.
+    """
+    sizes, found = flat(rival.noises), rival.fitted
+    folded: set[str] = set()
+    if found.causes:
+        away = runaways(scene, found)
+        calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
+    else:
+        folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
+        calm = not folded and not (colored(rival.noises) and _ran_away(scene, rival))
+        begin = first_point(scene, scene.train)
+    if calm:
         return ()
-    sizes = flat(nominal.noises)
-    begin = first_point(scene, scene.train)
-    given = fit(scene, scene.train, (), begin, sizes, 0)
+    given = fit(scene, scene.train, found.causes, begin, sizes, 0)
     under = [ground(scene, scene.train, given, sizes)]
-    (screened,) = screen(scene, scene.train, given, scene.causes, under, best_orders(scene, given, under))
-    found = []
-    for each in [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]:
-        causes, point = extended(given, each.cause, each.start)
-        found.append(fit(scene, scene.train, causes, point, sizes, _STEPS))
-    return tuple(found)
+    others = [cause for cause in scene.causes if cause not in found.causes]
+    (screened,) = screen(scene, scene.train, given, others, under, best_orders(scene, given, under))
+    picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]
+    return tuple(fit(scene, scene.train, *extended(given, each.cause, each.start), sizes, _STEPS) for each in picked)
 
 
 def _folded(scene: Scene, cause: Cause) -> bool:

@@ -41,6 +41,7 @@ _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
 _STARTS = 2  # points a fit begins from
 _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
+_RICHER = 8.0  # the same of a richer effect beside the simpler one that it contains
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
 _DRIFT = 0.02  # of an output's spread: what a slow disturbance may do
 _ROUND = 5.0  # s of computing after which a round tries no further cause
@@ -224,7 +225,7 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
         if not rivals:
             break
         base = _rated(scene, best.fitted, noises)
-        chosen = simplest(rivals, base.score)
+        chosen = simplest(rivals, base.score, _RICHER)
         rounds.append(rivals)
         if base.score - chosen.score < _THRESHOLD or max(_ratios(scene, chosen.fitted, base.fitted)) > _BETTER:
             break

@@ -74,14 +74,14 @@ def search(scene: Scene, progress: Progress) -> Search:
         # Where noise alone is left, no cause gains more than it promises; where not, a soaked one hides another.
         whole = not colored(best.noises)
         worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
-        rivals = tried_beside(scene, best, table, from_given(scene, nominal) if turn == 0 else (), worth)
+        rivals = tried_beside(scene, best, table, from_given(scene, best), worth)
         if not rivals:
             break
         base = best
         if best.score > rivals[0].score:  # what it won may be that the others were further from their end
             again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, LONG)
             base = min((rated(scene, again), best), key=lambda each: each.score)
-        chosen = simplest(rivals, base.score)
+        chosen = _nearer(scene, simplest(rivals, base.score), base)
         gain = base.score - chosen.score
         rounds.append(rivals)
         trace = gain < MINOR * sum(gains) and not closer(scene, chosen, base)
@@ -111,7 +111,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     rivals = tried_beside(scene, base, screened(scene, base) if table is None else table, (), _WORTH)
     if not rivals:
         return None
-    chosen = simplest(rivals, base.score)
+    chosen = _nearer(scene, simplest(rivals, base.score), base)
     if not _earned(scene, chosen, base) or _lost_count(scene, chosen, base):
         return None
     gains = (*found.gains, base.score - chosen.score)
@@ -277,6 +277,11 @@ def _unwhitened(scene: Scene, rival: Rival) -> Rival:
         begin = Point({**plain.point.values, **given}, plain.point.starts)
         found.append(rated(scene, fit(scene, scene.train, fitted.causes, begin, noises, LONG)))
     return min((each for each in found if not larger(each, rival)), key=lambda each: each.score)
+
+
+def _nearer(scene: Scene, rival: Rival, base: Rival) -> Rival:
+    """Lead an explanation that only whitens what is left back to where simulations come closer, if that is as good."""
+    return _unwhitened(scene, rival) if larger(rival, base) and rival.score < base.score else rival
 
 
 def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:

@@ -21,6 +21,7 @@ RICHER = 25.0  # what a richer effect must win over the simpler one that it cont
 MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
 IMPOSSIBLE = 1e9  # the score of what cannot be
 _WIDER = 1.1  # ratio of residual rms from which an explanation is none
+_SHARPER = 0.75  # ratio of innovation rms, from which an explanation is one however its simulations stray
 _TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
 _FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a disturbance
 _STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
@@ -97,6 +98,8 @@ def larger(rival: Rival, base: Rival) -> bool:
     The rms of n independent samples is known to 1 / sqrt(2 n) of itself.
     """
     for index, (mine, theirs) in enumerate(zip(rival.noises, base.noises, strict=True)):
+        if mine.scale <= _SHARPER * theirs.scale:
+            return False
         parts = [part[:, index] for part in rival.fitted.residuals]
         samples = sum(len(part) for part in parts) / memory(parts)
         if mine.rms <= max(_WIDER, 1.0 + _CHANCE / np.sqrt(2.0 * samples)) * theirs.rms:
@@ -184,22 +187,22 @@ def contain(some: Collection[str], others: Collection[str]) -> bool:
     return any(other in find_effect(name).contains for name in some for other in others)
 
 
-def simplest(rivals: Sequence[Rival], without: float) -> Rival:
-    """Return the best; a simpler one that it contains wins where the richer one gains too little.
+def simplest(rivals: Sequence[Rival], without: float, least: float = RICHER) -> Rival:
+    """Return the best; a simpler one that it contains wins where the richer one gains less than `least` beside it.
 
     `without` is the score without either.
     """
     chosen = rivals[0]
     for other in rivals[1:]:
         last, rest = chosen.fitted.causes[-1].effect, other.fitted.causes[-1].effect
-        if rest.name in last.contains and not richer(chosen, other, without - other.score):
+        if rest.name in last.contains and not richer(chosen, other, without - other.score, least):
             chosen = other
     return chosen
 
 
-def richer(rival: Rival, simpler: Rival, gain: float) -> bool:
+def richer(rival: Rival, simpler: Rival, gain: float, least: float = RICHER) -> bool:
     """Tell whether an effect wins enough over the simpler one that it contains, which had won `gain`.
 
     Also on train alone: its further parameters have to tell there, where they were fitted.
     """
-    return tells(rival, simpler) and simpler.score - rival.score >= max(RICHER, MINOR * gain)
+    return tells(rival, simpler) and simpler.score - rival.score >= max(least, MINOR * gain)

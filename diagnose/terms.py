@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ _MEMORY = (0.003, 0.01, 0.03, 0.1, 0.3)  # s after which a stretched spring yiel
 _FINER = 4  # lines of a spectrum per cycle in a recording
 _NEIGHBOURS = 40  # cycles in a recording that a line is held against
 _CYCLES = 5  # in a recording: a slower wave is a drift
+_ASIDE = 0.1  # of the rows, and of the way to the other side, that are far to one side
 _TURNING = " (per turn)"
 _POSITIONS = ("position_rad", "position_m")
 _SPEEDS = ("speed_rad_s", "speed_m_s")
@@ -44,6 +45,7 @@ class Coordinate:
     step: float = 0.0  # s from row to row, where the term remembers its way: springs that yield or relax
     relaxes: bool = False
     pitch: float = 0.0  # rad/s of a wave over time, which every recording has of its own size and phase
+    bent: bool = False  # straight on either side of zero
 
     @property
     def memory(self) -> bool:
@@ -72,6 +74,9 @@ class Coordinate:
         """Return where the shape is drawn: the tops of the hats, or points around a turn."""
         if self.periodic:
             return np.linspace(0.0, 2.0 * np.pi, 25)
+        if self.bent:
+            every = np.concatenate(self.values[:train])
+            return np.array([every.min(), 0.0, every.max()])
         return np.unique(np.quantile(np.concatenate(self.values[:train]), np.linspace(0.0, 1.0, _HATS)))
 
     def _reaches(self, train: int) -> Array:
@@ -110,6 +115,8 @@ def terms(
     places = {name: tuple(table[name] for table in tables) for name in shared}
     turning = {name for name in shared if name.endswith(_TURNING)}
     plain = [Coordinate(name, name in turning, values) for name, values in places.items()]
+    # What differs between two directions has few unknowns: it shows where hats are too many.
+    plain += [replace(each, bent=True) for each in plain if not each.periodic and _two_sided(each, len(recordings))]
     position = next((each for each in plain if each.periodic or each.name in _POSITIONS), None)
     speed = next((places[name] for name in _SPEEDS if name in places), None)
     pitch = loudest(recordings, residuals)
@@ -132,6 +139,12 @@ def terms(
         own = tuple(each[:, place] for each in outputs)
         found.append(Term(SENSOR, place, Coordinate(signal.name, False, own)))
     return found
+
+
+def _two_sided(coordinate: Coordinate, count: int) -> bool:
+    """Tell whether a coordinate goes far to both sides of zero."""
+    low, high = np.quantile(np.concatenate(coordinate.values[:count]), [_ASIDE, 1.0 - _ASIDE])
+    return bool(low < 0.0 < high and min(-low, high) > _ASIDE * max(-low, high))
 
 
 def loudest(recordings: Sequence[Recording], residuals: Sequence[Array]) -> float:

@@ -34,7 +34,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
             share * scales.inertia,
             *_flanks(share * scales.inertia / (1.0 + share), tone),
         )
-        for gap in (0.001, 0.01)
+        for gap in (0.001, 0.003, 0.01)
         for share in (0.3, 1.0)
         for tone in (2.0 * math.pi * 0.03 / scales.step, 2.0 * math.pi * 0.1 / scales.step)
     )

@@ -8,6 +8,8 @@ from dataclasses import replace
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
 
+_LEAST = 0.1  # of the static friction, that is left in motion
+
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
@@ -45,9 +47,9 @@ def bounded(parameter: EffectParameter, scales: Scales) -> EffectParameter:
 
 
 def believable(values: Sequence[float], scales: Scales) -> bool:
-    """Tell whether friction falls: what rises with speed is a drag."""
+    """Tell whether friction falls, and not to nothing: what rises is a drag, what vanishes no friction."""
     coulomb, static, _ = values
-    return static >= coulomb
+    return static >= coulomb >= _LEAST * static
 
 
 EFFECT = Effect(

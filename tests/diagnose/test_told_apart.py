@@ -19,6 +19,7 @@ QUICK = (
     (320047, "explained", "sensor_wrap", "a current that wraps twice where the nominal plant is a tenth off"),
     (470184, "explained", "sensor_wrap", "a current that leaps over five of its ranges"),
     (470164, "ambiguous", "load_torque sensor_offset", "a load that lasts beside a slow disturbance"),
+    (520100, "explained", "input_saturation sensor_lag", "an inductance that had run away beside a limit"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
@@ -60,6 +61,10 @@ SLOW = (
     (520042, "explained", "stribeck_friction", "a spring that pulls no more than a disturbance"),
     (520055, "explained", "gravity_torque sensor_wrap stribeck_friction", "friction that would rise with speed"),
     (520110, "explained", "coulomb_friction", "one direction's friction beside a slow disturbance"),
+    (530054, "unknown_physics", "", "one direction that gains less than the other"),
+    (530090, "unknown_physics", "", "a mean that a name makes up for"),
+    (540081, "explained", "coulomb_friction quadratic_drag sensor_lag", "friction that would vanish with speed"),
+    (520149, "explained", "backlash", "a gap between the starts of its grid"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
