@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.held import believed_hold, fitted_nominal
+from diagnose.response import disturbed
 from identify.clipped import gathering
 from identify.condition import Conditioning, check_conditioning, condition_input
 from identify.forms import form_writer
@@ -40,6 +41,7 @@ _UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination wit
 _MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
 _BENT = 8  # times as long takes a row of a plant whose equations are not linear
 _PLACES = 8  # where a stretch of a long recording may begin
+_MOMENTS = 8  # at which loads may change
 _LATEST = 200  # rows by which readings may come late or early
 _LONGER = 16  # of one that parameters are read off
 _PATIENCE = 1.0  # s of computing after which no other start is tried
@@ -122,9 +124,12 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
         return  # preflight will say it better
     found = best if best.power < _FAR_BETTER * begun.power else begun
     shifts = _seen_shifts(found, given)
-    far = [name for name in sorted(shifts, key=lambda each: -abs(shifts[each])) if abs(shifts[name]) > np.log(_FAR)]
-    rows = found.slopes.shape[0]
-    if far and found.power < (_CLOSE if ends else _MET) * rows and not _late(plant, short, found.power):
+    far, rows = _far(shifts), found.slopes.shape[0]
+    met = found.power < (_CLOSE if ends else _MET) * rows
+    near = found is not begun and not _far(_seen_shifts(begun, given))
+    if not (far and met) or (near and _pushed(plant, short, found.power)):
+        return
+    if not _late(plant, short, found.power):
         said = ", ".join(
             f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far
         )
@@ -132,6 +137,11 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
             f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
             "named after that; check the values and their units, or identify the plant first"
         )
+
+
+def _far(shifts: Mapping[str, float]) -> list[str]:
+    """Return the parameters that have moved too far, by their logarithms, furthest first."""
+    return sorted((name for name in shifts if abs(shifts[name]) > np.log(_FAR)), key=lambda each: -abs(shifts[each]))
 
 
 def _late(plant: Plant, train: Sequence[Recording], power: float) -> bool:
@@ -143,6 +153,23 @@ def _late(plant: Plant, train: Sequence[Recording], power: float) -> bool:
         return _trial(plant, [_aligned(plant, recording) for recording in train]).power < power
     except IdentifyError:
         return False
+
+
+def _pushed(plant: Plant, train: Sequence[Recording], power: float) -> bool:
+    """Tell whether loads that change now and then leave no more than `power` near where the plant is given."""
+    problem, point, pairs = fitted_nominal(plant, train, _LONGER)
+    near = dict(zip((each.name for each in plant.parameters), map(float, point.constants), strict=True))
+    balances = sum(each.state >= 0 for each in plant.balances)
+    total = 0.0
+    for recording, (residual, slopes) in zip(train, pairs, strict=True):
+        moments = np.linspace(recording.time[0], recording.time[-1], _MOMENTS, endpoint=False)
+        pushes = (recording.time[:, None] >= moments).astype(float)
+        loads = [disturbed(plant, near, recording, pushes, k) * problem.weights[:, None] for k in range(balances)]
+        tall = np.concatenate([slopes, *loads], axis=2).reshape(residual.size, -1)
+        sizes = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+        answer = np.linalg.lstsq(tall / sizes, residual.ravel(), rcond=None)[0]
+        total += float(np.sum((residual.ravel() - tall / sizes @ answer) ** 2))
+    return total < power
 
 
 def _aligned(plant: Plant, recording: Recording) -> Recording:

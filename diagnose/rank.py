@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from diagnose.contact import past_contacts
 from diagnose.descent import whitened
+from diagnose.direct import coarse
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.lasting import FEW, by_chance, least_told, times_chance
@@ -29,6 +30,7 @@ Progress = Callable[[float, str], None]
 THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/blind.py measures the rate of false alarms
 COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
 SLOW_THRESHOLD = 80.0  # and there for effects that look like one
+_STEPPED = 500.0  # the same of a limit of a sensor of coarse steps: the last of them looks like one
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
 LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
@@ -304,6 +306,9 @@ def _bar(scene: Scene, rival: Rival, gain: float) -> float:
             return np.inf
         if _SURE < times < np.inf:
             least = THRESHOLD
+    sizes = [noise.rms for noise in rival.noises]
+    if newest.effect.limits and newest.output in {each.output for each in coarse(scene.plant, scene.train, sizes)}:
+        least = _STEPPED
     return least + (_SEARCHED if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
 
 

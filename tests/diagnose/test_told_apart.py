@@ -20,6 +20,8 @@ QUICK = (
     (470184, "explained", "sensor_wrap", "a current that leaps over five of its ranges"),
     (470164, "ambiguous", "load_torque sensor_offset", "a load that lasts beside a slow disturbance"),
     (520100, "explained", "input_saturation sensor_lag", "an inductance that had run away beside a limit"),
+    (555024, "explained", "load_step", "a motor of a tenth of its torque"),
+    (555029, "explained", "sensor_quantization", "the last step of a coarse sensor"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
