@@ -17,6 +17,7 @@ from identify.noise import colored, flat
 _STEPS = 6  # of a trial
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
 _FAR_OFF = 1.5  # factor on a nominal parameter that has run away
+_LOST = 6.0  # the same, so far that what hides behind it does not show beside what was found
 _FOLD = 0.03  # of the largest reading: noise of one that is never negative
 _GIVEN = 3  # causes tried beside the parameters as given
 
@@ -29,7 +30,7 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
     sizes, found = flat(rival.noises), rival.fitted
     folded: set[str] = set()
     if found.causes:
-        away = runaways(scene, found)
+        away = runaways(scene, found, _LOST)
         calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
     else:
         folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
@@ -71,8 +72,8 @@ def _ran_away(scene: Scene, nominal: Rival) -> bool:
     return False
 
 
-def runaways(scene: Scene, fitted: Fitted) -> dict[str, float]:
-    """Return the values as given of free nominal parameters that a fit has moved far from there.
+def runaways(scene: Scene, fitted: Fitted, factor: float = _FAR_OFF) -> dict[str, float]:
+    """Return the values as given of free nominal parameters that a fit has moved by a factor from there.
 
     An inertia that causes have taken a part of has not gone with it.
     """
@@ -81,7 +82,7 @@ def runaways(scene: Scene, fitted: Fitted) -> dict[str, float]:
         taken = sum(
             values[cause.taken[0]] for cause in fitted.causes if cause.taken is not None and cause.taken[1] == p.name
         )
-        if p.free and p.value > 0.0 and not 1.0 / _FAR_OFF < (values[p.name] + taken) / p.value < _FAR_OFF:
+        if p.free and p.value > 0.0 and not 1.0 / factor < (values[p.name] + taken) / p.value < factor:
             found[p.name] = p.value
     return found
 
