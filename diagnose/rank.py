@@ -203,14 +203,17 @@ def _follows_record(scene: Scene, nominal: Rival) -> bool:
     return False
 
 
-def _cut_off(rival: Rival) -> bool:
-    """Tell whether the recorded angle ends at a limit of its sensor: it is no angle then."""
-    return any(cause.effect.limits and cause.output == "position_rad" for cause in rival.fitted.causes)
+def _no_angle(scene: Scene, rival: Rival) -> bool:
+    """Tell whether the recorded angle is none: it ends at a limit of its sensor, or sums up a speed's faults."""
+    if any("position_rad" in recording.columns for recording in scene.train):
+        return any(cause.effect.limits and cause.output == "position_rad" for cause in rival.fitted.causes)
+    wrong = [cause for cause in rival.fitted.causes if cause.effect.limits or cause.effect.lasting]
+    return any(cause.output == "speed_rad_s" for cause in wrong)
 
 
 def _refollowed(scene: Scene, rival: Rival) -> Rival:
     """Let waves follow the other angle, the recorded or the simulated one, if that explains clearly more."""
-    if _cut_off(rival):
+    if _no_angle(scene, rival):
         scene.engine.follow(False)
         return rival
     if not _turning(rival):
@@ -289,13 +292,13 @@ def _nearer(scene: Scene, rival: Rival, base: Rival) -> Rival:
 def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
     gain = base.score - rival.score
-    return gain >= _bar(scene, rival, gain) and not larger(rival, base) and tells(rival, base)
+    return gain >= _bar(scene, rival, base, gain) and not larger(rival, base) and tells(rival, base)
 
 
-def _bar(scene: Scene, rival: Rival, gain: float) -> float:
+def _bar(scene: Scene, rival: Rival, base: Rival, gain: float) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
 
-    Of an effect that lasts batches tell that; `gain` is what it did bring.
+    Of an effect that lasts batches tell that, where simulations come nearer; `gain` is what it did bring.
     """
     newest, values = rival.fitted.causes[-1], rival.fitted.point.values
     least = THRESHOLD
@@ -304,7 +307,8 @@ def _bar(scene: Scene, rival: Rival, gain: float) -> float:
         times = times_chance(scene, rival.fitted, rival.noises, newest)
         if gain < FEW and times < least_told(newest):
             return np.inf
-        if _SURE < times < np.inf:
+        nearer = any(mine.rms < theirs.rms for mine, theirs in zip(rival.noises, base.noises, strict=True))
+        if nearer and _SURE < times < np.inf:
             least = THRESHOLD
     sizes = [noise.rms for noise in rival.noises]
     if newest.effect.limits and newest.output in {each.output for each in coarse(scene.plant, scene.train, sizes)}:

@@ -22,6 +22,8 @@ QUICK = (
     (520100, "explained", "input_saturation sensor_lag", "an inductance that had run away beside a limit"),
     (555024, "explained", "load_step", "a motor of a tenth of its torque"),
     (555029, "explained", "sensor_quantization", "the last step of a coarse sensor"),
+    (560023, "explained", "sensor_saturation", "an offset that leads simulations away"),
+    (560034, "explained", "gravity_torque sensor_offset", "an angle that sums up a sensor's offset"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
