@@ -160,6 +160,8 @@ def _leaping(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[tuple
     _, gain, reach = best
     turns = np.round((gain * aims - leaps) / reach)
     answer = np.linalg.lstsq(np.column_stack([aims, -turns])[turns != 0.0], leaps[turns != 0.0], rcond=None)[0]
+    if abs(answer[1] / reach - 1.0) > _NEAR:
+        return None, 0.0  # whole ranges are not what these leaps differ by
     return (float(answer[1]), low, np.inf), float(answer[0])
 
 

@@ -24,6 +24,7 @@ QUICK = (
     (555029, "explained", "sensor_quantization", "the last step of a coarse sensor"),
     (560023, "explained", "sensor_saturation", "an offset that leads simulations away"),
     (560034, "explained", "gravity_torque sensor_offset", "an angle that sums up a sensor's offset"),
+    (570013, "explained", "input_saturation sensor_rectified", "leaps of a reading that only folds"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
