@@ -18,11 +18,11 @@ from diagnose.hypothesis import Cause, Scene, first_point
 from diagnose.lasting import by_chance
 from diagnose.orders import best_orders
 from diagnose.polish import polished
-from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search
+from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, creeps, extended, rated, simplest, unseen_residuals, without
 from diagnose.screen import ground, screen
-from identify.noise import Noise, memory
+from identify.noise import Noise, colored, memory
 
 Array = NDArray[np.float64]
 
@@ -135,6 +135,8 @@ def _whitened(found: Search, plain: Search) -> Search:
     best = _by_innovations(scene, fitted)
     if best.score >= rated(scene, fitted).score or _ratios(scene, fitted, best.fitted)[1] < _CLEAR:
         return plain
+    if not colored(best.noises):
+        best = pruned(scene, best)  # where nothing slow is left, evidence tells what only led there
     gain = found.nominal.score - best.score
     return replace(found, best=best, rounds=((best,),), gains=(gain,))
 

@@ -25,6 +25,7 @@ QUICK = (
     (560023, "explained", "sensor_saturation", "an offset that leads simulations away"),
     (560034, "explained", "gravity_torque sensor_offset", "an angle that sums up a sensor's offset"),
     (570013, "explained", "input_saturation sensor_rectified", "leaps of a reading that only folds"),
+    (570146, "explained", "end_stop", "what had led to a stop, and then was nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
