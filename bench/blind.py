@@ -143,18 +143,16 @@ def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: 
         each for each in scene.causes if each.effect.name in names and each.output == label["outputs"][each.effect.name]
     ]
     grids = [_grid(scene, cause, label["effects"][cause.effect.name]) for cause in causes]
-    best = _refitted(scene, causes, [grid[len(grid) // 2] for grid in grids], noises)
+    middle = [grid[len(grid) // 2] for grid in grids]
+    best = _refitted(scene, causes, middle, noises)
     if _shown(best, noises) < 1.0:
         return best.residuals[0]
-    tried = {
-        tuple(tuple(grid[k % len(grid)].items()) for grid in grids) for k in range(max(map(len, grids), default=0))
-    }
-    for starts in sorted(tried):
-        best = min(
-            best,
-            _refitted(scene, causes, [dict(start) for start in starts], noises),
-            key=lambda each: _shown(each, noises),
-        )
+    tried = [middle]
+    for k in range(max(map(len, grids), default=0)):
+        starts = [grid[k % len(grid)] for grid in grids]
+        if starts not in tried:
+            tried.append(starts)
+            best = min(best, _refitted(scene, causes, starts, noises), key=lambda each: _shown(each, noises))
     sizes = [white(float(size)) for size in np.maximum(np.sqrt(np.mean(best.residuals[0] ** 2, axis=0)), noises)]
     return past_contacts(scene, best, sizes, _PATIENCE).residuals[0]
 

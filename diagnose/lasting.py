@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 _CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
 _PULLED = 5.0  # the same of what pulls by where it is
-FEW = 500.0  # drop of BIC that such an average may bring
+_FEW = 500.0  # drop of BIC that such an average may bring
 _BATCHES = 12  # of each recording
 _WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
 _PROBE = "load_step"
@@ -38,10 +38,10 @@ def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Caus
     means, after = [], []
     moments = [fitted.point.values[key] for key in cause.keys if key.endswith(".time_s")]
     for index, recording in enumerate(scene.train):
-        found = _by_batches(scene, fitted, noises, cause, index, fitted.residuals[index])
+        found = _by_batches(scene, fitted, noises, cause, index, (fitted.residuals[index],))
         if found is None:
             return 0.0
-        means.append(found[0])
+        means.append(found[0][0])
         after.append(_begins(recording) >= min(moments, default=-np.inf))
     every, late = np.concatenate(means), np.concatenate(after)
     parts = [part for part in (np.sum(late), np.sum(~late)) if part]
@@ -64,27 +64,27 @@ def _times_pull(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Ca
         start = fitted.point.starts[index]
         values = (fitted.point.values, bare)
         one, other = (scene.engine.simulate(recording, each, start) for each in values)
-        pull = _by_batches(scene, fitted, noises, cause, index, np.nan_to_num(one - other))
-        left = _by_batches(scene, fitted, noises, cause, index, fitted.residuals[index])
-        if pull is None or left is None or pull[1] > _WITHIN:
+        done = np.nan_to_num(one - other)
+        found = _by_batches(scene, fitted, noises, cause, index, (done, fitted.residuals[index]))
+        if found is None or found[0][1] > _WITHIN:
             return np.inf
-        pulls.append(pull[0])
-        means.append(left[0])
+        pulls.append(found[0][0])
+        means.append(found[1][0])
     spread = float(np.std(np.concatenate(means), ddof=1))
     return float(np.linalg.norm(np.concatenate(pulls))) / spread if spread > 0.0 else np.inf
 
 
-def least_told(cause: Cause) -> float:
-    """Return how many deviations by batches a cause has to be, not to be the average of a slow disturbance."""
-    return _CHANCE if cause.effect.lasting else _PULLED
+def accidental(cause: Cause, times: float, gain: float) -> bool:
+    """Tell whether a cause of so many deviations by batches may be no more than the average of a slow disturbance.
+
+    `gain` is the drop of BIC it brought: where it is large, what batches differ by may be other physics.
+    """
+    return gain < _FEW and times < (_CHANCE if cause.effect.lasting else _PULLED)
 
 
 def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Iterable[Cause], gain: float) -> bool:
-    """Tell whether one of the causes may be no more than the average of a slow disturbance.
-
-    `gain` is the drop of BIC they brought: where it is large, what batches differ by may be other physics.
-    """
-    return gain < FEW and any(times_chance(scene, fitted, noises, cause) < least_told(cause) for cause in causes)
+    """Tell whether one of the causes, which brought `gain` together, may be such an average."""
+    return gain < _FEW and any(accidental(cause, times_chance(scene, fitted, noises, cause), gain) for cause in causes)
 
 
 def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -106,19 +106,23 @@ def _begins(recording: Recording) -> Array:
 
 
 def _by_batches(
-    scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause, index: int, seen: Array
-) -> tuple[Array, float] | None:
-    """Return the load, or offset, of every batch that makes outputs `seen` (n, r), and the share of them it leaves."""
+    scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause, index: int, seen: Iterable[Array]
+) -> list[tuple[Array, float]] | None:
+    """Return for each of `seen` (n, r) the load, or offset, of every batch that makes it, and the share it leaves."""
     recording, sizes = scene.train[index], flat(noises)
     moved = _moved(scene, fitted, cause, recording, index, _begins(recording))
     if moved is None:
         return None
     own = np.nan_to_num(start_slopes(scene, recording, fitted.point, index, exact=True))
-    tall, goal = whitened(np.concatenate([moved, own], axis=2), sizes), whitened(seen, sizes)
+    tall = whitened(np.concatenate([moved, own], axis=2), sizes)
     scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-    answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
-    rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
-    return (answer / scale)[:_BATCHES], rest / whole if whole > 0.0 else 0.0
+    found = []
+    for each in seen:
+        goal = whitened(each, sizes)
+        answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
+        rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
+        found.append(((answer / scale)[:_BATCHES], rest / whole if whole > 0.0 else 0.0))
+    return found
 
 
 def _moved(scene: Scene, fitted: Fitted, cause: Cause, recording: Recording, index: int, begins: Array) -> Array | None:

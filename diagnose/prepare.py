@@ -127,16 +127,13 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     far, rows = _far(shifts), found.slopes.shape[0]
     met = found.power < (_CLOSE if ends else _MET) * rows
     near = found is not begun and not _far(_seen_shifts(begun, given))
-    if not (far and met) or (near and _pushed(plant, short, found.power)):
+    if not (far and met) or (near and _pushed(plant, short, begun, found.power)) or _late(plant, short, found.power):
         return
-    if not _late(plant, short, found.power):
-        said = ", ".join(
-            f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far
-        )
-        raise IdentifyError(
-            f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
-            "named after that; check the values and their units, or identify the plant first"
-        )
+    said = ", ".join(f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far)
+    raise IdentifyError(
+        f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
+        "named after that; check the values and their units, or identify the plant first"
+    )
 
 
 def _far(shifts: Mapping[str, float]) -> list[str]:
@@ -155,16 +152,14 @@ def _late(plant: Plant, train: Sequence[Recording], power: float) -> bool:
         return False
 
 
-def _pushed(plant: Plant, train: Sequence[Recording], power: float) -> bool:
-    """Tell whether loads that change now and then leave no more than `power` near where the plant is given."""
-    problem, point, pairs = fitted_nominal(plant, train, _LONGER)
-    near = dict(zip((each.name for each in plant.parameters), map(float, point.constants), strict=True))
+def _pushed(plant: Plant, train: Sequence[Recording], begun: _Trial, power: float) -> bool:
+    """Tell whether loads that change now and then leave no more than `power` beside a fit near where it began."""
     balances = sum(each.state >= 0 for each in plant.balances)
     total = 0.0
-    for recording, (residual, slopes) in zip(train, pairs, strict=True):
+    for recording, (residual, slopes) in zip(train, begun.pairs, strict=True):
         moments = np.linspace(recording.time[0], recording.time[-1], _MOMENTS, endpoint=False)
         pushes = (recording.time[:, None] >= moments).astype(float)
-        loads = [disturbed(plant, near, recording, pushes, k) * problem.weights[:, None] for k in range(balances)]
+        loads = [disturbed(plant, begun.values, recording, pushes, k) * begun.weights[:, None] for k in range(balances)]
         tall = np.concatenate([slopes, *loads], axis=2).reshape(residual.size, -1)
         sizes = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         answer = np.linalg.lstsq(tall / sizes, residual.ravel(), rcond=None)[0]
@@ -246,12 +241,17 @@ def _scaled(trial: _Trial, columns: Sequence[Array], whole: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms."""
+    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms.
+
+    `pairs` are the residuals (n, r) of every recording and the slopes (n, r, c) of all unknowns, times `weights` (r,).
+    """
 
     power: float
     values: Mapping[str, float]
     slopes: Array
     names: tuple[str, ...]
+    pairs: Sequence[tuple[Array, Array]]
+    weights: Array
 
 
 def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Trial:
@@ -287,7 +287,7 @@ def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
     names = tuple(every[index] for index in problem.free)
     scale = np.where(problem.logarithmic, 1.0, [values[name] for name in names])
     slopes = np.concatenate([part[..., : len(names)].reshape(-1, len(names)) * scale for _, part in pairs])
-    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names)
+    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names, pairs, problem.weights)
 
 
 def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:

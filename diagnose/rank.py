@@ -15,7 +15,7 @@ from diagnose.descent import whitened
 from diagnose.direct import coarse
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
-from diagnose.lasting import FEW, by_chance, least_told, times_chance
+from diagnose.lasting import accidental, by_chance, times_chance
 from diagnose.refit import evidence, fit, noises_of, own_evidence
 from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, simplest, tells, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
@@ -305,7 +305,7 @@ def _bar(scene: Scene, rival: Rival, base: Rival, gain: float) -> float:
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in rival.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
         times = times_chance(scene, rival.fitted, rival.noises, newest)
-        if gain < FEW and times < least_told(newest):
+        if accidental(newest, times, gain):
             return np.inf
         nearer = any(mine.rms < theirs.rms for mine, theirs in zip(rival.noises, base.noises, strict=True))
         if nearer and _SURE < times < np.inf:
@@ -349,10 +349,12 @@ def pruned(scene: Scene, best: Rival) -> Rival:
             for cause in best.fitted.causes
         ]
         least = min(slimmer, key=lambda each: each.score)
-        if not _spared(scene, best, least):
+        spared = _spared(scene, best, least)
+        if not spared and any(cause.effect.contact for cause in least.fitted.causes):
             least = rated(scene, past_contacts(scene, least.fitted, least.noises))
-            if not _spared(scene, best, least):
-                return best
+            spared = _spared(scene, best, least)
+        if not spared:
+            return best
         best = least
     return best
 

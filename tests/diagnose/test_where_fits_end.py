@@ -79,7 +79,7 @@ def test_friction_alike_in_both_directions_is_dry_friction(
             id="a gap that a position shows to a fiftieth",
             marks=[
                 pytest.mark.slow,
-                pytest.mark.xfail(reason="contacts of truth and model differ by 0.04 % of the gap, 2.1 deviations"),
+                pytest.mark.xfail(strict=True, reason="contacts of truth and model differ by 0.04 % of the gap"),
             ],
         ),
     ],
