@@ -95,3 +95,15 @@ def gathering(columns: Sequence[Array]) -> Gathering | None:
         return None
     band = bands[gathered[np.argmax(held[gathered])]]
     return Gathering(float(np.median(sizes[(sizes >= band) & (sizes <= band + 2.0 * half)])), half)
+
+
+def rested(columns: Sequence[Array]) -> float:
+    """Return the magnitude that a limit of readings (n,) is not below: they rest at their largest to the last digit.
+
+    Less than that by one step of their resolution; 0 where they do not rest there, and noise may be behind a limit.
+    """
+    sizes = np.abs(np.concatenate(columns))
+    levels = np.unique(sizes)
+    if len(levels) < 2 or np.mean(sizes == levels[-1]) < _HELD:
+        return 0.0
+    return float(levels[-1] - np.diff(levels).min())

@@ -84,6 +84,7 @@ class Scales:
     plateau: (
         float  # magnitude near the largest one at which that output's readings gather; the largest where they do not
     )
+    rested: float  # magnitude that a limit of that output is not below; 0 where it does not rest at its largest
     current: float  # A
     effort: float  # N m or N: what the drive gives
     speed: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import casadi as ca
@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from identify.assembly import Assembly
 from identify.attach import all_uses, parameters_of, site_of, with_effects, with_position
-from identify.clipped import gathering
+from identify.clipped import gathering, rested
 from identify.course import LONGEST_CHANGE, Course
 from identify.effect import Scales
 from identify.effects import find_effect
@@ -33,8 +33,9 @@ _MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and wo
 class Superset:
     """A plant with all its candidates; `neutral` holds the values at which it is the plant itself.
 
-    Waves per turn follow the simulated angle; where `recorded` is set, the recorded one, if there is one: after many
-    turns under a disturbance a simulated angle has lost count. `longest_change` is that of Course.
+    Waves per turn follow the simulated angle; where `recorded` is set, the recorded one, if there is one, less how far
+    that is known to have `strayed` from the true one: after many turns under a disturbance a simulated angle has lost
+    count. `longest_change` is that of Course.
     """
 
     plant: Plant
@@ -45,6 +46,7 @@ class Superset:
     courses: dict[int, tuple[Recording, Course]]
     recorded: bool = False
     longest_change: float = LONGEST_CHANGE
+    strayed: Mapping[int, Array] = field(default_factory=dict)  # (n,) in rad, by the recording's identity
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
@@ -96,6 +98,16 @@ class Superset:
             self.recorded = recorded
             self.courses.clear()
 
+    def amend(self, strayed: Mapping[int, Array]) -> None:
+        """Take that off the recorded angles from now on."""
+        self.strayed = strayed
+        self.courses.clear()
+
+    def angle(self, recording: Recording) -> Array | None:
+        """Return the angle (n,) in rad that waves follow where that is the recorded one, None where there is none."""
+        angle = travelled(recording)
+        return angle if angle is None or id(recording) not in self.strayed else angle - self.strayed[id(recording)]
+
     def course(self, recording: Recording) -> Course:
         """Return what drives the simulation of a recording; made once."""
         found = self.courses.get(id(recording))
@@ -104,7 +116,7 @@ class Superset:
                 self.courses.pop(next(iter(self.courses)))
             course = replace(
                 course_of(self.plant, recording),
-                turn=travelled(recording) if self.recorded else None,
+                turn=self.angle(recording) if self.recorded else None,
                 longest_change=self.longest_change,
                 most_steps=_MOST_STEPS * len(recording.time),
             )
@@ -192,13 +204,15 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     sizes = {key: value if value > 0.0 else 1.0 for key, value in peaks.items()}
     travel = max(places) - min(places)
     largest = max(abs(low), abs(high)) or 1.0
-    end = gathering([recording.columns[plant.outputs[output].name] for recording in recordings])
+    seen = [recording.columns[plant.outputs[output].name] for recording in recordings]
+    end = gathering(seen)
     return Scales(
         input=sizes.get("input", 1.0),
         output=largest,
         output_low=low,
         output_high=high,
         plateau=largest if end is None else end.level,
+        rested=rested(seen),
         current=sizes.get("current", 1.0),
         effort=sizes.get("effort", 1.0),
         speed=sizes.get("speed", 1.0),

@@ -26,8 +26,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
 
 
 def bounded(parameter: EffectParameter, scales: Scales) -> EffectParameter:
-    """Bound the limit by the largest reading: a limit above that, and above what rounding takes off, is none."""
-    return replace(parameter, high=min(parameter.high, scales.output * (1.0 + _ROUNDED)))
+    """Bound the limit by the largest reading: a limit above that, and above what rounding takes off, is none.
+
+    Nor is one below where readings rest to the last digit.
+    """
+    return replace(parameter, low=scales.rested, high=min(parameter.high, scales.output * (1.0 + _ROUNDED)))
 
 
 EFFECT = Effect(

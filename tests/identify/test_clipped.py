@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.clipped import cut_off, gathering
+from identify.clipped import cut_off, gathering, rested
 
 TIME = np.arange(400) * 5e-3
 NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))
@@ -51,3 +51,12 @@ def test_readings_gather_at_a_limit_behind_which_the_noise_is(noise: float) -> N
         found = gathering([np.clip(WAVE, low, 7.0) + disturbance])
         assert found is not None and found.level == pytest.approx(7.0, rel=0.01)
     assert gathering([WAVE + disturbance]) is None
+
+
+@pytest.mark.parametrize("resolution", [0.0, 0.01, 0.5])
+def test_a_limit_is_not_below_where_readings_rest(resolution: float) -> None:
+    cut = np.clip(WAVE, -7.0, 7.0)
+    read = np.round(cut / resolution) * resolution if resolution else cut
+    low = rested([read])
+    assert 6.0 < low <= 7.0
+    assert rested([np.clip(WAVE, -7.0, 7.0) + 0.01 * NOISE]) == 0.0, "noise is behind this limit"
