@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _GIVEN = 0.3  # standard deviation of a nominal parameter as given, as a logarithm: it counts where data are silent
 _TELLING = 0.01  # of a variance: test recordings that would take away less of it say nothing
 _LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
+_SETTLED = 0.01  # of the cost: an initial state is there where a step changes no more
 _SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
 _NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
 
@@ -187,18 +188,20 @@ def tethers(scene: Scene, unknowns: Sequence[Coordinate]) -> Array:
 def fit_starts(
     scene: Scene, recordings: Sequence[Recording], values: Mapping[str, float], noises: Sequence[Noise]
 ) -> Point:
-    """Fit the initial states alone, from rest by two Gauss-Newton steps."""
+    """Fit the initial states alone, from rest by Gauss-Newton steps, all but the first with exact slopes."""
     starts = []
     for recording in recordings:
         problem = Problem(scene, [recording], (), noises, np.zeros((0, 1)))
         place = problem.at(Point(values, (full_start(scene, recording),)))
-        for _ in range(2):
-            slopes = problem.slopes(place)
+        for exact in (False, True, True, True):
+            slopes = problem.slopes(place, problem.start_slopes(place.point, exact=True) if exact else None)
             step = solved(problem.normal(slopes), problem.descent(slopes, place), 1e-9)
             trial = problem.at(problem.moved(place.point, step))
-            if not trial.cost < place.cost:
+            gain = place.cost - trial.cost
+            if gain > 0.0:
+                place = trial
+            if exact and gain < _SETTLED * place.cost:
                 break
-            place = trial
         starts.append(place.point.starts[0])
     return Point(values, tuple(starts))
 

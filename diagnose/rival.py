@@ -93,18 +93,18 @@ def innovations(rival: Rival) -> tuple[Array, ...]:
 
 
 def larger(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation leaves more than there was in every output: whiter, but no better a prediction.
+    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output.
 
     The rms of n independent samples is known to 1 / sqrt(2 n) of itself.
     """
+    wider = False
     for index, (mine, theirs) in enumerate(zip(rival.noises, base.noises, strict=True)):
-        if mine.scale <= _SHARPER * theirs.scale:
+        if mine.scale <= _SHARPER * theirs.scale or mine.rms <= theirs.rms:
             return False
         parts = [part[:, index] for part in rival.fitted.residuals]
         samples = sum(len(part) for part in parts) / memory(parts)
-        if mine.rms <= max(_WIDER, 1.0 + _CHANCE / np.sqrt(2.0 * samples)) * theirs.rms:
-            return False
-    return True
+        wider |= mine.rms > max(_WIDER, 1.0 + _CHANCE / np.sqrt(2.0 * samples)) * theirs.rms
+    return wider
 
 
 def tells(rival: Rival, base: Rival) -> bool:
