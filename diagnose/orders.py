@@ -53,23 +53,16 @@ def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mappin
 
 def angles_of(scene: Scene, base: Fitted) -> list[Array]:
     """Return the angle (n,) in rad that waves follow in every recording; empty where there is none."""
-    seen = list(scene.train)
-    if not scene.engine.recorded:
-        seen = [
-            replace(
-                recording,
-                columns={
-                    **recording.columns,
-                    **{
-                        signal.name: recording.columns[signal.name] - residual[:, index]
-                        for index, signal in enumerate(scene.plant.outputs)
-                    },
-                },
-            )
-            for recording, residual in zip(scene.train, base.residuals, strict=True)
-        ]
-    found = [angle for angle in map(travelled, seen) if angle is not None]
-    return found if len(found) == len(seen) else []
+    if scene.engine.recorded:
+        angles = [scene.engine.angle(recording) for recording in scene.train]
+    else:
+        names = [signal.name for signal in scene.plant.outputs]
+        angles = []
+        for recording, residual in zip(scene.train, base.residuals, strict=True):
+            simulated = {name: recording.columns[name] - residual[:, k] for k, name in enumerate(names)}
+            angles.append(travelled(replace(recording, columns={**recording.columns, **simulated})))
+    found = [angle for angle in angles if angle is not None]
+    return found if len(found) == len(angles) else []
 
 
 def _wave(angle: Array) -> Array:

@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.angle import follows_record, lost_count, strayed, turning
 from diagnose.contact import past_contacts
 from diagnose.descent import whitened
 from diagnose.direct import coarse
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import Cause, Point, Scene, first_point
 from diagnose.lasting import accidental, by_chance, times_chance
-from diagnose.refit import evidence, fit, noises_of, own_evidence
+from diagnose.refit import fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, simplest, tells, without
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
@@ -62,7 +63,7 @@ def search(scene: Scene, progress: Progress) -> Search:
     progress(0.05, "refitting the nominal plant")
     nominal = _nominal(scene)
     best = nominal
-    scene.engine.follow(_follows_record(scene, nominal))
+    scene.engine.follow(follows_record(scene, nominal))
     rounds: list[tuple[Rival, ...]] = []
     gains: list[float] = []
     first: tuple[Screened, ...] = ()
@@ -87,11 +88,11 @@ def search(scene: Scene, progress: Progress) -> Search:
         gain = base.score - chosen.score
         rounds.append(rivals)
         trace = gain < MINOR * sum(gains) and not closer(scene, chosen, base)
-        if trace or not _earned(scene, chosen, base) or _lost_count(scene, chosen, base):
+        if trace or not _earned(scene, chosen, base) or lost_count(scene, chosen, base):
             best = base
             break
         gains.append(gain)
-        best = _refined(scene, _refollowed(scene, _unwhitened(scene, chosen)))
+        best = accepted(scene, chosen)
         if turn == 0:
             nominal = base
     if not gains:
@@ -114,12 +115,17 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     if not rivals:
         return None
     chosen = _nearer(scene, simplest(rivals, base.score), base)
-    if not _earned(scene, chosen, base) or _lost_count(scene, chosen, base):
+    if not _earned(scene, chosen, base) or lost_count(scene, chosen, base):
         return None
     gains = (*found.gains, base.score - chosen.score)
     best, tried = _settled(scene, _refollowed(scene, _unwhitened(scene, chosen)), gains)
     nominal = found.nominal if found.gains else base
     return replace(found, nominal=nominal, best=best, rounds=(*found.rounds, rivals, tried), gains=gains)
+
+
+def accepted(scene: Scene, chosen: Rival) -> Rival:
+    """Lead an explanation out of traps, let it follow the better angle, and take finer steps where it asks for them."""
+    return _refined(scene, _refollowed(scene, _unwhitened(scene, chosen)))
 
 
 def settled(found: Search) -> Search:
@@ -184,67 +190,33 @@ def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, 
     return merged(scene, best, sum(gains)), tried
 
 
-def _follows_record(scene: Scene, nominal: Rival) -> bool:
-    """Tell whether waves per turn had better follow the recorded angle than the simulated one.
-
-    A recorded position always; the integral of a recorded speed where the simulated angle is further from it than the
-    noise of the speed can bring it.
-    """
-    for recording, residual in zip(scene.train, nominal.fitted.residuals, strict=True):
-        if "position_rad" in recording.columns:
-            return True
-        for index, signal in enumerate(scene.plant.outputs):
-            if signal.name == "speed_rad_s":
-                step = float(np.median(np.diff(recording.time)))
-                drift = np.cumsum(residual[:, index]) * step
-                walk = float(np.median(np.abs(np.diff(residual[:, index])))) * step * np.sqrt(len(residual))
-                if float(np.std(drift)) > walk:
-                    return True
-    return False
-
-
-def _no_angle(scene: Scene, rival: Rival) -> bool:
-    """Tell whether the recorded angle is none: it ends at a limit of its sensor, or sums up a speed's faults."""
-    if any("position_rad" in recording.columns for recording in scene.train):
-        return any(cause.effect.limits and cause.output == "position_rad" for cause in rival.fitted.causes)
-    wrong = [cause for cause in rival.fitted.causes if cause.effect.limits or cause.effect.lasting]
-    return any(cause.output == "speed_rad_s" for cause in wrong)
-
-
 def _refollowed(scene: Scene, rival: Rival) -> Rival:
-    """Let waves follow the other angle, the recorded or the simulated one, if that explains clearly more."""
-    if _no_angle(scene, rival):
-        scene.engine.follow(False)
-        return rival
-    if not _turning(rival):
-        return rival
-    now = scene.engine.recorded
-    scene.engine.follow(not now)
-    fitted = rival.fitted
-    other = rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, rival.noises, LONG))
-    if rival.score - other.score > TIE:
-        return other
-    scene.engine.follow(now)
-    return rival
+    """Let waves follow the angle that explains most: as they did, the recorded one amended anew, or the simulated one.
 
-
-def _turning(rival: Rival) -> bool:
-    """Tell whether an explanation has waves per turn."""
-    return any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
-
-
-def _lost_count(scene: Scene, rival: Rival, base: Rival) -> bool:
-    """Tell whether the newest effect only makes up for what the integral of a noisy speed has lost.
-
-    Without it, waves that follow the simulated angle explain the train recordings as well.
+    Another one only where it explains clearly more.
     """
-    angles = any("position_rad" in recording.columns for recording in scene.train)
-    if not scene.engine.recorded or angles or not _turning(base):
-        return False
-    scene.engine.follow(False)
-    other = fit(scene, scene.train, base.fitted.causes, base.fitted.point, base.noises, LONG)
-    scene.engine.follow(True)
-    return own_evidence(scene, other) <= evidence(rival.fitted, rival.noises)
+    engine = scene.engine
+    if not turning(rival):
+        engine.amend(strayed(scene, rival))
+        return rival
+    best, held = rival, (engine.recorded, engine.strayed)
+    amended = rival
+    for recorded in (True, True, False):
+        off = strayed(scene, amended) if recorded else engine.strayed
+        if recorded == held[0] and not off:
+            continue
+        engine.follow(recorded)
+        engine.amend(off)
+        fitted = amended.fitted
+        other = rated(scene, fit(scene, scene.train, fitted.causes, fitted.point, amended.noises, LONG))
+        other = _unwhitened(scene, other)
+        if recorded:
+            amended = other
+        if best.score - other.score > TIE:
+            best, held = other, (recorded, off)
+    engine.follow(held[0])
+    engine.amend(held[1])
+    return best
 
 
 def _refined(scene: Scene, rival: Rival) -> Rival:
@@ -308,8 +280,8 @@ def _bar(scene: Scene, rival: Rival, base: Rival, gain: float) -> float:
         if accidental(newest, times, gain):
             return np.inf
         nearer = any(mine.rms < theirs.rms for mine, theirs in zip(rival.noises, base.noises, strict=True))
-        if nearer and _SURE < times < np.inf:
-            least = THRESHOLD
+        if nearer and _SURE < times < np.inf:  # what lasts hardly shows in innovations
+            least = 0.0 if closer(scene, rival, base) else THRESHOLD
     sizes = [noise.rms for noise in rival.noises]
     if newest.effect.limits and newest.output in {each.output for each in coarse(scene.plant, scene.train, sizes)}:
         least = _STEPPED

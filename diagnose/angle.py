@@ -1,0 +1,84 @@
+"""Which angle waves per turn follow: the simulated one, or the recorded one without what its sensor does to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from diagnose.hypothesis import Scene
+from diagnose.refit import evidence, fit, fit_starts, own_evidence
+from diagnose.rival import Rival
+from diagnose.round import LONG
+
+Array = NDArray[np.float64]
+
+_TOLD = ("position_rad", "speed_rad_s")  # what tells an angle, the first before the second
+
+
+def follows_record(scene: Scene, nominal: Rival) -> bool:
+    """Tell whether waves per turn had better follow the recorded angle than the simulated one.
+
+    A recorded position always; the integral of a recorded speed where the simulated angle is further from it than the
+    noise of the speed can bring it.
+    """
+    for recording, residual in zip(scene.train, nominal.fitted.residuals, strict=True):
+        if "position_rad" in recording.columns:
+            return True
+        for index, signal in enumerate(scene.plant.outputs):
+            if signal.name == "speed_rad_s":
+                step = float(np.median(np.diff(recording.time)))
+                drift = np.cumsum(residual[:, index]) * step
+                walk = float(np.median(np.abs(np.diff(residual[:, index])))) * step * np.sqrt(len(residual))
+                if float(np.std(drift)) > walk:
+                    return True
+    return False
+
+
+def turning(rival: Rival) -> bool:
+    """Tell whether an explanation has waves per turn."""
+    return any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
+
+
+def strayed(scene: Scene, rival: Rival) -> Mapping[int, Array]:
+    """Return how far recorded angles (n,) are off by what was found of their sensor and of the clock; none by nothing.
+
+    Of an angle that is the integral of a speed that sensor is the speed's.
+    """
+    names = [signal.name for signal in scene.plant.outputs]
+    told = next((name for name in _TOLD if name in scene.train[0].columns), None)
+    point = rival.fitted.point
+    wrong = {
+        key
+        for cause in rival.fitted.causes
+        for key in cause.keys
+        if cause.output == told or cause.effect.place == "timing"
+    }
+    if told not in names or not wrong:
+        return {}
+    bare = {key: value for key, value in point.values.items() if key not in wrong}
+    starts = (*point.starts, *fit_starts(scene, scene.test, point.values, rival.noises).starts)
+    found = {}
+    for recording, start in zip((*scene.train, *scene.test), starts, strict=True):
+        seen, true = (
+            scene.engine.simulate(recording, each, start)[:, names.index(told)] for each in (point.values, bare)
+        )
+        off = np.nan_to_num(seen - true)
+        found[id(recording)] = off if told == _TOLD[0] else cumulative_trapezoid(off, recording.time, initial=0.0)
+    return found
+
+
+def lost_count(scene: Scene, rival: Rival, base: Rival) -> bool:
+    """Tell whether the newest effect only makes up for what the integral of a noisy speed has lost.
+
+    Without it, waves that follow the simulated angle explain the train recordings as well.
+    """
+    angles = any("position_rad" in recording.columns for recording in scene.train)
+    if not scene.engine.recorded or angles or not turning(base):
+        return False
+    scene.engine.follow(False)
+    other = fit(scene, scene.train, base.fitted.causes, base.fitted.point, base.noises, LONG)
+    scene.engine.follow(True)
+    return own_evidence(scene, other) <= evidence(rival.fitted, rival.noises)
