@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from itertools import product
 
-from diagnose.rank import Search
+from diagnose.hypothesis import first_point
+from diagnose.rank import Search, accepted
 from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import TIE, extended, larger, rated, tells
 from diagnose.round import LAST, LONG, SHORT, every_start
@@ -26,23 +28,28 @@ def exhausted(found: Search) -> Search | None:
     known = [each.cause for each in found.screened]
     rest = [(cause, scene.starts[cause.label]) for cause in scene.causes if cause not in known]
     every = (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts))
+    given = first_point(scene, scene.train)
     told: dict[str, list[tuple[float, Fitted]]] = {}
     # Whitened edges are traps in which the search has looked already.
     for noises in (flat(base.noises), base.noises):
         for each in every:
-            for start in every_start(scene, each):
+            # A nominal plant that was refitted without it may no longer come to the place where it acts.
+            from_points = (base.fitted.point, given) if each.cause.effect.needs_position else (base.fitted.point,)
+            for start, point in product(every_start(scene, each), from_points):
                 if time.process_time() < until:
-                    one = fit(scene, scene.train, *extended(base.fitted, each.cause, start), noises, SHORT)
+                    begun = replace(base.fitted, point=point)
+                    one = fit(scene, scene.train, *extended(begun, each.cause, start), noises, SHORT)
                     told.setdefault(each.cause.label, []).append((own_evidence(scene, one), one))
     trials = [min(fits, key=lambda pair: pair[0]) for fits in told.values()]
     trials.sort(key=lambda pair: pair[0])
     rivals = []
-    for begun in [each for score, each in trials if without - score > worth][:_FINAL]:
-        longer = fit(scene, scene.train, begun.causes, begun.point, noises_of(scene, begun.residuals), LONG)
-        ended = fit(scene, scene.train, begun.causes, longer.point, noises_of(scene, longer.residuals), LAST)
+    for trial in [each for score, each in trials if without - score > worth][:_FINAL]:
+        longer = fit(scene, scene.train, trial.causes, trial.point, noises_of(scene, trial.residuals), LONG)
+        ended = fit(scene, scene.train, trial.causes, longer.point, noises_of(scene, longer.residuals), LAST)
         rivals.append(rated(scene, ended))
     best = min(rivals, key=lambda each: each.score, default=base)
     if found.best.score - best.score < TIE or larger(best, base) or not tells(best, base):
         return None
     rounds = (*found.rounds, tuple(sorted(rivals, key=lambda each: each.score)))
+    best = accepted(scene, best)
     return replace(found, best=best, rounds=rounds, gains=(base.score - best.score,))

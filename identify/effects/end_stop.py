@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from identify.assembly import Assembly
 from identify.effect import Effect, EffectParameter, Scales, Site, signed, size
 
+_BEFORE, _DEEP = 0.05, 0.3  # of the whole way, or of the way to that side: where a stop may be before its end
 _EARLIEST = 0.1  # of the way to that side: no stop comes before
 
 
@@ -20,13 +21,10 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
-    """Propose where a fit begins."""
-    return (
-        (scales.place_high - 0.05 * scales.travel, 10.0 * scales.effort / scales.travel),
-        (scales.place_low + 0.05 * scales.travel, 10.0 * scales.effort / scales.travel),
-        (scales.place_high - 0.05 * scales.travel, 200.0 * scales.effort / scales.travel),
-        (scales.place_low + 0.05 * scales.travel, 200.0 * scales.effort / scales.travel),
-    )
+    """Propose where a fit begins: somewhat before either end of the way, on that side of zero."""
+    high = scales.place_high - min(_BEFORE * scales.travel, _DEEP * abs(scales.place_high))
+    low = scales.place_low + min(_BEFORE * scales.travel, _DEEP * abs(scales.place_low))
+    return tuple((place, k * scales.effort / scales.travel) for k in (10.0, 200.0) for place in (high, low))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

@@ -26,6 +26,7 @@ QUICK = (
     (560034, "explained", "gravity_torque sensor_offset", "an angle that sums up a sensor's offset"),
     (570013, "explained", "input_saturation sensor_rectified", "leaps of a reading that only folds"),
     (570146, "explained", "end_stop", "what had led to a stop, and then was nothing"),
+    (590088, "explained", "load_torque", "a load that innovations hardly show and simulations do"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
@@ -71,6 +72,9 @@ SLOW = (
     (530090, "unknown_physics", "", "a mean that a name makes up for"),
     (540081, "explained", "coulomb_friction quadratic_drag sensor_lag", "friction that would vanish with speed"),
     (520149, "explained", "backlash", "a gap between the starts of its grid"),
+    (580009, "explained", "sensor_lag torque_ripple", "waves that follow an angle which is read late"),
+    (590002, "explained", "clock_skew gravity_torque", "waves that follow an angle which another clock reads"),
+    (590018, "explained", "sensor_saturation", "a limit that whitened residuals pull down"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
