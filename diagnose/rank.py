@@ -43,6 +43,7 @@ _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that 
 _NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
 _PATIENCE = 30.0  # s of computing after which no further effect is looked for
+_LONGER = 60.0  # the same beside bodies that meet, whose fits take far longer
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
 
@@ -69,7 +70,8 @@ def search(scene: Scene, progress: Progress) -> Search:
     first: tuple[Screened, ...] = ()
     begun = time.process_time()
     for turn in range(MOST_EFFECTS):
-        if turn and time.process_time() - begun > _PATIENCE:
+        meeting = any(cause.effect.contact for cause in best.fitted.causes)
+        if turn and time.process_time() - begun > (_LONGER if meeting else _PATIENCE):
             break
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
         table = screened(scene, best)
