@@ -203,9 +203,9 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
         return rival
     best, held = rival, (engine.recorded, engine.strayed)
     amended = rival
-    for recorded in (True, True, False):
+    for recorded, again in ((True, False), (True, True), (False, False)):
         off = strayed(scene, amended) if recorded else engine.strayed
-        if recorded == held[0] and not off:
+        if (again or recorded == held[0]) and not off:
             continue
         engine.follow(recorded)
         engine.amend(off)
