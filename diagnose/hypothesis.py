@@ -24,9 +24,7 @@ Array = NDArray[np.float64]
 
 _COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
 _STEP = 1e-5  # of a coordinate, for difference quotients
-_FINE_STEP = (
-    1e-8  # the same of waves at a simulated angle: after many turns it is far from where it was by a smaller step
-)
+_FINE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
 _ROUGH_STEP = 1e-2  # the same where bodies meet: each time they meet a moment later, outputs move by a small leap
 _LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
@@ -158,9 +156,10 @@ def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float
 def coordinates(scene: Scene, causes: Sequence[Cause], at: Mapping[str, float]) -> tuple[Coordinate, ...]:
     """Return the unknowns of a hypothesis: the free nominal parameters, then those of its causes."""
     found = []
-    step = _FINE_STEP if any(key.endswith(".phase_rad") for cause in causes for key in cause.keys) else _STEP
-    step = _STEP if scene.engine.recorded else step
-    step = _ROUGH_STEP if any(cause.effect.contact for cause in causes) else step
+    waves = any(key.endswith(".phase_rad") for cause in causes for key in cause.keys)
+    step = _FINE_STEP if waves and not scene.engine.recorded else _STEP
+    if any(cause.effect.contact for cause in causes):
+        step = _ROUGH_STEP
     for parameter in scene.plant.parameters:
         if parameter.free:
             value = at.get(parameter.name, parameter.value)
