@@ -22,6 +22,7 @@ from identify.course import LONGEST_CHANGE
 from identify.noise import Noise, colored
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
+_LITTLE = 150.0  # drop of BIC up to which a name says little
 _STEPS = 12  # of a fit without an effect
 _POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
@@ -73,16 +74,16 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
 def _alone(found: Search) -> Shape | None:
     """Return the one shape that says more than several names; None where there is none.
 
-    Or clearly more than one name, where unseen recordings speak against that.
+    Or clearly more than one name, where unseen recordings speak against that, or far more where that says little.
     """
     best, nominal = found.best, found.nominal
     explained = nominal.score - best.score
-    several = len(best.fitted.causes) > 1
     told = evidence(nominal.fitted, nominal.noises) - evidence(best.fitted, best.noises)
-    if not best.fitted.causes or (not several and explained >= told):
+    least = 0.0 if len(best.fitted.causes) > 1 else LEFT if explained < told else LEFT + explained
+    if not best.fitted.causes or (least > LEFT and explained > _LITTLE):
         return None
     shape = best_shape(found, nominal)
-    return shape if shape is not None and shape.gain > explained + (0.0 if several else LEFT) else None
+    return shape if shape is not None and shape.gain > explained + least else None
 
 
 def _confirmed(found: Search) -> Search:

@@ -22,6 +22,7 @@ _EDGE = 0.25  # of the range: a wrap begins and ends this near to its ends
 _BACK = 0.08  # of the range: rows beside a wrap go against it, but for noise
 _CALM = 0.2  # of the range: a reading that usually moves more from row to row cannot be unrolled
 _UNLIKE = 0.05  # of the range, by which wraps differ
+_LEVELS = 8  # of all readings: where there are fewer, they leap by the steps of a coarse sensor
 _FEWEST = 2  # jumps in all recordings
 _REFINED = 3  # times a range is refined
 _SURE = 3.0  # deviations of what the jumps say, further from which no fit is believed
@@ -45,6 +46,8 @@ def unwrapped(
     found = []
     for signal in plant.outputs:
         columns = [recording.columns[signal.name] for recording in train]
+        if len(np.unique(np.concatenate(columns))) < _LEVELS:
+            continue
         undo: Callable[[Plant, Recording, str, float], Recording] = _unrolled
         wrap = _wrap(columns)
         if wrap is None:

@@ -27,6 +27,7 @@ QUICK = (
     (570013, "explained", "input_saturation sensor_rectified", "leaps of a reading that only folds"),
     (570146, "explained", "end_stop", "what had led to a stop, and then was nothing"),
     (590088, "explained", "load_torque", "a load that innovations hardly show and simulations do"),
+    (660012, "explained", "sensor_quantization", "a current that shows one step and else nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
 SLOW = (
@@ -75,6 +76,7 @@ SLOW = (
     (580009, "explained", "sensor_lag torque_ripple", "waves that follow an angle which is read late"),
     (590002, "explained", "clock_skew gravity_torque", "waves that follow an angle which another clock reads"),
     (590018, "explained", "sensor_saturation", "a limit that whitened residuals pull down"),
+    (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
 CASES = [
