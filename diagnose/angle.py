@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from diagnose.hypothesis import Scene
+from diagnose.hypothesis import Scene, turning
 from diagnose.refit import evidence, fit, fit_starts, own_evidence
 from diagnose.rival import Rival
 from diagnose.round import LONG
@@ -35,11 +35,6 @@ def follows_record(scene: Scene, nominal: Rival) -> bool:
                 if float(np.std(drift)) > walk:
                     return True
     return False
-
-
-def turning(rival: Rival) -> bool:
-    """Tell whether an explanation has waves per turn."""
-    return any(key.endswith((".phase_rad", ".periods_per_rev")) for cause in rival.fitted.causes for key in cause.keys)
 
 
 def strayed(scene: Scene, rival: Rival) -> Mapping[int, Array]:
@@ -76,7 +71,7 @@ def lost_count(scene: Scene, rival: Rival, base: Rival) -> bool:
     Without it, waves that follow the simulated angle explain the train recordings as well.
     """
     angles = any("position_rad" in recording.columns for recording in scene.train)
-    if not scene.engine.recorded or angles or not turning(base):
+    if not scene.engine.recorded or angles or not turning(base.fitted.causes):
         return False
     scene.engine.follow(False)
     other = fit(scene, scene.train, base.fitted.causes, base.fitted.point, base.noises, LONG)

@@ -28,16 +28,15 @@ def exhausted(found: Search) -> Search | None:
     known = [each.cause for each in found.screened]
     rest = [(cause, scene.starts[cause.label]) for cause in scene.causes if cause not in known]
     every = (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts))
-    given = first_point(scene, scene.train)
+    # A nominal plant that was refitted without an effect may no longer come to the place where it acts.
+    bases = (base.fitted, replace(base.fitted, point=first_point(scene, scene.train)))
     told: dict[str, list[tuple[float, Fitted]]] = {}
     # Whitened edges are traps in which the search has looked already.
     for noises in (flat(base.noises), base.noises):
         for each in every:
-            # A nominal plant that was refitted without it may no longer come to the place where it acts.
-            from_points = (base.fitted.point, given) if each.cause.effect.needs_position else (base.fitted.point,)
-            for start, point in product(every_start(scene, each), from_points):
+            from_bases = bases if each.cause.effect.needs_position else bases[:1]
+            for start, begun in product(every_start(scene, each), from_bases):
                 if time.process_time() < until:
-                    begun = replace(base.fitted, point=point)
                     one = fit(scene, scene.train, *extended(begun, each.cause, start), noises, SHORT)
                     told.setdefault(each.cause.label, []).append((own_evidence(scene, one), one))
     trials = [min(fits, key=lambda pair: pair[0]) for fits in told.values()]

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from diagnose.contact import past_contacts
 from diagnose.exhaust import exhausted
-from diagnose.hypothesis import Cause, Scene
+from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import with_lasting
 from diagnose.plain import believed, leap, slow_rivals
 from diagnose.polish import limits, polished
@@ -135,7 +135,7 @@ def _kinked(causes: Sequence[Cause], rival: Rival) -> bool:
 
 def _met(scene: Scene, rival: Rival) -> Fitted:
     """Lead a fit past the kinks of contacts, where there are any, by finer steps."""
-    if not any(cause.effect.contact for cause in rival.fitted.causes):
+    if not meeting(rival.fitted.causes):
         return rival.fitted
     return past_contacts(scene, ended(scene, rival.fitted, rival.noises), rival.noises, _CONTACTS)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -153,12 +153,21 @@ def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float
     return whole
 
 
+def turning(causes: Iterable[Cause]) -> bool:
+    """Tell whether there are waves along an angle among the causes."""
+    return any(key.endswith(".phase_rad") for cause in causes for key in cause.keys)
+
+
+def meeting(causes: Iterable[Cause]) -> bool:
+    """Tell whether there are bodies that meet among the causes."""
+    return any(cause.effect.contact for cause in causes)
+
+
 def coordinates(scene: Scene, causes: Sequence[Cause], at: Mapping[str, float]) -> tuple[Coordinate, ...]:
     """Return the unknowns of a hypothesis: the free nominal parameters, then those of its causes."""
     found = []
-    waves = any(key.endswith(".phase_rad") for cause in causes for key in cause.keys)
-    step = _FINE_STEP if waves and not scene.engine.recorded else _STEP
-    if any(cause.effect.contact for cause in causes):
+    step = _FINE_STEP if turning(causes) and not scene.engine.recorded else _STEP
+    if meeting(causes):
         step = _ROUGH_STEP
     for parameter in scene.plant.parameters:
         if parameter.free:

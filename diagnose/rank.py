@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.angle import follows_record, lost_count, strayed, turning
+from diagnose.angle import follows_record, lost_count, strayed
 from diagnose.contact import past_contacts
 from diagnose.descent import whitened
 from diagnose.direct import coarse
 from diagnose.given import from_given, runaways
-from diagnose.hypothesis import Cause, Point, Scene, first_point
+from diagnose.hypothesis import Cause, Point, Scene, first_point, meeting, turning
 from diagnose.lasting import accidental, by_chance, times_chance
 from diagnose.refit import fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, simplest, tells, without
@@ -70,8 +70,8 @@ def search(scene: Scene, progress: Progress) -> Search:
     first: tuple[Screened, ...] = ()
     begun = time.process_time()
     for turn in range(MOST_EFFECTS):
-        meeting = any(cause.effect.contact for cause in best.fitted.causes)
-        if turn and time.process_time() - begun > (_LONGER if meeting else _PATIENCE):
+        patience = _LONGER if meeting(best.fitted.causes) else _PATIENCE
+        if turn and time.process_time() - begun > patience:
             break
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
         table = screened(scene, best)
@@ -198,7 +198,7 @@ def _refollowed(scene: Scene, rival: Rival) -> Rival:
     Another one only where it explains clearly more.
     """
     engine = scene.engine
-    if not turning(rival):
+    if not turning(rival.fitted.causes):
         engine.amend(strayed(scene, rival))
         return rival
     best, held = rival, (engine.recorded, engine.strayed)
@@ -324,7 +324,7 @@ def pruned(scene: Scene, best: Rival) -> Rival:
         ]
         least = min(slimmer, key=lambda each: each.score)
         spared = _spared(scene, best, least)
-        if not spared and any(cause.effect.contact for cause in least.fitted.causes):
+        if not spared and meeting(least.fitted.causes):
             least = rated(scene, past_contacts(scene, least.fitted, least.noises))
             spared = _spared(scene, best, least)
         if not spared:

@@ -70,10 +70,10 @@ def _check_dead(plant: Plant, recording: Recording, values: Array) -> None:
         crossed = float(np.min(moves)) < held < float(np.max(moves)) or held == 0.0
         if held != 0.0 and abs(held) == np.max(np.abs(column)):
             continue  # a sensor at its limit
-        steps = np.diff(np.unique(column))
-        if len(steps) and float(np.max(np.abs(moves - held))) < float(steps.min()):
-            continue  # a sensor whose steps are wider than what moves there
         if last - first > _LONG * len(column) and float(np.ptp(moves)) > _MOVES * whole > 0.0 and crossed:
+            steps = np.diff(np.unique(column))
+            if len(steps) and float(np.max(np.abs(moves - held))) < float(steps.min()):
+                continue  # a sensor whose steps are wider than what moves there
             raise IdentifyError(
                 f"{recording.source}: column {signal.name} stands at {held:g} from {recording.time[first]:.4g} s to "
                 f"{recording.time[last - 1]:.4g} s while {plant.inputs[0].name} goes on moving the plant; the sensor "

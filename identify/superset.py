@@ -100,8 +100,9 @@ class Superset:
 
     def amend(self, strayed: Mapping[int, Array]) -> None:
         """Take that off the recorded angles from now on."""
-        self.strayed = strayed
-        self.courses.clear()
+        if strayed or self.strayed:
+            self.strayed = strayed
+            self.courses.clear()
 
     def angle(self, recording: Recording) -> Array | None:
         """Return the angle (n,) in rad that waves follow where that is the recorded one, None where there is none."""
