@@ -100,11 +100,10 @@ class Assembly:
     def add_state(self, start: Callable[[Array], float]) -> int:
         """Add a state at rest in the equations so far; `start` computes its first value from the plant's states."""
         n = len(self.a)
-        self.a = np.pad(self.a, ((0, 1), (0, 1)))
-        self.b = np.pad(self.b, ((0, 1), (0, 0)))
-        self.c = np.pad(self.c, (0, 1))
-        self.read_x = np.pad(self.read_x, ((0, 0), (0, 1)))
-        self.current_x, self.effort_x = np.pad(self.current_x, (0, 1)), np.pad(self.effort_x, (0, 1))
+        self.a = _grown(self.a, n + 1, n + 1)
+        self.b = _grown(self.b, n + 1, self.inputs)
+        self.read_x = _grown(self.read_x, len(self.read_x), n + 1)
+        self.c, self.current_x, self.effort_x = (np.append(row, 0.0) for row in (self.c, self.current_x, self.effort_x))
         self.starts.append(start)
         return n
 
@@ -210,3 +209,10 @@ class Assembly:
         for first in self.starts:
             whole = np.append(whole, first(whole))
         return whole
+
+
+def _grown(matrix: Array, rows: int, columns: int) -> Array:
+    """Return the matrix with zeroes below and to the right."""
+    whole = np.zeros((rows, columns))
+    whole[: matrix.shape[0], : matrix.shape[1]] = matrix
+    return whole

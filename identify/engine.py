@@ -121,8 +121,11 @@ class EffectSimulator:
 
     def assemble(self, constants: Array) -> Assembly:
         """Put the linear part and every effect that is not neutral together."""
+        return self._assembled(constants, self._present(constants))
+
+    def _assembled(self, constants: Array, present: Sequence[tuple[Effect, Site, tuple[int, ...]]]) -> Assembly:
         forms = self._forms(constants)
-        if self.equations_at(constants) is self.inner is not None:
+        if self._equations(present) is self.inner is not None:
             # What is changed inside is linear no longer, and read as the equations say.
             forms = replace(
                 forms, **{name: np.zeros_like(getattr(forms, name)) for name in ("read_x", "read_u", "read_c")}
@@ -130,18 +133,20 @@ class EffectSimulator:
         assembly = Assembly(self.plant, forms)
         if any(effect.place in ("voltage", "current") for effect, _, _ in self.effects):
             assembly.dynamic_current()
-        for effect, site, own in self._present(constants):
+        for effect, site, own in present:
             effect.attach(assembly, site, tuple(float(constants[k]) for k in own))
         return assembly
 
     def equations_at(self, constants: Array) -> Equations | None:
         """Return the compiled equations that hold at `constants`."""
-        changed = any(inside_of(self.plant, site) for _, site, _ in self._present(constants))
-        return self.inner if changed else self.equations
+        return self._equations(self._present(constants))
+
+    def _equations(self, present: Sequence[tuple[Effect, Site, tuple[int, ...]]]) -> Equations | None:
+        return self.inner if any(inside_of(self.plant, site) for _, site, _ in present) else self.equations
 
     def _present(self, constants: Array) -> list[tuple[Effect, Site, tuple[int, ...]]]:
         moved = np.asarray(constants)[self.watched] != self.still
-        return [self.effects[k] for k in np.unique(self.owner[moved])]
+        return [self.effects[k] for k in sorted(set(self.owner[moved].tolist()))]
 
     def _forms(self, constants: Array) -> Forms:
         nominal = np.asarray(constants[: self.plant.rate.numel_in(2)], dtype=np.float64)
@@ -159,7 +164,8 @@ class EffectSimulator:
         if found is None:
             while len(self.jobs) >= _KEPT:
                 self.jobs.pop(next(iter(self.jobs)))
-            found = self.jobs[key] = job(self.assemble(constants), self.equations_at(constants), constants)
+            present = self._present(constants)
+            found = self.jobs[key] = job(self._assembled(constants, present), self._equations(present), constants)
         return found
 
     def _segments(self, course: Course, made: Job) -> Segments:

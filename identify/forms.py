@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -41,7 +42,10 @@ class Forms:
 class FormWriter:
     """Evaluates the matrices of one plant for any values of its nominal parameters."""
 
-    numbers: ca.Function  # p -> all entries, one after the other
+    evaluate: Callable[[], object]  # reads `given`, writes `entries`: no array is made for a call
+    buffer: ca.FunctionBuffer  # lives as long as `evaluate` is called
+    given: Array  # (k,) nominal parameters
+    entries: Array  # all of them, one after the other
     shapes: Mapping[str, tuple[int, ...]]
     balances: int
     linear_rate: bool
@@ -50,10 +54,12 @@ class FormWriter:
 
     def forms(self, constants: Array) -> Forms:
         """Return the matrices for `constants` (k,)."""
-        flat = np.asarray(self.numbers(constants)).ravel()
+        self.given[:] = constants
+        self.evaluate()
+        flat = self.entries.copy()
         parts, at = {}, 0
         for name, shape in self.shapes.items():
-            size = int(np.prod(shape))
+            size = math.prod(shape)
             parts[name] = flat[at : at + size].reshape(shape)  # rows first: written so by form_writer
             at += size
         balances = tuple(
@@ -94,5 +100,10 @@ def form_writer(plant: Plant) -> FormWriter:
         for name, part in parts.items()
     }
     flat = ca.vertcat(*(ca.vec(ca.densify(part).T) for part in parts.values()))
-    numbers = ca.Function("numbers", [p], [ca.densify(flat)])
-    return FormWriter(numbers, shapes, len(plant.balances), linear[0], linear[1], straight_effort)
+    given, entries = np.zeros(p.numel()), np.zeros(flat.numel())
+    buffer, evaluate = ca.Function("numbers", [p], [ca.densify(flat)]).buffer()
+    buffer.set_arg(0, given.data)  # type: ignore[call-arg]  # a view has its own size
+    buffer.set_res(0, entries.data)  # type: ignore[call-arg]
+    return FormWriter(
+        evaluate, buffer, given, entries, shapes, len(plant.balances), linear[0], linear[1], straight_effort
+    )

@@ -22,7 +22,7 @@ from identify.segments import Segments
 Array = NDArray[np.float64]
 
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
-_DRIVER = ("problem.h", "stick.c", "propagate.c", "segments.c")
+_DRIVER = ("memo.h", "problem.h", "stick.c", "propagate.c", "glide.c", "segments.c")
 _LOOKS = {1: "i", 2: "effort", 4: "turn"}  # as in driver/problem.h
 _USUAL_STATES = 6
 _MEMORY = "presliding_force"  # the one function that remembers where the motion last turned round
@@ -135,7 +135,9 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
         "    double u, t, begin, w, th, turn, i, effort, s, y;",
+        "    memo_t *memo;",
         "} view_t;",
+        "static double sine(const view_t *v, double angle) { return remembered_sine(v->memo, angle); }",
     ]
     cases, memory = [], "-1"
     for effect in effects().values():
@@ -155,7 +157,7 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
     ]
     folder = files("identify").joinpath("driver")
     driver = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _DRIVER}
-    texts = {"terms.c": "\n".join(["#include <math.h>", *lines]), **driver}
+    texts = {"terms.c": "\n".join(['#include "memo.h"', *lines]), **driver}
     sizes = (f"-DSTATES={states}", f"-DINPUTS={inputs}") if states else ()
     loaded = ctypes.CDLL(str(shared_library(texts, ["segments.c"], (*_FLAGS, *sizes))))
     loaded.at_point.restype = None
@@ -230,11 +232,11 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
         "a": made.a, "b": made.b, "c": made.c, "read_x": made.read_x, "read_u": made.read_u,
         "current": np.concatenate([made.current_x, made.current_u]),
         "effort": np.concatenate([made.effort_x, made.effort_u]),
-        "q": np.array([*q, 0.0]),
-        "lag_rate": np.array([*(rate for _, _, rate in nonlinear_lags), 0.0]),
-        "p": np.array(constants, dtype=np.float64),
+        "q": np.array(q),
+        "lag_rate": np.array([rate for _, _, rate in nonlinear_lags]),
+        "p": constants,
     }  # fmt: skip
-    fixed = {name: np.ascontiguousarray(value, dtype=np.float64) for name, value in arrays.items()}
+    room = np.concatenate([*arrays.values()], axis=None, dtype=np.float64)  # one after the other, row by row
     lag = np.array([*((o, row) for o, row, _ in nonlinear_lags), (0, 0)], dtype=np.int32)
     asked = 0
     for term in made.terms:
@@ -245,15 +247,17 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
         settling=int(any(t.rate[5] for t in made.terms)), asked=asked,
         term=ctypes.addressof(terms), coordinate=ctypes.addressof(coordinates), lag=lag.ctypes.data,
     )  # fmt: skip
-    for name, value in fixed.items():
-        setattr(problem, name, value.ctypes.data)
+    place = room.ctypes.data
+    for name, value in arrays.items():
+        setattr(problem, name, place)
+        place += value.size * room.itemsize
     if equations is not None:
         problem.rate, problem.reading = equations.rate, equations.reading
         problem.slope = equations.slope
         problem.bent = equations.bent if any(term.code in _pushed() for term in made.terms) else 0
     names = [parameter.name for parameter in made.plant.parameters]
     delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
-    return Job(made, problem, made.timing, delay, (terms, coordinates, fixed, lag, equations))
+    return Job(made, problem, made.timing, delay, (terms, coordinates, room, lag, equations))
 
 
 def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
@@ -279,11 +283,8 @@ def load_segments(problem: _Problem, cut: Segments) -> None:
     """Give the simulator the segments it is to run through; they must live as long as it does."""
     problem.segments = len(cut.begin)
     problem.step = cut.step
-    for name, value in (
-        ("begin", cut.begin), ("length", cut.length), ("input", cut.value), ("ramp", cut.ramp), ("before", cut.before),
-        ("reads", cut.reads), ("read_row", cut.read_row), ("read_output", cut.read_output),
-    ):  # fmt: skip
-        setattr(problem, name, value.ctypes.data)
+    for name, address in cut.addresses.items():
+        setattr(problem, name, address)
 
 
 def at_point(made: Job, x: Array, u: Array) -> tuple[Array, Array]:

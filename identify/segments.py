@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,25 +18,31 @@ Slew = Callable[..., int]
 
 _SAME = 1e-9  # of the step: moments closer than this are one
 _FINEST = 2.0**-6  # of the step: shorter lengths are left as they are
+_ARRAYS = ("begin", "length", "input", "ramp", "before", "reads", "read_row", "read_output")
 _EVEN = 1e-6  # of the step: rows this close to even are even, and their time stamps rounded
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Segments:
-    """Segment k begins at `begin[k]`, lasts `length[k]`; its input starts at `value[k]` and changes by `ramp[k]` per s.
+    """Segment k begins at `begin[k]`, lasts `length[k]`; its input starts at `input[k]` and changes by `ramp[k]` per s.
 
     `reads[k]`..`reads[k + 1]` are the readings before segment k; output -1 means all of a row.
     """
 
     begin: Array
     length: Array
-    value: Array  # (s, m)
+    input: Array  # (s, m)
     ramp: Array  # (s, m)
     before: Array  # (m,)
     reads: NDArray[np.int32]  # (s + 2,)
     read_row: NDArray[np.int32]
     read_output: NDArray[np.int32]
     step: float
+
+    @cached_property
+    def addresses(self) -> Mapping[str, int]:
+        """Where each array begins, by its name; they must not be moved."""
+        return {name: getattr(self, name).ctypes.data for name in _ARRAYS}
 
 
 def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: Slew) -> Segments:

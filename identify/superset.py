@@ -47,6 +47,13 @@ class Superset:
     recorded: bool = False
     longest_change: float = LONGEST_CHANGE
     strayed: Mapping[int, Array] = field(default_factory=dict)  # (n,) in rad, by the recording's identity
+    places: Mapping[str, int] = field(init=False)  # of the names
+    still: Array = field(init=False)  # (k,) the neutral values
+
+    def __post_init__(self) -> None:
+        """Lay out the neutral values as the names are."""
+        self.places = {name: place for place, name in enumerate(self.names)}
+        self.still = np.array([self.neutral[name] for name in self.names])
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
@@ -75,10 +82,12 @@ class Superset:
 
     def constants(self, parameters: Mapping[str, float]) -> Array:
         """Return all constants (k,), neutral but for `parameters`."""
-        for name in parameters:
-            if name not in self.neutral:
+        whole = self.still.copy()
+        for name, value in parameters.items():
+            if name not in self.places:
                 raise IdentifyError(f"{name} is no parameter of this plant or of an effect it can have")
-        return np.array([parameters.get(name, self.neutral[name]) for name in self.names])
+            whole[self.places[name]] = value
+        return whole
 
     def begin(self, recording: Recording, start: Array | None) -> Array:
         """Return the start state; one without the position that an effect has added gets it from the recording."""

@@ -9,6 +9,7 @@
 #define MOST_STUCK 6 /* coordinates that may stick */
 #define MOST_TERMS 64
 #define LEVELS 44
+#define OWN 4          /* lengths that come back and are tabulated besides */
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
 #define BRIEF 0.03     /* norm(A) h up to which the classical formula is right to 1e-9 */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
@@ -73,6 +74,8 @@ typedef struct {
     const problem_t *k;
     int levels, flat; /* flat: A is zero, and the formula is the classical one */
     double *table[1 << MOST_STUCK];
+    double *own[OWN], own_length[OWN];
+    int owned;
     int s[MOST_STUCK]; /* direction; 0: sticks (FRICTION); 1 free, 0 at the limit (LIMIT) */
     double x[MOST], m[2];
     double t, begin, since; /* s: now, start of the segment */
@@ -80,10 +83,12 @@ typedef struct {
     double steps;           /* taken since the start */
     double smallest, brief; /* s: the shortest tabulated length; what is left over and no longer is one step */
     double lengths[LEVELS]; /* s, of every level */
-    double held[MOST];      /* c + B u, where the input is held */
+    double held[MOST];      /* c + B u at the start of the segment */
     double first[MOST];     /* N where the run is now */
     int holds, known;       /* whether the input is held; whether `first` is that of now */
     int moving;             /* whether how fast N changes depends on where the plant is */
+    memo_t *memo;           /* of `remembered`, or of whoever set the run up */
+    memo_t remembered;
 } run_t;
 
 #endif

@@ -26,14 +26,15 @@ static void multiply(int n, const double *a, const double *b, double *out) {
     }
 }
 
-/* Per level: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each. */
+/* Per level, from `length` on by halves: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each.
+ * NULL without memory. */
 #define F(level) (&table[(size_t)(level) * 6 * nn])
-static double *tabulate(const run_t *run, int mask) {
+static double *tabulate(const run_t *run, int mask, double length, int levels) {
     const problem_t *k = run->k;
     const int n = SIZE(k), nn = n * n;
-    double *table = malloc((size_t)(run->levels * 6 * nn) * sizeof(double));
+    double *table = malloc((size_t)(levels * 6 * nn) * sizeof(double));
     double phi[4][MOST * MOST], z[MOST * MOST], w[MOST * MOST], v[MOST * MOST];
-    double h = run->smallest;
+    double h = ldexp(length, 1 - run->levels);
     if (table == NULL) {
         return NULL;
     }
@@ -64,14 +65,14 @@ static double *tabulate(const run_t *run, int mask) {
     }
     multiply(n, z, phi[1], phi[0]); /* exp - 1 = z phi1: what is small keeps its digits */
     for (int level = run->levels - 1; level >= 0; --level) {
-        double *f = F(level);
-        for (int i = 0; i < nn; ++i) {
-            f[i] = phi[0][i];
-            f[nn + i] = h * phi[1][i];
-            f[2 * nn + i] = h * phi[2][i];
-            f[3 * nn + i] = h * (phi[1][i] - 3.0 * phi[2][i] + 4.0 * phi[3][i]);
-            f[4 * nn + i] = h * (2.0 * phi[2][i] - 4.0 * phi[3][i]);
-            f[5 * nn + i] = h * (4.0 * phi[3][i] - phi[2][i]);
+        for (int i = 0; level < levels && i < nn; ++i) {
+            double *f = &F(level)[i];
+            f[0] = phi[0][i];
+            f[nn] = h * phi[1][i];
+            f[2 * nn] = h * phi[2][i];
+            f[3 * nn] = h * (phi[1][i] - 3.0 * phi[2][i] + 4.0 * phi[3][i]);
+            f[4 * nn] = h * (2.0 * phi[2][i] - 4.0 * phi[3][i]);
+            f[5 * nn] = h * (4.0 * phi[3][i] - phi[2][i]);
         }
         multiply(n, phi[1], phi[2], v); /* doubling: Skaflestad and Wright, Appl. Numer. Math. 59, 2009 */
         for (int i = 0; i < nn; ++i) {

@@ -14,6 +14,8 @@
 
 #include "propagate.c"
 
+#include "glide.c"
+
 /* How fast dx/dt = M x can change, 1/s: the largest sum of a row of M^8, to the power 1/8, bounds and nearly is the
  * largest eigenvalue's magnitude, whatever units the states are in. M is destroyed. */
 static double fastest(int n, double *m) {
@@ -148,7 +150,7 @@ static int advance(run_t *run, double length) {
             step_short(run, h, trial);
         } else {
             const int mask = stuck_mask(run);
-            if (run->table[mask] == NULL && (run->table[mask] = tabulate(run, mask)) == NULL) {
+            if (run->table[mask] == NULL && (run->table[mask] = tabulate(run, mask, k->step, run->levels)) == NULL) {
                 return -1;
             }
             step_table(run, run->table[mask], level, h, trial);
@@ -228,6 +230,7 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
     double reach = 0.0;
     memset(run, 0, sizeof *run);
     run->k = k;
+    run->memo = &run->remembered;
     for (int i = 0; i < SIZE(k); ++i) {
         double sum = 0.0;
         for (int j = 0; j < SIZE(k); ++j) {
@@ -266,16 +269,19 @@ static void tidy_up(run_t *run) {
     for (int mask = 0; mask < 1 << MOST_STUCK; ++mask) {
         free(run->table[mask]);
     }
+    for (int j = 0; j < run->owned; ++j) {
+        free(run->own[j]);
+    }
 }
 
-/* Sum up what the input alone drives, where it is held. */
+/* Sum up what the input alone drives at the start of a segment. */
 static void set_drive(run_t *run) {
     const problem_t *k = run->k;
     run->holds = 1;
     for (int j = 0; j < DRIVES(k); ++j) {
         run->holds &= run->ramp[j] == 0.0;
     }
-    for (int i = 0; run->holds && i < SIZE(k); ++i) {
+    for (int i = 0; i < SIZE(k); ++i) {
         double sum = k->c[i];
         for (int j = 0; j < DRIVES(k); ++j) {
             sum += k->b[i * DRIVES(k) + j] * run->input[j];
@@ -294,21 +300,24 @@ int go_on(run_t *run, double *y) {
     memcpy(u, k->before, (size_t)DRIVES(k) * sizeof(double));
     run->t = run->begin = run->since = k->segments > 0 ? k->begin[0] : 0.0;
     read_outputs(run, u, 0, y);
+    const int linear = is_linear(run);
     for (int done = 0; done < k->segments; ++done) {
         run->input = &k->input[done * DRIVES(k)];
         run->ramp = &k->ramp[done * DRIVES(k)];
         run->t = run->begin = run->since = k->begin[done];
         run->known = 0;
         set_drive(run);
-        for (int c = 0; c < k->coordinates; ++c) {
-            if (run->s[c] == 0 && overdue(run, run->x, run->t, c) > 0.0) {
-                decide(run, c);
-                run->known = 0;
+        if (!linear || !glide(run, done)) {
+            for (int c = 0; c < k->coordinates; ++c) {
+                if (run->s[c] == 0 && overdue(run, run->x, run->t, c) > 0.0) {
+                    decide(run, c);
+                    run->known = 0;
+                }
             }
-        }
-        const int status = advance(run, k->length[done]);
-        if (status != 0) {
-            return status < 0 ? status : done;
+            const int status = advance(run, k->length[done]);
+            if (status != 0) {
+                return status < 0 ? status : done;
+            }
         }
         for (int i = 0; i < SIZE(k); ++i) {
             if (!(fabs(run->x[i]) < 1e15)) {
@@ -350,6 +359,7 @@ void end_run(run_t *run) {
 void at_point(const problem_t *k, const double *x, const double *u, double *rate, double *y) {
     const double still[MOST] = {0.0};
     run_t run = {.k = k, .m = {0.0, 0.0}, .input = u, .ramp = still};
+    run.memo = &run.remembered;
     memcpy(run.x, x, (size_t)SIZE(k) * sizeof(double));
     full_rate(&run, x, 0.0, rate);
     read_outputs(&run, u, 0, y);

@@ -30,8 +30,13 @@ static inline double dot(int n, const double *a, const double *x) {
     return sum;
 }
 
-/* The angle at time t, straight between the rows. */
-static double turned(const problem_t *k, double t) {
+/* The recorded angle at time t, straight between the rows. */
+static double turned(const run_t *run, double t) {
+    const problem_t *k = run->k;
+    memo_t *memo = run->memo;
+    if (memo->turned && memo->moment == t) {
+        return memo->turn;
+    }
     const double span = k->turn_time[k->turns - 1] - k->turn_time[0];
     int row = (int)((t - k->turn_time[0]) / span * (k->turns - 1));
     row = row < 0 ? 0 : (row > k->turns - 2 ? k->turns - 2 : row);
@@ -42,15 +47,18 @@ static double turned(const problem_t *k, double t) {
         ++row;
     }
     const double share = (t - k->turn_time[row]) / (k->turn_time[row + 1] - k->turn_time[row]);
-    return k->turn[row] + share * (k->turn[row + 1] - k->turn[row]);
+    memo->turned = 1;
+    memo->moment = t;
+    memo->turn = k->turn[row] + share * (k->turn[row + 1] - k->turn[row]);
+    return memo->turn;
 }
 
 static view_t look(const run_t *run, const double *x, const double *u, double t) {
     const problem_t *k = run->k;
-    view_t v = {.x = x, .u = u[0], .t = t, .begin = run->begin, .m = run->m};
+    view_t v = {.x = x, .u = u[0], .t = t, .begin = run->begin, .m = run->m, .memo = run->memo};
     v.w = k->speed >= 0 ? x[k->speed] : 0.0;
     v.th = k->position >= 0 ? x[k->position] : 0.0;
-    v.turn = k->turns > 1 && k->asked & TURN ? turned(k, t) : v.th;
+    v.turn = k->turns > 1 && k->asked & TURN ? turned(run, t) : v.th;
     if (k->asked & CURRENT) {
         v.i = form(k->current, SIZE(k), x, DRIVES(k), u);
     }

@@ -11,7 +11,7 @@ from identify.effect import Effect, EffectParameter, Scales, Site, phase, size
 _MOST = 0.2  # rad: eccentricity over the radius of the track
 _TRUE_ANGLE = """    double angle = v->turn;
     for (int k = 0; k < 4 && v->turn != v->th; ++k) {
-        angle = v->turn - q[0] * sin(angle + q[1]); /* a recorded angle has the error in it */
+        angle = v->turn - q[0] * sine(v, angle + q[1]); /* a recorded angle has the error in it */
     }
 """
 
@@ -48,7 +48,7 @@ EFFECT = Effect(
     codes=(
         (
             "eccentric_angle",
-            _TRUE_ANGLE + "    return v->y + q[0] * sin(angle + q[1]);",
+            _TRUE_ANGLE + "    return v->y + q[0] * sine(v, angle + q[1]);",
         ),
         (
             "eccentric_speed",
