@@ -144,7 +144,8 @@ class Effect:
     their effects in the order of `stage`. `contact` begins the names of the parameters that say where bodies meet, how
     stiff they are there and how damped: a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a
     slow disturbance; `lasting`: it stays the same, as the average of such a one does not; `late`: it may look like
-    another hold of the input. `screened`: what it changes at a start tells how much a fit gains by it.
+    another hold of the input. `screened`: what it changes at a start tells how much a fit gains by it. `touches`: its
+    force is zero but where bodies touch, and the simulator finds the moment.
     """
 
     name: str
@@ -178,6 +179,7 @@ class Effect:
     lasting: bool = False
     late: bool = False
     screened: bool = True
+    touches: bool = False
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
 _DRIVER = ("memo.h", "problem.h", "stick.c", "propagate.c", "glide.c", "segments.c")
 _LOOKS = {1: "i", 2: "effort", 4: "turn"}  # as in driver/problem.h
+_TOUCH = 8  # the same
 _USUAL_STATES = 6
 _MEMORY = "presliding_force"  # the one function that remembers where the motion last turned round
 
@@ -115,9 +116,9 @@ def _pushed() -> frozenset[str]:
 
 @cache
 def _asked(code: str) -> int:
-    """Return what a function of the library looks at, as bits: current, effort, the angle of waves."""
-    body = next(body for effect in effects().values() for name, body in effect.codes if name == code)
-    return sum(bit for bit, word in _LOOKS.items() if f"v->{word}" in body)
+    """Return what a function of the library looks at, as bits: current, effort, angle of waves, bodies that touch."""
+    effect, body = next((each, body) for each in effects().values() for name, body in each.codes if name == code)
+    return sum(bit for bit, word in _LOOKS.items() if f"v->{word}" in body) | (_TOUCH if effect.touches else 0)
 
 
 def library(states: int = 0, inputs: int = 0) -> ctypes.CDLL:
@@ -139,12 +140,13 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
         "} view_t;",
         "static double sine(const view_t *v, double angle) { return remembered_sine(v->memo, angle); }",
     ]
-    cases, memory = [], "-1"
+    cases, memory, touching = [], "-1", ["0"]
     for effect in effects().values():
         for name, body in effect.codes:
             lines.append(f"static double {name}(const view_t *v, const double *q) {{\n{body}\n}}")
             cases.append(f"    case {codes()[name]}: return {name}(v, q);")
             memory = str(codes()[name]) if name == _MEMORY else memory
+            touching += [f"code == {codes()[name]}"] if effect.touches else []
     lines += [
         "static double term(int code, const view_t *v, const double *q) {",
         "    switch (code) {",
@@ -153,6 +155,7 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
         "    }",
         "}",
         f"static int is_memory(int code) {{ return code == {memory}; }}",
+        f"static int touches(int code) {{ return {' || '.join(touching)}; }}",
         "",
     ]
     folder = files("identify").joinpath("driver")

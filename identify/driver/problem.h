@@ -13,6 +13,7 @@
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
 #define BRIEF 0.03     /* norm(A) h up to which the classical formula is right to 1e-9 */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
+#define SHARPEST 10    /* level of the step in which bodies come to touch, or part */
 
 /* Built for plants of one size, loops have a known length. */
 #ifdef STATES
@@ -27,7 +28,7 @@
 #endif
 
 enum { ADD, LEVEL, FACTOR, OUTPUT };
-enum { CURRENT = 1, EFFORT = 2, TURN = 4 };
+enum { CURRENT = 1, EFFORT = 2, TURN = 4, TOUCH = 8 };
 enum { FRICTION, LIMIT };
 
 typedef void (*nominal_t)(const double *x, const double *u, const double *p, double *dx);
@@ -47,7 +48,7 @@ typedef struct {
 /** Everything that does not change during a run; filled from Python. */
 typedef struct {
     int n, m, r, terms, coordinates, segments, simple, speed, position, lags, settling;
-    int asked;                      /* what the terms look at: CURRENT, EFFORT, TURN */
+    int asked;                      /* what the terms look at: CURRENT, EFFORT, TURN; TOUCH */
     const double *a, *b, *c;        /* n x n, n x m, n; row by row */
     const double *read_x, *read_u;  /* r x n, r x m */
     const double *current, *effort; /* n + m each */

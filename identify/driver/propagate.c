@@ -26,6 +26,32 @@ static void multiply(int n, const double *a, const double *b, double *out) {
     }
 }
 
+/* How fast dx/dt = M x can change, 1/s: the largest sum of a row of M^8, to the power 1/8, bounds and nearly is the
+ * largest eigenvalue's magnitude, whatever units the states are in. M is destroyed. */
+static double fastest(int n, double *m) {
+    double squared[MOST * MOST], scale = 1.0, most = 0.0;
+    for (int turn = 0; turn <= 3; ++turn) {
+        most = 0.0;
+        for (int i = 0; i < n; ++i) {
+            double sum = 0.0;
+            for (int j = 0; j < n; ++j) {
+                sum += fabs(m[i * n + j]);
+            }
+            most = fmax(most, sum);
+        }
+        if (!(most > 0.0) || !isfinite(most)) {
+            return 0.0;
+        }
+        scale *= pow(most, ldexp(1.0, -turn));
+        for (int i = 0; i < n * n; ++i) {
+            m[i] /= most;
+        }
+        multiply(n, m, m, squared);
+        memcpy(m, squared, (size_t)(n * n) * sizeof *m);
+    }
+    return scale;
+}
+
 /* Per level, from `length` on by halves: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each.
  * NULL without memory. */
 #define F(level) (&table[(size_t)(level) * 6 * nn])

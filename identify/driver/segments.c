@@ -16,32 +16,6 @@
 
 #include "glide.c"
 
-/* How fast dx/dt = M x can change, 1/s: the largest sum of a row of M^8, to the power 1/8, bounds and nearly is the
- * largest eigenvalue's magnitude, whatever units the states are in. M is destroyed. */
-static double fastest(int n, double *m) {
-    double squared[MOST * MOST], scale = 1.0, most = 0.0;
-    for (int turn = 0; turn <= 3; ++turn) {
-        most = 0.0;
-        for (int i = 0; i < n; ++i) {
-            double sum = 0.0;
-            for (int j = 0; j < n; ++j) {
-                sum += fabs(m[i * n + j]);
-            }
-            most = fmax(most, sum);
-        }
-        if (!(most > 0.0) || !isfinite(most)) {
-            return 0.0;
-        }
-        scale *= pow(most, ldexp(1.0, -turn));
-        for (int i = 0; i < n * n; ++i) {
-            m[i] /= most;
-        }
-        multiply(n, m, m, squared);
-        memcpy(m, squared, (size_t)(n * n) * sizeof *m);
-    }
-    return scale;
-}
-
 /* N where the run is; computed once per place. */
 static void look_round(run_t *run) {
     if (!run->known) {
@@ -132,6 +106,8 @@ static int advance(run_t *run, double length) {
     double rest = length, trial[MOST];
     int level = coarsest(run, length), start = level, events = 0;
     int bound = 0; /* the level that the search for an event has come to */
+    const int bodies = k->asked & TOUCH, sharpest = finest < SHARPEST ? finest : SHARPEST;
+    int touch = bodies ? touching(run, run->x, run->t) : 0;
     while (rest > 0.0) {
         double h = run->lengths[level];
         int c;
@@ -173,14 +149,26 @@ static int advance(run_t *run, double length) {
             decide(run, c);
             ++events;
             run->known = 0;
+            touch = bodies ? touching(run, run->x, run->t) : 0;
             bound = 0;
             level = run->moving ? coarsest(run, rest) : start;
+            continue;
+        }
+        const int next = bodies ? touching(run, trial, run->t + h) : 0;
+        if (next != touch && level < sharpest && events < MOST_EVENTS) {
+            bound = ++level;
             continue;
         }
         memcpy(run->x, trial, bytes);
         run->t += h;
         rest -= h;
         run->known = 0;
+        if (next != touch) {
+            touch = next;
+            ++events;
+            bound = 0;
+            level = start;
+        }
         if (fabs(rest) < 1e-7 * run->smallest) {
             break;
         }

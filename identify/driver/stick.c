@@ -216,3 +216,19 @@ static void decide(run_t *run, int c) {
         run->s[c] = fabs(torque) <= level_at(run, run->x, run->t, c, way) ? 0 : way;
     }
 }
+
+/* Which way each force pushes that is there only where bodies touch. */
+static int touching(const run_t *run, const double *x, double t) {
+    const problem_t *k = run->k;
+    int found = 0;
+    double u[MOST];
+    input_at(run, t, u);
+    const view_t v = look(run, x, u, t);
+    for (int j = 0; j < k->terms; ++j) {
+        if (touches(k->term[j].code)) {
+            const double force = term(k->term[j].code, &v, &k->q[k->term[j].constants]);
+            found = 3 * found + (force > 0.0) - (force < 0.0);
+        }
+    }
+    return found;
+}

@@ -83,4 +83,5 @@ EFFECT = Effect(
     coordinate="reversals",
     contains=("flexible_coupling",),
     contact=("gap", "stiffness", "damping"),
+    touches=True,
 )

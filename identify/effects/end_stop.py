@@ -65,4 +65,5 @@ EFFECT = Effect(
     coordinate="position",
     slow=True,
     limits=True,
+    touches=True,
 )

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from bench.blind_cases import draw_case
+from diagnose.contact import grown
 from diagnose.descent import Problem
 from diagnose.given import runaways
-from diagnose.hypothesis import Point, Scene, coordinates, entered, first_point, make_scene
-from diagnose.refit import Fitted, tethers
+from diagnose.hypothesis import Cause, Point, Scene, coordinates, entered, first_point, make_scene
+from diagnose.refit import Fitted, fit, noises_of, tethers
 from diagnose.torque_scale import near_given
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
@@ -93,3 +94,36 @@ def test_intervals_hold_what_is_true(seed: int, tmp_path: Path) -> None:
     (true,) = list(hidden.told.values())[:1]
     low, high = next(iter(effect["parameters"].values()))["ci95"]
     assert low <= true <= high
+
+
+def with_backlash(scene: Scene, seed: int) -> tuple[Cause, Point]:
+    """Return the cause and the point at which the case was made."""
+    case = draw_case(seed)
+    (hidden,) = case.hidden
+    cause, begin = scene.cause("backlash"), first_point(scene, scene.train)
+    assert cause is not None
+    words = ("gap", "coupled_inertia", "coupling", "coupling_damping")
+    true = {key: float(hidden.truth[word]) for key, word in zip(cause.keys, words, strict=True)}
+    plant = {"mass_kg": case.machine.values["J"], "b_N_s_m": case.machine.values["b"]}
+    return cause, Point({**begin.values, **plant, **true}, begin.starts)
+
+
+def test_bodies_meet_at_the_same_moment_whatever_the_steps(tmp_path: Path) -> None:
+    scene = scene_of(490007, tmp_path)
+    _, point = with_backlash(scene, 490007)
+    fine, coarse = (
+        (scene.engine.hasten(steps), scene.engine.simulate(scene.train[0], point.values, point.starts[0]))[1]
+        for steps in (0.03, 1.0)
+    )
+    assert float(np.std(coarse - fine)) < 1e-6  # m, of a stage that moves 0.1 m and more
+
+
+def test_a_stretch_that_grows_leads_to_a_gap(tmp_path: Path) -> None:
+    scene = scene_of(680002, tmp_path)
+    cause, true = with_backlash(scene, 680002)
+    gap = cause.keys[0]
+    away = Point({**true.values, **scene.starts[cause.label][0]}, true.starts)
+    begun = fit(scene, scene.train, (cause,), away, [white(0.02)], 12)
+    found = grown(scene, begun, noises_of(scene, begun.residuals))
+    assert abs(begun.point.values[gap] / true.values[gap] - 1.0) > 0.1
+    assert found.point.values[gap] == pytest.approx(true.values[gap], rel=0.01)
