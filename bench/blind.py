@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from bench.blind_cases import draw_case, write_case
 from bench.truth import folded
-from diagnose.contact import past_contacts
+from diagnose.contact import grown, past_contacts
 from diagnose.hypothesis import Cause, Point, Scene, entered, first_point, make_scene
 from diagnose.refit import Fitted
 from diagnose.refit import fit as refit
@@ -136,8 +137,8 @@ def _visible(plant: Plant, labels: Path, label: Mapping[str, Any]) -> float:
 def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: Sequence[float]) -> Array:
     """Return what the best refit leaves (n, r) beside the effects called `names`.
 
-    A value that has no label begins mid-grid; where that leaves something to see, at all of the grid, and where bodies
-    meet the best is led past the kinks of that.
+    A value that has no label begins mid-grid; where that leaves something to see, also with the plant as it truly is,
+    at all of the grid, and where bodies meet the best is led past the kinks of that.
     """
     causes = [
         each for each in scene.causes if each.effect.name in names and each.output == label["outputs"][each.effect.name]
@@ -147,6 +148,7 @@ def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: 
     best = _refitted(scene, causes, middle, noises)
     if _shown(best, noises) < 1.0:
         return best.residuals[0]
+    best = min(best, _refitted(scene, causes, middle, noises, label["plant"]), key=lambda each: _shown(each, noises))
     tried = [middle]
     for k in range(max(map(len, grids), default=0)):
         starts = [grid[k % len(grid)] for grid in grids]
@@ -154,7 +156,7 @@ def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: 
             tried.append(starts)
             best = min(best, _refitted(scene, causes, starts, noises), key=lambda each: _shown(each, noises))
     sizes = [white(float(size)) for size in np.maximum(np.sqrt(np.mean(best.residuals[0] ** 2, axis=0)), noises)]
-    return past_contacts(scene, best, sizes, _PATIENCE).residuals[0]
+    return past_contacts(scene, grown(scene, best, sizes), sizes, _PATIENCE).residuals[0]
 
 
 def _grid(scene: Scene, cause: Cause, told: Mapping[str, float]) -> list[dict[str, float]]:
@@ -174,11 +176,15 @@ def _shown(fitted: Fitted, noises: Sequence[float]) -> float:
 
 
 def _refitted(
-    scene: Scene, causes: Sequence[Cause], starts: Sequence[Mapping[str, float]], noises: Sequence[float]
+    scene: Scene,
+    causes: Sequence[Cause],
+    starts: Sequence[Mapping[str, float]],
+    noises: Sequence[float],
+    plant: Mapping[str, float] = MappingProxyType({}),
 ) -> Fitted:
-    """Refit the plant and causes from their starts to the one recording there is."""
+    """Refit the plant, from given values or those of `plant`, and causes from their starts to the one recording."""
     begin = first_point(scene, scene.train)
-    values = begin.values
+    values: Mapping[str, float] = {**begin.values, **plant}
     for cause, start in zip(causes, starts, strict=True):
         values = entered(values, cause, start)
     point, found = Point(values, begin.starts), []

@@ -144,6 +144,7 @@ def write_case(case: Case, folder: Path, labels: Path) -> None:
     label = {
         "effects": {each.name: _told(case.machine, each) for each in case.hidden},
         "outputs": {each.name: _column(case, each) for each in case.hidden},
+        "plant": _nominal(case.machine, truth),
         "outside": case.outside,
         "machine": case.machine.name,
         "sensors": list(case.sensors),
@@ -229,11 +230,6 @@ def _resolution(machine: Machine, quantity: str) -> float:
 def _project(case: Case, truth: Mapping[str, float], rng: np.random.Generator) -> str:
     """Give nominal parameters that are off by up to 10 %, all free."""
     machine = case.machine
-    rigid = truth["J"] + truth.get("coupled_inertia", 0.0)
-    if machine.motor:
-        values = {"R_ohm": "R", "L_H": "L", "ke_V_s_rad": "ke", "kt_N_m_A": "kt", "J_kg_m2": "", "b_N_m_s_rad": "b"}
-    else:
-        values = {"mass_kg": "", "b_N_s_m": "b"}
     lines = [
         "schema = 1",
         'name = "blind"',
@@ -246,11 +242,21 @@ def _project(case: Case, truth: Mapping[str, float], rng: np.random.Generator) -
         f"outputs = {json.dumps([COLUMN[machine.motor][quantity] for quantity in case.sensors])}",
         "[plant.parameters]",
     ]
-    for name, key in values.items():
+    for name, true in _nominal(machine, truth).items():
         held = name in _held_still(case.sensors, machine)  # what is not free is known: it may not hide a mismatch
-        value = (machine.values[key] if key else rigid) * (1.0 if held else rng.uniform(0.9, 1.1))
+        value = true * (1.0 if held else rng.uniform(0.9, 1.1))
         lines.append(f"{name} = {{ value = {value!r}, free = {'false' if held else 'true'} }}")
     return "\n".join(lines) + "\n"
+
+
+def _nominal(machine: Machine, truth: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the true nominal parameters as the contract calls them; the inertia is that of all that turns."""
+    rigid = truth["J"] + truth.get("coupled_inertia", 0.0)
+    if machine.motor:
+        keys = {"R_ohm": "R", "L_H": "L", "ke_V_s_rad": "ke", "kt_N_m_A": "kt", "J_kg_m2": "", "b_N_m_s_rad": "b"}
+    else:
+        keys = {"mass_kg": "", "b_N_s_m": "b"}
+    return {name: machine.values[key] if key else rigid for name, key in keys.items()}
 
 
 def _held_still(sensors: Sequence[str], machine: Machine) -> tuple[str, ...]:

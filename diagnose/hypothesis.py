@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 _COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
 _STEP = 1e-5  # of a coordinate, for difference quotients
 _FINE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
-_ROUGH_STEP = 1e-2  # the same where bodies meet: each time they meet a moment later, outputs move by a small leap
+_ROUGH_STEP = 3e-3  # the same where bodies meet: each time they meet a moment later, outputs move by a small leap
 _LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
 

@@ -22,6 +22,7 @@ from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Sea
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, creeps, extended, rated, simplest, unseen_residuals, without
 from diagnose.screen import ground, screen
+from diagnose.swap import swapped
 from identify.noise import Noise, colored, memory
 
 Array = NDArray[np.float64]
@@ -138,7 +139,8 @@ def _whitened(found: Search, plain: Search) -> Search:
     if not colored(best.noises):
         best = pruned(scene, best)  # where nothing slow is left, evidence tells what only led there
     gain = found.nominal.score - best.score
-    return replace(found, best=best, rounds=((best,),), gains=(gain,))
+    best, tried = swapped(scene, best, gain)
+    return replace(found, best=best, rounds=((best,), tried), gains=(gain,))
 
 
 def strays(found: Search) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,12 +62,13 @@ def fit(
     noises: Sequence[Noise],
     steps: int,
     patience: float = PATIENCE,
+    held: Collection[str] = (),
 ) -> Fitted:
     """Search from `begin` in a given number of steps; bounds hold by stopping at them.
 
-    No step begins after `patience` (s of computing).
+    No step begins after `patience` (s of computing). What is `held` stays.
     """
-    unknowns = coordinates(scene, causes, begin.values)
+    unknowns = tuple(each for each in coordinates(scene, causes, begin.values) if each.name not in held)
     problem = Problem(scene, recordings, unknowns, noises, tethers(scene, unknowns))
     place, normal = descended(problem, begin, steps, patience)
     return Fitted(tuple(causes), unknowns, place.point, place.residuals, place.cost, normal)

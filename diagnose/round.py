@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnose.contact import past_contacts
+from diagnose.contact import grown, past_contacts
 from diagnose.given import afresh, runaways
 from diagnose.hypothesis import Scene
 from diagnose.orders import best_orders
@@ -17,7 +17,7 @@ from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from diagnose.rival import IMPOSSIBLE, Rival, extended, rated, related
 from diagnose.screen import Screened, ground, screen
 from diagnose.swap import relatives
-from identify.noise import colored, flat, white
+from identify.noise import Noise, colored, flat, white
 
 CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up, or has clearly gained
 SHORT, LONG, LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model
@@ -77,7 +77,7 @@ def tried_beside(
     longer = [fit(scene, scene.train, each.causes, each.point, noises, LONG) for each in final]
     told = [own_evidence(scene, each) for each in longer]
     longer = [
-        past_contacts(scene, each, noises) if score - min(told) < CLEAR else each
+        _met(scene, each, noises) if score - min(told) < CLEAR else each
         for each, score in zip(longer, told, strict=True)
     ]
     noises = noises_of(scene, min(longer, key=lambda each: each.cost).residuals)
@@ -88,6 +88,14 @@ def tried_beside(
     best_one = min(rivals, key=lambda each: each.score)
     known = {each.fitted.causes for each in rivals if each.score < IMPOSSIBLE}
     return tuple(sorted([*rivals, *relatives(scene, best_one, known)], key=lambda each: each.score))
+
+
+def _met(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Lead a fit past its contacts; where those are new, on a stretch that grows first."""
+    if fitted.causes[-1].effect.contact:
+        fitted = grown(scene, fitted, noises)
+        noises = noises_of(scene, fitted.residuals)
+    return past_contacts(scene, fitted, noises)
 
 
 def _trials(

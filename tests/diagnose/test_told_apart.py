@@ -75,6 +75,13 @@ SLOW = (
     (520149, "explained", "backlash", "a gap between the starts of its grid"),
     (580009, "explained", "sensor_lag torque_ripple", "waves that follow an angle which is read late"),
     (590002, "explained", "clock_skew gravity_torque", "waves that follow an angle which another clock reads"),
+    (
+        660057,
+        "ambiguous",
+        "dead_zone flexible_coupling input_delay sensor_delay",
+        "a delay found by what simulations miss",
+    ),
+    (680002, "explained", "backlash", "teeth that meet too late in every step"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
