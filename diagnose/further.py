@@ -10,7 +10,7 @@ from diagnose.contact import grown, past_contacts
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import with_lasting
-from diagnose.plain import believed, leap, slow_rivals
+from diagnose.plain import believed, leap, nearer, slow_rivals
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
@@ -45,9 +45,13 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     same = slow is found or set(slow.best.fitted.causes) == set(found.best.fitted.causes)
     shape = best_shape(found, found.best) if same else None
     if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
-        slow = rested(slow)
-        fitted = _with_doubts(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
-        return replace(slow, best=replace(slow.best, fitted=fitted)), None
+        other = exhausted(found)
+        if other is None or not nearer(found.scene, other.best.fitted, slow.best.fitted):
+            slow = rested(slow)
+            fitted = _with_doubts(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
+            return replace(slow, best=replace(slow.best, fitted=fitted)), None
+        found = further(other) or settled(other)
+        shape = best_shape(found, found.best)
     while (
         shape is not None
         and shape.gain > LEFT

@@ -69,6 +69,11 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     return _simulated(found) if found.best.fitted.causes else found
 
 
+def nearer(scene: Scene, one: Fitted, other: Fitted) -> bool:
+    """Tell whether the simulations of one explanation come clearly nearer than those of another, unseen ones too."""
+    return max(_ratios(scene, one, other)) < _CLEAR
+
+
 def _idle(found: Search, fitted: Fitted, gain: float) -> bool:
     """Tell whether what a fit adds to what was found is no more than a disturbance, or counts against it.
 
