@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from diagnose.hypothesis import Cause, Point, Scene
+from diagnose.hypothesis import Cause, Point, Scene, meeting
 from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
 from identify.noise import Noise, flat
 from identify.recording import Recording
@@ -25,12 +25,12 @@ _NUDGES = (  # factors on where a contact is, how stiff it is, and how damped: a
     (1.0, 0.5, math.sqrt(0.5)),
     (1.0, 2.0, math.sqrt(2.0)),
 )
-_STRETCHES = (0.05, 0.1, 0.2, 0.35, 0.55, 0.75, 1.0)  # of the rows that a fit grows over
+_STRETCHES = (0.05, 0.1, 0.2, 0.35, 0.55, 0.75)  # of the rows that a fit grows over before it takes all
 _BRIEF = 0.2  # of the rows; fewer do not tell how stiff and how damped a contact is
 _HARDER = (1.0, 3.0, 10.0)  # factors on how stiff contacts are, where a stretch begins to grow
 _GROWTH = 6.0  # s of computing after which no stretch begins to grow
 _LAST = 24  # steps of a fit to all rows
-_STEPS = 12  # of a fit from there
+_STEPS = 12  # of a fit to some, and from a nudge
 _WORTH = 2.0  # evidence that a nudge has to bring
 _PATIENCE = 5.0  # s of computing
 
@@ -80,7 +80,7 @@ def _at(fitted: Fitted, factors: Mapping[str, float]) -> Point:
 
 def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Fit again on stretches that grow, with contacts as stiff as they were and stiffer; return what explains most."""
-    if not any(cause.effect.contact for cause in fitted.causes):
+    if not meeting(fitted.causes):
         return fitted
     until = time.process_time() + _GROWTH
     best, told = fitted, own_evidence(scene, fitted)
@@ -98,7 +98,7 @@ def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
 
 def _over_stretches(scene: Scene, causes: Sequence[Cause], point: Point, noises: Sequence[Noise]) -> Fitted:
     """Fit from a point to more and more rows; how contacts give way is left for later."""
-    for share in _STRETCHES[:-1]:
+    for share in _STRETCHES:
         part = replace(scene, train=tuple(_first(each, share) for each in scene.train), memory={})
         held = _giving(causes) if share < _BRIEF else ()
         first = fit(part, part.train, causes, point, flat(noises), _STEPS, held=held)
