@@ -10,7 +10,7 @@ from diagnose.contact import grown, past_contacts
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import with_lasting
-from diagnose.plain import believed, leap, nearer, slow_rivals
+from diagnose.plain import believed, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
@@ -25,6 +25,7 @@ LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whol
 _LITTLE = 150.0  # drop of BIC up to which a name says little
 _STEPS = 12  # of a fit without an effect
 _POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
+_LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
 _PATIENCE = 15.0  # s of computing after which nothing further is looked for
 
@@ -65,6 +66,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
+    strange |= strays(found, _LOST)
     if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         other = exhausted(found)
         if other is not None:

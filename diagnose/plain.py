@@ -148,11 +148,11 @@ def _whitened(found: Search, plain: Search) -> Search:
     return replace(found, best=best, rounds=((best,), tried), gains=(gain,))
 
 
-def strays(found: Search) -> bool:
-    """Tell whether an explanation leaves a slow misfit that is not small beside the motion."""
+def strays(found: Search, share: float = _DRIFT) -> bool:
+    """Tell whether an explanation leaves a slow misfit that is not small, a `share` of it, beside the motion."""
     scene, noises = found.scene, found.best.noises
     spreads = [np.concatenate([each.columns[s.name] for each in scene.train]).std() for s in scene.plant.outputs]
-    large = any(noise.rms > _DRIFT * spread for noise, spread in zip(noises, spreads, strict=True))
+    large = any(noise.rms > share * spread for noise, spread in zip(noises, spreads, strict=True))
     return large and max(noise.rms / noise.scale for noise in noises) > _SLOW
 
 

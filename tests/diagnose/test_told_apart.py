@@ -82,6 +82,7 @@ SLOW = (
         "a delay found by what simulations miss",
     ),
     (700015, "explained", "end_stop", "what a stop does to a chirp, by simulation error"),
+    (710058, "explained", "sensor_rectified", "a sign that a nominal fit had lost too"),
     (680002, "explained", "backlash", "teeth that meet too late in every step"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
