@@ -145,16 +145,17 @@ def _left(scene: Scene, names: Sequence[str], label: Mapping[str, Any], noises: 
     ]
     grids = [_grid(scene, cause, label["effects"][cause.effect.name]) for cause in causes]
     middle = [grid[len(grid) // 2] for grid in grids]
-    best = _refitted(scene, causes, middle, noises)
-    if _shown(best, noises) < 1.0:
-        return best.residuals[0]
-    best = min(best, _refitted(scene, causes, middle, noises, label["plant"]), key=lambda each: _shown(each, noises))
+    found = [_refitted(scene, causes, middle, noises)]
+    if _shown(found[0], noises) < 1.0:
+        return found[0].residuals[0]
+    found.append(_refitted(scene, causes, middle, noises, label["plant"]))
     tried = [middle]
     for k in range(max(map(len, grids), default=0)):
         starts = [grid[k % len(grid)] for grid in grids]
         if starts not in tried:
             tried.append(starts)
-            best = min(best, _refitted(scene, causes, starts, noises), key=lambda each: _shown(each, noises))
+            found.append(_refitted(scene, causes, starts, noises))
+    best = min(found, key=lambda each: _shown(each, noises))
     sizes = [white(float(size)) for size in np.maximum(np.sqrt(np.mean(best.residuals[0] ** 2, axis=0)), noises)]
     return past_contacts(scene, grown(scene, best, sizes), sizes, _PATIENCE).residuals[0]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from diagnose.hypothesis import Cause, Point, Scene, meeting
@@ -32,50 +32,34 @@ _GROWTH = 6.0  # s of computing after which no stretch begins to grow
 _LAST = 24  # steps of a fit to all rows
 _STEPS = 12  # of a fit to some, and from a nudge
 _WORTH = 2.0  # evidence that a nudge has to bring
-_PATIENCE = 5.0  # s of computing
+PATIENCE = 5.0  # s of computing
 
 
-def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float = _PATIENCE) -> Fitted:
+def met(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float) -> Fitted:
+    """Let a fit grow over the rows, and lead it past the kinks that are left."""
+    fitted = grown(scene, fitted, noises)
+    return past_contacts(scene, fitted, noises_of(scene, fitted.residuals), patience)
+
+
+def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float = PATIENCE) -> Fitted:
     """Move the contacts that causes make, a little at a time, as long as a fit from there explains more."""
-    nudges = [nudge for factors in _NUDGES for nudge in _moved(fitted, factors)]
-    if not nudges:
+    if not meeting(fitted.causes):
         return fitted
     told = own_evidence(scene, fitted)
     until = time.process_time() + patience
     moved = True
     while moved:
         moved = False
-        for values in nudges:
+        for factors in _NUDGES:
             if time.process_time() > until:
                 return fitted
-            begin = _at(fitted, values)
-            other = fit(scene, scene.train, fitted.causes, begin, noises, _STEPS)
+            other = fit(scene, scene.train, fitted.causes, _nudged(fitted, factors), noises, _STEPS)
             left = noises_of(scene, other.residuals)
             score = evidence(other, left)
             if told - score > _WORTH:
                 fitted, told, noises, moved = other, score, left, True
                 break
     return fitted
-
-
-def _moved(fitted: Fitted, factors: Sequence[float]) -> list[dict[str, float]]:
-    """Return the factors on where the contact of each cause that makes one is, how stiff and how damped, by key."""
-    return [
-        {
-            key: factor
-            for begins, factor in zip(cause.effect.contact, factors, strict=True)
-            for key, each in zip(cause.keys, cause.parameters, strict=True)
-            if each.name.startswith(begins)
-        }
-        for cause in fitted.causes
-        if cause.effect.contact
-    ]
-
-
-def _at(fitted: Fitted, factors: Mapping[str, float]) -> Point:
-    """Return the point of a fit with some of its values multiplied."""
-    values = fitted.point.values
-    return Point({**values, **{key: by * values[key] for key, by in factors.items()}}, fitted.point.starts)
 
 
 def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -85,8 +69,8 @@ def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     until = time.process_time() + _GROWTH
     best, told = fitted, own_evidence(scene, fitted)
     for harder in _HARDER:
-        factors = {key: by for each in _moved(fitted, (1.0, harder, math.sqrt(harder))) for key, by in each.items()}
-        other = _over_stretches(scene, fitted.causes, _at(fitted, factors), noises)
+        begin = _nudged(fitted, (1.0, harder, math.sqrt(harder)))
+        other = _over_stretches(scene, fitted.causes, begin, noises)
         score = own_evidence(scene, other)
         gain = told - score
         if gain > _WORTH:
@@ -96,24 +80,33 @@ def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     return best
 
 
+def _contacts(causes: Sequence[Cause]) -> dict[str, int]:
+    """Return what each key of a contact says: 0 where it is, 1 how stiff, 2 how damped."""
+    return {
+        key: which
+        for cause in causes
+        for which, begins in enumerate(cause.effect.contact)
+        for key, each in zip(cause.keys, cause.parameters, strict=True)
+        if each.name.startswith(begins)
+    }
+
+
+def _nudged(fitted: Fitted, factors: Sequence[float]) -> Point:
+    """Return the point of a fit with factors on where contacts are, how stiff and how damped."""
+    values = fitted.point.values
+    moved = {key: factors[which] * values[key] for key, which in _contacts(fitted.causes).items()}
+    return Point({**values, **moved}, fitted.point.starts)
+
+
 def _over_stretches(scene: Scene, causes: Sequence[Cause], point: Point, noises: Sequence[Noise]) -> Fitted:
     """Fit from a point to more and more rows; how contacts give way is left for later."""
+    giving = [key for key, which in _contacts(causes).items() if which > 0]
     for share in _STRETCHES:
         part = replace(scene, train=tuple(_first(each, share) for each in scene.train), memory={})
-        held = _giving(causes) if share < _BRIEF else ()
+        held = giving if share < _BRIEF else ()
         first = fit(part, part.train, causes, point, flat(noises), _STEPS, held=held)
         point, noises = first.point, noises_of(part, first.residuals)
     return fit(scene, scene.train, causes, point, noises, _LAST)
-
-
-def _giving(causes: Sequence[Cause]) -> list[str]:
-    """Return the keys of how stiff and how damped contacts are."""
-    return [
-        key
-        for cause in causes
-        for key, each in zip(cause.keys, cause.parameters, strict=True)
-        if each.name.startswith(cause.effect.contact[1:])
-    ]
 
 
 def _first(recording: Recording, share: float) -> Recording:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from diagnose.contact import grown, past_contacts
+from diagnose.contact import met
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import with_lasting
@@ -143,8 +143,7 @@ def _met(scene: Scene, rival: Rival) -> Fitted:
     """Lead a fit past the kinks of contacts, where there are any, by finer steps."""
     if not meeting(rival.fitted.causes):
         return rival.fitted
-    fitted = grown(scene, ended(scene, rival.fitted, rival.noises), rival.noises)
-    return past_contacts(scene, fitted, noises_of(scene, fitted.residuals), _CONTACTS)
+    return met(scene, ended(scene, rival.fitted, rival.noises), rival.noises, _CONTACTS)
 
 
 def _finer(scene: Scene, rival: Rival) -> Fitted:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnose.contact import grown, past_contacts
+from diagnose.contact import PATIENCE, met, past_contacts
 from diagnose.given import afresh, runaways
 from diagnose.hypothesis import Scene
 from diagnose.orders import best_orders
@@ -92,10 +92,7 @@ def tried_beside(
 
 def _met(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Lead a fit past its contacts; where those are new, on a stretch that grows first."""
-    if fitted.causes[-1].effect.contact:
-        fitted = grown(scene, fitted, noises)
-        noises = noises_of(scene, fitted.residuals)
-    return past_contacts(scene, fitted, noises)
+    return (met if fitted.causes[-1].effect.contact else past_contacts)(scene, fitted, noises, PATIENCE)
 
 
 def _trials(

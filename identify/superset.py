@@ -72,7 +72,7 @@ class Superset:
         self, recording: Recording, parameters: Mapping[str, float], names: Sequence[str], start: Array | None
     ) -> Array:
         """Return the slopes (n, r, k) of the outputs for parameters or, as `start.<state>`, for the start state."""
-        which = [self.names.index(name) for name in names if not name.startswith("start.")]
+        which = [self.places[name] for name in names if not name.startswith("start.")]
         states = [self.states.index(name.removeprefix("start.")) for name in names if name.startswith("start.")]
         _, slopes = self.engine.slopes(
             self.course(recording), self.constants(parameters), self.begin(recording, start), which, states, 1e-6
