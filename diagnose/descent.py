@@ -139,6 +139,12 @@ class Problem:
         total[:count] -= self.tether[:, :-1].T @ self._tied(place.point)
         return total
 
+    def spread_out(self, k: int, own: Array) -> Array:
+        """Return rows (k + s, ...) of the coordinates and one recording's initial state at their places in all."""
+        total = np.zeros((len(self.unknowns) + len(self.scene.engine.states) * len(self.recordings), *own.shape[1:]))
+        total[self._places(k)] = own
+        return total
+
     def _places(self, k: int) -> NDArray[np.intp]:
         count, states = len(self.unknowns), len(self.scene.engine.states)
         return np.concatenate([np.arange(count), count + states * k + np.arange(states)])

@@ -13,6 +13,7 @@ from diagnose.lasting import with_lasting
 from diagnose.plain import believed, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
+from diagnose.pushes import with_pushes
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
 from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
 from diagnose.rest import rested
@@ -115,7 +116,8 @@ def _confirmed(found: Search) -> Search:
 
 def _with_doubts(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Widen the deviations to what test recordings and slow disturbances leave of them."""
-    return with_lasting(scene, with_doubt(scene, fitted, noises), noises)
+    fitted = with_pushes(scene, with_doubt(scene, fitted, noises), noises)
+    return with_lasting(scene, fitted, noises)
 
 
 def _past_kinks(scene: Scene, rival: Rival, owed: float) -> Rival:

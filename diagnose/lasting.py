@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import start_slopes, whitened
 from diagnose.hypothesis import Cause, Scene
+from diagnose.pushes import batches, pushed, sizes_of
 from diagnose.refit import Fitted, inverse
-from identify.noise import Noise, colored, flat
-from identify.recording import Recording
+from identify.noise import Noise, colored
 
 Array = NDArray[np.float64]
 
@@ -27,8 +25,6 @@ _PULLED = 5.0  # the same of what pulls by where it is
 _FEW = 500.0  # drop of BIC that such an average may bring
 _BATCHES = 12  # of each recording
 _WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
-_PROBE = "load_step"
-_PUSH = 0.02  # of the largest effort
 
 
 def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
@@ -42,7 +38,7 @@ def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Caus
         if found is None:
             return 0.0
         means.append(found[0][0])
-        after.append(_begins(recording) >= min(moments, default=-np.inf))
+        after.append(batches(recording, _BATCHES) >= min(moments, default=-np.inf))
     every, late = np.concatenate(means), np.concatenate(after)
     parts = [part for part in (np.sum(late), np.sum(~late)) if part]
     return float(np.std(every, ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
@@ -100,51 +96,19 @@ def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitte
     return replace(fitted, wider=wider)
 
 
-def _begins(recording: Recording) -> Array:
-    """Return when the batches of a recording begin."""
-    return np.linspace(recording.time[0], recording.time[-1], _BATCHES + 1)[:-1]
-
-
 def _by_batches(
     scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause, index: int, seen: Iterable[Array]
 ) -> list[tuple[Array, float]] | None:
     """Return for each of `seen` (n, r) the load, or offset, of every batch that makes it, and the share it leaves."""
-    recording, sizes = scene.train[index], flat(noises)
-    moved = _moved(scene, fitted, cause, recording, index, _begins(recording))
-    if moved is None:
-        return None
-    own = np.nan_to_num(start_slopes(scene, recording, fitted.point, index, exact=True))
-    tall = whitened(np.concatenate([moved, own], axis=2), sizes)
-    scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-    found = []
-    for each in seen:
-        goal = whitened(each, sizes)
-        answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
-        rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
-        found.append(((answer / scale)[:_BATCHES], rest / whole if whole > 0.0 else 0.0))
+    begins = batches(scene.train[index], _BATCHES)
+    moves = pushed(scene, fitted, index, begins) if cause.output is None else _offsets(scene, cause, index, begins)
+    return None if moves is None else sizes_of(scene, fitted, noises, index, moves, seen)
+
+
+def _offsets(scene: Scene, cause: Cause, index: int, begins: Array) -> Array:
+    """Return what an offset of one in each batch alone does to the outputs (n, r, batches)."""
+    rows = scene.train[index].time
+    found = np.zeros((len(rows), len(scene.plant.outputs), len(begins)))
+    batch = np.searchsorted(begins, rows, side="right") - 1
+    found[np.arange(len(rows)), [signal.name for signal in scene.plant.outputs].index(str(cause.output)), batch] = 1.0
     return found
-
-
-def _moved(scene: Scene, fitted: Fitted, cause: Cause, recording: Recording, index: int, begins: Array) -> Array | None:
-    """Return what an offset, or a load, of one in each batch alone does to the outputs (n, r, batches)."""
-    rows, count = fitted.residuals[index].shape
-    if cause.output is not None:
-        found = np.zeros((rows, count, len(begins)))
-        batch = np.searchsorted(begins, recording.time, side="right") - 1
-        place = [signal.name for signal in scene.plant.outputs].index(cause.output)
-        found[np.arange(rows), place, batch] = 1.0
-        return found
-    probe = scene.cause(_PROBE)
-    if probe is None:
-        return None
-    push, moment = probe.keys
-    size = _PUSH * probe.scales.effort
-    start = fitted.point.starts[index]
-    values = {key: value for key, value in fitted.point.values.items() if key not in probe.keys}
-    without = scene.engine.simulate(recording, values, start)
-    steps = [
-        (without - scene.engine.simulate(recording, {**values, push: size, moment: float(begin)}, start)) / size
-        for begin in begins
-    ]
-    steps.append(np.zeros_like(without))
-    return np.nan_to_num(np.stack([one - other for one, other in pairwise(steps)], axis=2))

@@ -1,0 +1,93 @@
+"""Ask what a disturbance that pushes the machine, and not its readings, leaves of every parameter.
+
+Noise models add to outputs, everywhere alike. A slow force does not: what it has moved before a stop is met moves that
+moment, and pressed against the stop it moves nothing. Deviations that count on the one are far too small for the other.
+Pushes of batches of the recording, as large as what is left of it tells, are taken through the fit to first order: the
+sandwich of Huber (Proc. 5th Berkeley Symposium 1 (1967) 221-233) with a filling that follows the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.descent import Problem, start_slopes, whitened
+from diagnose.hypothesis import Scene
+from diagnose.refit import Fitted, inverse, tethers
+from identify.noise import Noise, colored, flat
+from identify.recording import Recording
+
+Array = NDArray[np.float64]
+
+_BATCHES = 50  # of each recording: a disturbance between two of them is moved by either
+_PROBE = "load_step"
+_PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
+
+
+def pushed(scene: Scene, fitted: Fitted, index: int, begins: Array) -> Array | None:
+    """Return what a load of one in each batch alone does to the outputs (n, r, batches); None where nothing loads."""
+    probe = scene.cause(_PROBE)
+    if probe is None:
+        return None
+    recording, start = scene.train[index], fitted.point.starts[index]
+    push, moment = probe.keys
+    size = _PUSH * probe.scales.effort
+    values = {key: value for key, value in fitted.point.values.items() if key not in probe.keys}
+    without = scene.engine.simulate(recording, values, start)
+    steps = [
+        (without - scene.engine.simulate(recording, {**values, push: size, moment: float(begin)}, start)) / size
+        for begin in begins
+    ]
+    steps.append(np.zeros_like(without))
+    return np.nan_to_num(np.stack([one - other for one, other in pairwise(steps)], axis=2))
+
+
+def batches(recording: Recording, count: int) -> Array:
+    """Return when the batches (count,) of a recording begin."""
+    return np.linspace(recording.time[0], recording.time[-1], count + 1)[:-1]
+
+
+def sizes_of(
+    scene: Scene, fitted: Fitted, noises: Iterable[Noise], index: int, moves: Array, seen: Iterable[Array]
+) -> list[tuple[Array, float]]:
+    """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave."""
+    sizes = flat(list(noises))
+    own = np.nan_to_num(start_slopes(scene, scene.train[index], fitted.point, index, exact=True))
+    tall = whitened(np.concatenate([moves, own], axis=2), sizes)
+    scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+    found = []
+    for each in seen:
+        goal = whitened(each, sizes)
+        answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
+        rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
+        found.append(((answer / scale)[: moves.shape[2]], rest / whole if whole > 0.0 else 0.0))
+    return found
+
+
+def with_pushes(scene: Scene, fitted: Fitted, noises: Iterable[Noise]) -> Fitted:
+    """Widen deviations to what pushes leave of them, where noise has a memory."""
+    noises, unknowns = list(noises), fitted.coordinates
+    if not colored(noises) or not unknowns:
+        return fitted
+    problem = Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns))
+    place = problem.at(fitted.point)
+    if not place.finite:
+        return fitted
+    answers, pulled = [], []
+    for index, slopes in enumerate(problem.slopes(place)):
+        moves = pushed(scene, fitted, index, batches(scene.train[index], _BATCHES))
+        if moves is None:
+            return fitted
+        answers.append(sizes_of(scene, fitted, noises, index, moves, (place.residuals[index],))[0][0])
+        pulled.append(problem.spread_out(index, slopes.T @ whitened(moves, noises)))
+    covariance = inverse(fitted.normal)
+    answer = (covariance @ np.concatenate(pulled, axis=1))[: len(unknowns)]
+    moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))
+    told = np.sqrt(np.maximum(np.diag(covariance)[: len(unknowns)], 0.0))
+    factors = np.where(told > 0.0, moved / np.where(told > 0.0, told, 1.0), 1.0)
+    known = np.ones(len(unknowns)) if fitted.wider is None else fitted.wider
+    return replace(fitted, wider=np.maximum(known, factors))
