@@ -37,6 +37,7 @@ _TELLING = 0.35  # of the residual without wraps
 _NEAR = 0.2  # of the range, by which the readings' span and their jumps may differ
 _STEP = 1e-4  # of a parameter's logarithm, for difference quotients
 _GIVEN = 0.3  # standard deviation of a given parameter, as a logarithm
+_BATCHES = 12  # of all rows: what is left may be slow, and its sums over batches tell by how much it moves the range
 
 
 def unwrapped(
@@ -64,8 +65,8 @@ def unwrapped(
             for before, after in zip((*train, *test), moved, strict=True)
         ]
         reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
-        if abs(reach - wrap[0]) > _SURE * wrap[2]:
-            reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit
+        if abs(reach - wrap[0]) > _SURE * wrap[2] or deviation > wrap[2]:
+            reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit, or the jumps tell more
         low = wrap[1]
         whole = [shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
         train, test = tuple(whole[: len(train)]), tuple(whole[len(train) :])
@@ -106,7 +107,7 @@ def _wrap(columns: Sequence[Array]) -> tuple[float, float, float] | None:
     usual = np.array(sizes)
     if len(usual) < _FEWEST or float(np.std(usual)) > _UNLIKE * reach:
         return None
-    return float(np.median(usual)), low, float(np.std(usual)) / np.sqrt(len(usual))
+    return float(np.mean(usual)), low, float(np.std(usual, ddof=1)) / np.sqrt(len(usual))
 
 
 def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float, float, float] | None:
@@ -194,7 +195,11 @@ def _refined(
         aim = np.concatenate([(left / sizes).ravel(), -logs / _GIVEN])
         answer = np.linalg.lstsq(whole, aim, rcond=1e-9)[0]
         logs, change = np.clip(logs + answer[:-1], -1.0, 1.0), change + float(answer[-1])
-        spread = float(np.sqrt(np.linalg.pinv(whole.T @ whole)[-1, -1]))
+        covariance = np.linalg.pinv(whole.T @ whole)
+        scores = tall * (left / sizes).reshape(-1, 1)
+        parts = np.array([np.sum(part, axis=0) for part in np.array_split(scores, _BATCHES)])
+        by_batches = np.std((parts @ covariance)[:, -1], ddof=1) * np.sqrt(_BATCHES)
+        spread = max(float(np.sqrt(covariance[-1, -1])), float(by_batches))
     return (reach + change, spread) if abs(change) < _UNLIKE * reach else (reach, spread)
 
 
