@@ -13,18 +13,19 @@ from diagnose.lasting import with_lasting
 from diagnose.plain import believed, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
-from diagnose.pushes import with_pushes
+from diagnose.pushes import doubtful, with_pushes
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
 from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
 from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
-from identify.noise import Noise, colored
+from identify.noise import Noise, colored, flat
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _LITTLE = 150.0  # drop of BIC up to which a name says little
-_STEPS = 12  # of a fit without an effect
+_CHANCE = 500.0  # the same, up to which one that is not certain may be none
+_STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had no memory
 _POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
 _LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
@@ -75,7 +76,15 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             shape, alone = best_shape(found, found.best), _alone(found)
     if alone is not None:
         return replace(found, best=found.nominal), alone
-    return _confirmed(rested(levelled(found))), shape
+    sure = _confirmed(rested(levelled(found)))
+    if doubtful(sure.best.fitted, sure.best.noises) is not None:
+        other = exhausted(found)
+        if other is not None:
+            found = further(other) or settled(other)
+            sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
+        elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < _CHANCE:
+            return replace(found, best=found.nominal), shape
+    return sure, shape
 
 
 def _alone(found: Search) -> Shape | None:
@@ -110,8 +119,22 @@ def _confirmed(found: Search) -> Search:
         slim = _past_kinks(scene, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(scene, slim)
-    finer = _with_doubts(scene, finer, best.noises)
+    finer = _certain(scene, _with_doubts(scene, finer, best.noises))
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
+
+
+def _certain(scene: Scene, fitted: Fitted) -> Fitted:
+    """Drop effects of which a slow disturbance leaves nothing certain, as long as simulations without come as near."""
+    noises = noises_of(scene, fitted.residuals)
+    while len(fitted.causes) > 1 and (least := doubtful(fitted, noises)) is not None:
+        causes, point = without(fitted, least)
+        slim = fit(scene, scene.train, causes, point, flat(noises), _SLIM)  # whitened edges are traps
+        if nearer(scene, fitted, slim):
+            break
+        noises = noises_of(scene, slim.residuals)
+        slim = fit(scene, scene.train, causes, slim.point, noises, _STEPS)
+        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises), noises)
+    return fitted
 
 
 def _with_doubts(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:

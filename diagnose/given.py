@@ -28,13 +28,13 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
     Beside effects that were found, what has not run away stays.
     """
     sizes, found = flat(rival.noises), rival.fitted
-    folded: set[str] = set()
+    told: set[str] = set()
     if found.causes:
         away = runaways(scene, found, _LOST)
         calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
     else:
-        folded = {cause.label for cause in scene.causes if _folded(scene, cause)}
-        calm = not folded and not (colored(rival.noises) and _ran_away(scene, rival))
+        told = {cause.label for cause in scene.causes if _folded(scene, cause) or _ended(cause)}
+        calm = not told and not (colored(rival.noises) and _ran_away(scene, rival))
         begin = first_point(scene, scene.train)
     if calm:
         return ()
@@ -42,7 +42,7 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
     under = [ground(scene, scene.train, given, sizes)]
     others = [cause for cause in scene.causes if cause not in found.causes]
     (screened,) = screen(scene, scene.train, given, others, under, best_orders(scene, given, under))
-    picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in folded]
+    picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in told]
     return tuple(fit(scene, scene.train, *extended(given, each.cause, each.start), sizes, _STEPS) for each in picked)
 
 
@@ -59,6 +59,11 @@ def _folded(scene: Scene, cause: Cause) -> bool:
         if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
             return False
     return True
+
+
+def _ended(cause: Cause) -> bool:
+    """Tell whether a reading rests at its largest to the last digit, as at the end of a sensor's range."""
+    return cause.effect.name == "sensor_saturation" and cause.scales.rested > 0.0
 
 
 def _ran_away(scene: Scene, nominal: Rival) -> bool:

@@ -22,6 +22,7 @@ from identify.superset import Superset, inertia_parameter, scales_of, superset
 
 Array = NDArray[np.float64]
 
+MOMENT = ".time_s"  # how the full name of a moment ends
 _COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
 _STEP = 1e-5  # of a coordinate, for difference quotients
 _FINE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
@@ -151,6 +152,11 @@ def entered(values: Mapping[str, float], cause: Cause, start: Mapping[str, float
         load, held = cause.taken
         whole[held] = max(values[held] - whole[load], _LEAST * values[held])
     return whole
+
+
+def searched(cause: Cause) -> bool:
+    """Tell whether a cause has a moment, which may be that of the largest of many chances."""
+    return any(key.endswith(MOMENT) for key in cause.keys)
 
 
 def turning(causes: Iterable[Cause]) -> bool:

@@ -15,8 +15,9 @@ from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ra
 from diagnose.hypothesis import Cause, Scene
 from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
+from diagnose.pushes import doubtful
 from diagnose.rank import Search, richer_of, rivals_of
-from diagnose.refit import Fitted, fit_starts, variances
+from diagnose.refit import deviations, fit_starts, strength
 from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
@@ -79,6 +80,8 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
         return ("unknown_physics" if outweighs(shape, search.best.noises, 0.0) else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained) or contradicted(search.scene, search.best, search.nominal):
+        return "unknown_physics", ()
+    if doubtful(search.best.fitted, search.best.noises) is not None:
         return "unknown_physics", ()
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)
@@ -152,7 +155,7 @@ def _named(search: Search, shown: Rival, verdict: Verdict, rivals: Sequence[Riva
     fits = [shown, *rivals]
     weights = _weights(fits)
     found: dict[str, Named] = {}
-    order = sorted(shown.fitted.causes, key=lambda cause: -_strength(shown.fitted, cause))
+    order = sorted(shown.fitted.causes, key=lambda cause: -strength(shown.fitted, cause))
     for rival, causes in [(shown, order), *((each, list(each.fitted.causes)) for each in rivals)]:
         for cause in causes:
             if cause.label not in found:
@@ -173,26 +176,6 @@ def _weights(rivals: Sequence[Rival]) -> list[float]:
     scores = np.array([rival.score for rival in rivals])
     raw = np.exp(-0.5 * (scores - scores.min()) / SOFT)
     return [float(each) for each in raw / raw.sum()]
-
-
-def _strength(fitted: Fitted, cause: Cause) -> float:
-    """Return how many deviations the first parameter stands from where it changes nothing."""
-    if not cause.parameters:
-        return math.inf
-    deviation = deviations(fitted).get(cause.keys[0], math.inf)
-    return abs(fitted.point.values[cause.keys[0]]) / deviation if deviation > 0.0 else math.inf
-
-
-def deviations(fitted: Fitted) -> Mapping[str, float]:
-    """Return one standard deviation of every parameter, in its unit."""
-    spread = np.sqrt(np.maximum(variances(fitted.normal, len(fitted.coordinates)), 0.0))
-    met = np.diag(fitted.normal) > 1e-280
-    found = {}
-    for index, each in enumerate(fitted.coordinates):
-        inner = each.gradient(fitted.point.values.get(each.name, 0.0))
-        wider = 1.0 if fitted.wider is None else float(fitted.wider[index])
-        found[each.name] = float(spread[index] * abs(inner)) * wider if met[index] else math.inf
-    return found
 
 
 def _one(scene: Scene, rival: Rival, cause: Cause, probability: float) -> Named:
@@ -257,7 +240,7 @@ def _location(search: Search, shown: Rival, shape: Shape | None, verdict: Verdic
     elif not search.best.fitted.causes:
         equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term
     else:
-        cause = max(search.best.fitted.causes, key=lambda each: _strength(search.best.fitted, each))
+        cause = max(search.best.fitted.causes, key=lambda each: strength(search.best.fitted, each))
         equation, coordinate = _equation(search.scene, cause), cause.effect.coordinate or cause.effect.term
     where = ", ".join(f"{low:.2f}-{high:.2f} s" for low, high in spans)
     evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Scene
+from diagnose.hypothesis import MOMENT, Cause, Scene
 from diagnose.pushes import batches, pushed, sizes_of
 from diagnose.refit import Fitted, inverse
 from identify.noise import Noise, colored
@@ -32,7 +32,7 @@ def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Caus
     if not cause.effect.lasting or not colored(noises):
         return 0.0
     means, after = [], []
-    moments = [fitted.point.values[key] for key in cause.keys if key.endswith(".time_s")]
+    moments = [fitted.point.values[key] for key in cause.keys if key.endswith(MOMENT)]
     for index, recording in enumerate(scene.train):
         found = _by_batches(scene, fitted, noises, cause, index, (fitted.residuals[index],))
         if found is None:

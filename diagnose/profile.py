@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Point, Scene
+from diagnose.hypothesis import MOMENT, Point, Scene
 from diagnose.refit import Fitted, cost_at, ended, inverse, moved
 from identify.noise import Noise
 
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 _RISE = 3.841458820694124  # 95 % of chi-squared with one degree of freedom
 _REACHES = (2.0, 4.0, 8.0, 16.0)  # deviations
 _FOUND = 0.5  # decrease of the cost that is worth fitting again from there
-_MOMENTS = ".time_s"
 _SCAN = np.arange(-40.0, 41.0, 2.0)  # deviations within which a moment may have a better place
 _TURNS = 3
 
@@ -51,7 +50,7 @@ def _tried(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array
         if each.name not in own or not 0.0 < spread < np.inf:
             continue
         path = covariance[:, index] / spread
-        for reach in _SCAN if each.name.endswith(_MOMENTS) else ():
+        for reach in _SCAN if each.name.endswith(MOMENT) else ():
             place = moved(scene, fitted, reach * path)
             cost = cost_at(scene, fitted, place, noises)
             if cost < least:

@@ -8,7 +8,7 @@ sandwich of Huber (Proc. 5th Berkeley Symposium 1 (1967) 221-233) with a filling
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.descent import Problem, start_slopes, whitened
-from diagnose.hypothesis import Scene
-from diagnose.refit import Fitted, inverse, tethers
+from diagnose.hypothesis import Cause, Scene, searched
+from diagnose.refit import Fitted, inverse, strength, tethers
 from identify.noise import Noise, colored, flat
 from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
 _BATCHES = 50  # of each recording: a disturbance between two of them is moved by either
+_CERTAIN, _STEP = 2.5, 4.0  # deviations of an effect's size from none; of one whose moment was searched for
 _PROBE = "load_step"
 _PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
 
@@ -52,10 +53,10 @@ def batches(recording: Recording, count: int) -> Array:
 
 
 def sizes_of(
-    scene: Scene, fitted: Fitted, noises: Iterable[Noise], index: int, moves: Array, seen: Iterable[Array]
+    scene: Scene, fitted: Fitted, noises: Sequence[Noise], index: int, moves: Array, seen: Iterable[Array]
 ) -> list[tuple[Array, float]]:
     """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave."""
-    sizes = flat(list(noises))
+    sizes = flat(noises)
     own = np.nan_to_num(start_slopes(scene, scene.train[index], fitted.point, index, exact=True))
     tall = whitened(np.concatenate([moves, own], axis=2), sizes)
     scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
@@ -68,9 +69,18 @@ def sizes_of(
     return found
 
 
-def with_pushes(scene: Scene, fitted: Fitted, noises: Iterable[Noise]) -> Fitted:
+def doubtful(fitted: Fitted, noises: Sequence[Noise]) -> Cause | None:
+    """Return the cause that is least more than what a slow disturbance makes of nothing; None where all are."""
+    if not colored(noises) or not fitted.causes:
+        return None
+    times = {cause: strength(fitted, cause) / (_STEP if searched(cause) else _CERTAIN) for cause in fitted.causes}
+    least = min(times, key=lambda cause: times[cause])
+    return least if times[least] < 1.0 else None
+
+
+def with_pushes(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Widen deviations to what pushes leave of them, where noise has a memory."""
-    noises, unknowns = list(noises), fitted.coordinates
+    unknowns = fitted.coordinates
     if not colored(noises) or not unknowns:
         return fitted
     problem = Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns))

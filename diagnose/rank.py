@@ -15,7 +15,7 @@ from diagnose.contact import past_contacts
 from diagnose.descent import whitened
 from diagnose.direct import coarse
 from diagnose.given import from_given, runaways
-from diagnose.hypothesis import Cause, Point, Scene, first_point, meeting, turning
+from diagnose.hypothesis import MOMENT, Cause, Point, Scene, first_point, meeting, turning
 from diagnose.lasting import accidental, by_chance, times_chance
 from diagnose.refit import fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, simplest, tells, without
@@ -33,7 +33,7 @@ COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
 SLOW_THRESHOLD = 80.0  # and there for effects that look like one
 _STEPPED = 500.0  # the same of a limit of a sensor of coarse steps: the last of them looks like one
 _SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
-_SOUGHT = (".time_s", ".periods_per_rev", ".periods_per_m")
+_SOUGHT = (MOMENT, ".periods_per_rev", ".periods_per_m")
 LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
 MOST_EFFECTS = 4
 _SURE = 8.0  # deviations by batches, more than which no slow disturbance has

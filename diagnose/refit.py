@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -118,6 +119,26 @@ def moved(scene: Scene, fitted: Fitted, step: Array) -> Point:
 def variances(normal: Array, count: int) -> Array:
     """Return the variances (k,) of the first `count` coordinates."""
     return np.asarray(np.diag(inverse(normal))[:count])
+
+
+def strength(fitted: Fitted, cause: Cause) -> float:
+    """Return how many deviations the first parameter stands from where it changes nothing."""
+    if not cause.parameters:
+        return math.inf
+    deviation = deviations(fitted).get(cause.keys[0], math.inf)
+    return abs(fitted.point.values[cause.keys[0]]) / deviation if deviation > 0.0 else math.inf
+
+
+def deviations(fitted: Fitted) -> Mapping[str, float]:
+    """Return one standard deviation of every parameter, in its unit."""
+    spread = np.sqrt(np.maximum(variances(fitted.normal, len(fitted.coordinates)), 0.0))
+    met = np.diag(fitted.normal) > 1e-280
+    found = {}
+    for index, each in enumerate(fitted.coordinates):
+        inner = each.gradient(fitted.point.values.get(each.name, 0.0))
+        wider = 1.0 if fitted.wider is None else float(fitted.wider[index])
+        found[each.name] = float(spread[index] * abs(inner)) * wider if met[index] else math.inf
+    return found
 
 
 def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:

@@ -10,10 +10,9 @@ import numpy as np
 from bench.blind_cases import single_case, write_case
 from bench.concealed import MACHINES
 from diagnose.hypothesis import Point, first_point, make_scene
-from diagnose.judge import deviations
 from diagnose.preflight import preflight
 from diagnose.profile import profiled
-from diagnose.refit import cost_at, ended, fit, noises_of
+from diagnose.refit import cost_at, deviations, ended, fit, noises_of
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
 from identify.noise import white
