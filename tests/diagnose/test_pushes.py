@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from bench.blind_cases import single_case, write_case
 from bench.concealed import MACHINES
 from diagnose.hypothesis import Scene, entered, first_point, make_scene
 from diagnose.preflight import preflight
-from diagnose.pushes import with_pushes
+from diagnose.pushes import doubtful, with_pushes
 from diagnose.refit import Fitted, deviations, ended, fit, noises_of
 from firmloop.pipeline import plant_of, read_data
 from firmloop.project import read_project
@@ -53,6 +54,15 @@ def test_intervals_of_a_stop_hold_the_truth_under_a_slow_force(tmp_path: Path) -
             held[name] += off < 1.96 * deviations(each)[key]
     assert held["readings"] <= CASES // 2, "or the cases show nothing"
     assert held["pushes"] >= CASES - 1
+
+
+def test_an_effect_is_certain_beside_pushes_that_do_not_make_it(tmp_path: Path) -> None:
+    scene, found, noises, _ = _fitted(tmp_path, 3, "coulomb_friction", ("speed",), True)
+    assert doubtful(with_pushes(scene, found, noises), noises) is None
+    little = {found.causes[0].keys[0]: 2.0 * deviations(with_pushes(scene, found, noises))[found.causes[0].keys[0]]}
+    small = replace(found, point=replace(found.point, values={**found.point.values, **little}))
+    assert doubtful(with_pushes(scene, small, noises), noises) is found.causes[0]
+    assert doubtful(small, [white(noise.rms) for noise in noises]) is None
 
 
 def test_pushes_say_no_more_than_noise_where_that_is_what_they_make(tmp_path: Path) -> None:
