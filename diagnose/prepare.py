@@ -124,7 +124,7 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
         return  # preflight will say it better
     found = best if best.power < _FAR_BETTER * begun.power else begun
     shifts = _seen_shifts(found, given)
-    far, rows = _far(shifts), found.slopes.shape[0]
+    far, rows = [name for name in _far(shifts) if _tells(found, name)], found.slopes.shape[0]
     met = found.power < (_CLOSE if ends else _MET) * rows
     near = found is not begun and not _far(_seen_shifts(begun, given))
     if not (far and met) or (near and _pushed(plant, short, begun, found.power)) or _late(plant, short, found.power):
@@ -139,6 +139,14 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
 def _far(shifts: Mapping[str, float]) -> list[str]:
     """Return the parameters that have moved too far, by their logarithms, furthest first."""
     return sorted((name for name in shifts if abs(shifts[name]) > np.log(_FAR)), key=lambda each: -abs(shifts[each]))
+
+
+def _tells(found: _Trial, name: str) -> bool:
+    """Tell whether a parameter e times as large would move the outputs by more than what is left.
+
+    A mass may grow until no input moves it, and how each recording began is all that such a fit follows.
+    """
+    return float(np.sum(found.slopes[:, found.names.index(name)] ** 2)) > found.power
 
 
 def _late(plant: Plant, train: Sequence[Recording], power: float) -> bool:

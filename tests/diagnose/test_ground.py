@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -11,11 +12,14 @@ import pytest
 from bench.truth import FINE, run
 from diagnose.hypothesis import make_scene
 from diagnose.prepare import check_apart, check_clock, check_nominal, check_same
+from firmloop.pipeline import plant_of, read_data
+from firmloop.project import read_project
 from identify.attach import with_effects
 from identify.kinds import make_plant
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording, make_recording
 from identify.simulate import simulate
+from tests.diagnose.cases import drawn
 from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 
 NOISE = {"speed_rad_s": 0.3, "current_A": 0.005, "position_m": 2e-5, "speed_m_s": 2e-3}
@@ -86,6 +90,12 @@ def test_an_effect_is_no_wrong_parameter(machine: str, effect: str) -> None:
     plant = BARE[machine]
     name = "R_ohm" if machine == "motor" else "mass_kg"
     check_nominal(given(machine, name, 1.0), [recorded(with_effects(plant, [use_of(plant, effect)]), 10.0)])
+
+
+def test_a_mass_that_no_input_moves_is_no_wrong_mass(tmp_path: Path) -> None:
+    """A stage is pressed against its stop: a hundredfold mass that was moving when the recording began comes near."""
+    project = read_project(drawn(tmp_path, 740065))
+    check_nominal(plant_of(project), read_data(project).train)
 
 
 @pytest.mark.parametrize("machine", ["motor", "stage"])
