@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import MOMENT, Cause, Scene
+from diagnose.descent import residual_of
+from diagnose.hypothesis import MOMENT, Cause, Scene, searched
 from diagnose.pushes import batches, pushed, sizes_of
-from diagnose.refit import Fitted, inverse
+from diagnose.refit import Fitted, fit_starts, inverse
 from identify.noise import Noise, colored
 
 Array = NDArray[np.float64]
@@ -29,27 +30,56 @@ _WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
 
 def deviation(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
     """Return the standard deviation of a load or an offset that slow disturbances leave it; 0 where none is told."""
-    if not cause.effect.lasting or not colored(noises):
+    means = _means(scene, fitted, noises, cause)
+    if means is None:
         return 0.0
-    means, after = [], []
     moments = [fitted.point.values[key] for key in cause.keys if key.endswith(MOMENT)]
-    for index, recording in enumerate(scene.train):
-        found = _by_batches(scene, fitted, noises, cause, index, (fitted.residuals[index],))
-        if found is None:
-            return 0.0
-        means.append(found[0][0])
-        after.append(batches(recording, _BATCHES) >= min(moments, default=-np.inf))
-    every, late = np.concatenate(means), np.concatenate(after)
+    first = min(moments, default=-np.inf)
+    late = np.concatenate([batches(recording, _BATCHES) >= first for recording in scene.train])
     parts = [part for part in (np.sum(late), np.sum(~late)) if part]
-    return float(np.std(every, ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
+    return float(np.std(np.concatenate(means), ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
 
 
 def times_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
-    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told."""
+    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told.
+
+    What stays the same is there on unseen recordings, too.
+    """
     if cause.effect.slow and not cause.effect.lasting and cause.effect.place == "torque" and colored(noises):
         return _times_pull(scene, fitted, noises, cause)
-    spread = deviation(scene, fitted, noises, cause)
-    return abs(fitted.point.values[cause.keys[0]]) / spread if spread > 0.0 else np.inf
+    value, spread = fitted.point.values[cause.keys[0]], deviation(scene, fitted, noises, cause)
+    if spread > 0.0 and scene.test and not searched(cause):
+        unseen, there = _unseen(scene, fitted, noises)
+        means = _means(unseen, there, noises, cause)
+        if means is not None:
+            count, more = _BATCHES * len(scene.train), np.concatenate(means)
+            if cause.output is None:
+                more = -more  # what is measured less what a load makes
+            share = len(more) / (count + len(more))
+            value = value + share * float(np.mean(more))
+            spread = float(np.hypot((1.0 - share) * spread, share * np.std(more, ddof=1) / np.sqrt(len(more))))
+    return abs(value) / spread if spread > 0.0 else np.inf
+
+
+def _means(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> list[Array] | None:
+    """Return the load, or offset, that is left in every batch of each recording; None where none is told."""
+    if not cause.effect.lasting or not colored(noises):
+        return None
+    found = []
+    for index, residual in enumerate(fitted.residuals):
+        told = _by_batches(scene, fitted, noises, cause, index, (residual,))
+        if told is None:
+            return None
+        found.append(told[0][0])
+    return found
+
+
+def _unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Scene, Fitted]:
+    """Return the scene of the unseen recordings, and the fit there, only its initial states fitted."""
+    there = replace(scene, train=scene.test, test=())
+    point = fit_starts(there, there.train, fitted.point.values, noises)
+    residuals = tuple(residual_of(there, recording, point, k) for k, recording in enumerate(there.train))
+    return there, replace(fitted, point=point, residuals=residuals)
 
 
 def _times_pull(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
