@@ -129,8 +129,8 @@ def _certain(scene: Scene, fitted: Fitted) -> Fitted:
     while len(fitted.causes) > 1 and (least := doubtful(fitted, noises)) is not None:
         causes, point = without(fitted, least)
         slim = fit(scene, scene.train, causes, point, flat(noises), _SLIM)  # whitened edges are traps
-        if nearer(scene, fitted, slim):
-            break
+        if not least.effect.lasting and nearer(scene, fitted, slim):
+            break  # a load soaks up what drifts, too
         noises = noises_of(scene, slim.residuals)
         slim = fit(scene, scene.train, causes, slim.point, noises, _STEPS)
         fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises), noises)

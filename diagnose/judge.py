@@ -81,8 +81,9 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained) or contradicted(search.scene, search.best, search.nominal):
         return "unknown_physics", ()
-    if doubtful(search.best.fitted, search.best.noises) is not None:
-        return "unknown_physics", ()
+    least = doubtful(search.best.fitted, search.best.noises)
+    if least is not None and least.effect.lasting:
+        return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)
     near = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
