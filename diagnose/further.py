@@ -9,7 +9,7 @@ from dataclasses import replace
 from diagnose.contact import met
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
-from diagnose.lasting import with_lasting
+from diagnose.lasting import FEW, with_lasting
 from diagnose.plain import believed, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
@@ -24,7 +24,6 @@ from identify.noise import Noise, colored, flat
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _LITTLE = 150.0  # drop of BIC up to which a name says little
-_CHANCE = 500.0  # the same, up to which one that is not certain may be none
 _STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had no memory
 _POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
 _LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
@@ -82,7 +81,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if other is not None:
             found = further(other) or settled(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
-        elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < _CHANCE:
+        elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < FEW:
             return replace(found, best=found.nominal), shape
     return sure, shape
 

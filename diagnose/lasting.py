@@ -13,17 +13,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import residual_of
 from diagnose.hypothesis import MOMENT, Cause, Scene, searched
 from diagnose.pushes import batches, pushed, sizes_of
-from diagnose.refit import Fitted, fit_starts, inverse
+from diagnose.refit import Fitted, deviations, widened
+from diagnose.rival import elsewhere
 from identify.noise import Noise, colored
 
 Array = NDArray[np.float64]
 
 _CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
 _PULLED = 5.0  # the same of what pulls by where it is
-_FEW = 500.0  # drop of BIC that such an average may bring
+FEW = 500.0  # drop of BIC that such an average may bring
 _BATCHES = 12  # of each recording
 _WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
 
@@ -49,12 +49,9 @@ def times_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: C
         return _times_pull(scene, fitted, noises, cause)
     value, spread = fitted.point.values[cause.keys[0]], deviation(scene, fitted, noises, cause)
     if spread > 0.0 and scene.test and not searched(cause):
-        unseen, there = _unseen(scene, fitted, noises)
-        means = _means(unseen, there, noises, cause)
+        means = _means(*elsewhere(scene, fitted, noises), noises, cause)
         if means is not None:
             count, more = _BATCHES * len(scene.train), np.concatenate(means)
-            if cause.output is None:
-                more = -more  # what is measured less what a load makes
             share = len(more) / (count + len(more))
             value = value + share * float(np.mean(more))
             spread = float(np.hypot((1.0 - share) * spread, share * np.std(more, ddof=1) / np.sqrt(len(more))))
@@ -72,14 +69,6 @@ def _means(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) 
             return None
         found.append(told[0][0])
     return found
-
-
-def _unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Scene, Fitted]:
-    """Return the scene of the unseen recordings, and the fit there, only its initial states fitted."""
-    there = replace(scene, train=scene.test, test=())
-    point = fit_starts(there, there.train, fitted.point.values, noises)
-    residuals = tuple(residual_of(there, recording, point, k) for k, recording in enumerate(there.train))
-    return there, replace(fitted, point=point, residuals=residuals)
 
 
 def _times_pull(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
@@ -105,25 +94,23 @@ def accidental(cause: Cause, times: float, gain: float) -> bool:
 
     `gain` is the drop of BIC it brought: where it is large, what batches differ by may be other physics.
     """
-    return gain < _FEW and times < (_CHANCE if cause.effect.lasting else _PULLED)
+    return gain < FEW and times < (_CHANCE if cause.effect.lasting else _PULLED)
 
 
 def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Iterable[Cause], gain: float) -> bool:
     """Tell whether one of the causes, which brought `gain` together, may be such an average."""
-    return gain < _FEW and any(accidental(cause, times_chance(scene, fitted, noises, cause), gain) for cause in causes)
+    return gain < FEW and any(accidental(cause, times_chance(scene, fitted, noises, cause), gain) for cause in causes)
 
 
 def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Widen the deviations of loads and offsets to what slow disturbances leave of them."""
-    wider = np.ones(len(fitted.coordinates)) if fitted.wider is None else fitted.wider.copy()
-    spread = np.sqrt(np.maximum(np.diag(inverse(fitted.normal)), 0.0))
-    for cause in fitted.causes:
-        least = deviation(scene, fitted, noises, cause)
-        for index, each in enumerate(fitted.coordinates):
-            if each.name == cause.keys[0] and least > 0.0 and spread[index] > 0.0:
-                told = spread[index] * abs(each.gradient(fitted.point.values[each.name]))
-                wider[index] = max(wider[index], least / told)
-    return replace(fitted, wider=wider)
+    told = deviations(replace(fitted, wider=None))
+    least = {cause.keys[0]: deviation(scene, fitted, noises, cause) for cause in fitted.causes if cause.keys}
+    factors = [
+        least[each.name] / told[each.name] if each.name in least and told[each.name] > 0.0 else 1.0
+        for each in fitted.coordinates
+    ]
+    return widened(fitted, np.array(factors))
 
 
 def _by_batches(

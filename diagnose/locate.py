@@ -102,6 +102,8 @@ def worst_spans(search: Search) -> tuple[str, tuple[tuple[float, float], ...], f
     scene, nominal = search.scene, search.nominal
     left = nominal.fitted.residuals[0]
     each = np.column_stack([noise.whiten(left[:, k]) for k, noise in enumerate(search.best.noises)])
+    for k, noise in enumerate(search.best.noises):
+        each[: len(noise.coefficients), k] = 0.0  # no past to whiten by
     worst = int(np.argmax(np.sum(each**2, axis=0)))
     time = scene.train[0].time
     step = float(np.median(np.diff(time)))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import MOMENT, Point, Scene
-from diagnose.refit import Fitted, cost_at, ended, inverse, moved
+from diagnose.refit import Fitted, cost_at, ended, inverse, moved, widened
 from identify.noise import Noise
 
 Array = NDArray[np.float64]
@@ -32,8 +32,7 @@ def profiled(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     for _ in range(_TURNS):
         factors, better = _tried(scene, fitted, noises)
         if better is None:
-            known = np.ones(len(factors)) if fitted.wider is None else fitted.wider
-            return replace(fitted, wider=np.maximum(known, factors))
+            return widened(fitted, factors)
         fitted = ended(scene, replace(fitted, point=better, wider=None), noises)
     return fitted
 

@@ -9,7 +9,6 @@ sandwich of Huber (Proc. 5th Berkeley Symposium 1 (1967) 221-233) with a filling
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from diagnose.descent import Problem, start_slopes, whitened
 from diagnose.hypothesis import Cause, Scene, searched
-from diagnose.refit import Fitted, inverse, strength, tethers
+from diagnose.refit import Fitted, inverse, strength, tethers, widened
 from identify.noise import Noise, colored, flat
 from identify.recording import Recording
 
@@ -40,7 +39,7 @@ def pushed(scene: Scene, fitted: Fitted, index: int, begins: Array) -> Array | N
     values = {key: value for key, value in fitted.point.values.items() if key not in probe.keys}
     without = scene.engine.simulate(recording, values, start)
     steps = [
-        (without - scene.engine.simulate(recording, {**values, push: size, moment: float(begin)}, start)) / size
+        (scene.engine.simulate(recording, {**values, push: size, moment: float(begin)}, start) - without) / size
         for begin in begins
     ]
     steps.append(np.zeros_like(without))
@@ -99,5 +98,4 @@ def with_pushes(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted
     moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))
     told = np.sqrt(np.maximum(np.diag(covariance)[: len(unknowns)], 0.0))
     factors = np.where(told > 0.0, moved / np.where(told > 0.0, told, 1.0), 1.0)
-    known = np.ones(len(unknowns)) if fitted.wider is None else fitted.wider
-    return replace(fitted, wider=np.maximum(known, factors))
+    return widened(fitted, factors)

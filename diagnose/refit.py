@@ -141,6 +141,11 @@ def deviations(fitted: Fitted) -> Mapping[str, float]:
     return found
 
 
+def widened(fitted: Fitted, factors: Array) -> Fitted:
+    """Return the fit with deviations at least `factors` (k,) times what `normal` says."""
+    return replace(fitted, wider=factors if fitted.wider is None else np.maximum(fitted.wider, factors))
+
+
 def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Widen the deviations of what the test recordings would have elsewhere, as two averages that disagree.
 
@@ -151,9 +156,8 @@ def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     count = len(fitted.coordinates)
     if not scene.test or not count:
         return fitted
-    point = fit_starts(scene, scene.test, fitted.point.values, noises)
     problem = Problem(scene, scene.test, fitted.coordinates, noises, np.zeros((0, count + 1)))
-    place = problem.at(point)
+    place = problem.at(fit_starts(scene, scene.test, fitted.point.values, noises))
     slopes = problem.slopes(place)
     normal, pulled = problem.normal(slopes), problem.descent(slopes, place)
     own_places = range(count)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,8 +81,14 @@ def unlikely(scene: Scene, residuals: Sequence[Array]) -> float:
 
 def unseen_residuals(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
     """Return measured - simulated (n, r) of every test recording."""
+    return elsewhere(scene, fitted, noises)[1].residuals
+
+
+def elsewhere(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Scene, Fitted]:
+    """Return the scene of the test recordings, and an explanation there, only its initial states fitted."""
     point = fit_starts(scene, scene.test, fitted.point.values, noises)
-    return tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
+    residuals = tuple(residual_of(scene, recording, point, k) for k, recording in enumerate(scene.test))
+    return replace(scene, train=scene.test, test=()), replace(fitted, point=point, residuals=residuals)
 
 
 def innovations(rival: Rival) -> tuple[Array, ...]:

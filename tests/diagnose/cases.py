@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.blind_cases import draw_case, single_case, write_case
+from bench.blind_cases import Case, draw_case, single_case, write_case
 from bench.concealed import MACHINES
+from diagnose.hypothesis import Cause, Point, Scene, make_scene
+from diagnose.preflight import preflight
+from diagnose.refit import Fitted, fit, noises_of
 from firmloop.cli import main
+from firmloop.pipeline import plant_of, read_data
+from firmloop.project import read_project
+from identify.noise import Noise, white
 
 BY_NAME = {machine.name: machine for machine in MACHINES}
 
@@ -16,14 +23,40 @@ BY_NAME = {machine.name: machine for machine in MACHINES}
 def concealed(folder: Path, name: str, size: float, colored: bool) -> Path:
     """Write a project whose motor conceals one effect (an empty name: none); return the project file."""
     case = single_case(5, name, BY_NAME["flat_motor"], ("speed", "current"), "mixed", colored, size)
-    write_case(case, folder / "case", folder / "labels")
-    return folder / "case" / "project.toml"
+    return written(folder, case)
 
 
 def drawn(folder: Path, seed: int) -> Path:
     """Write the project of a case of the benchmark; return the project file."""
-    write_case(draw_case(seed), folder / "case", folder / "labels")
+    return written(folder, draw_case(seed))
+
+
+def written(folder: Path, case: Case) -> Path:
+    """Write a case; return the project file."""
+    write_case(case, folder / "case", folder / "labels")
     return folder / "case" / "project.toml"
+
+
+def truths(folder: Path, effect: str) -> dict[str, float]:
+    """Return the parameters of an effect that a case written there conceals."""
+    label = json.loads((folder / "labels" / "label.json").read_text(encoding="utf-8"))
+    return {name: float(value) for name, value in label["effects"][effect].items()}
+
+
+def scene_of(project: Path) -> Scene:
+    """Return a project's plant and recordings as a search sees them."""
+    made = read_project(project)
+    plant, data = plant_of(made), read_data(made)
+    return make_scene(plant, data.train, data.test, preflight(plant, data.train, data.test).floors)
+
+
+def refitted(scene: Scene, cause: Cause, begin: Point, sizes: Sequence[float]) -> tuple[Fitted, tuple[Noise, ...]]:
+    """Fit one cause, at last with the noise it leaves; `sizes` are those of the outputs' noise to begin with."""
+    found = fit(scene, scene.train, (cause,), begin, [white(size) for size in sizes], 12)
+    for _ in range(3):
+        noises = noises_of(scene, found.residuals)
+        found = fit(scene, scene.train, (cause,), found.point, noises, 12)
+    return found, noises
 
 
 def diagnosis(project: Path, out: Path) -> tuple[int, dict[str, Any]]:

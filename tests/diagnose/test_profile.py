@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 
-from bench.blind_cases import single_case, write_case
-from bench.concealed import MACHINES
-from diagnose.hypothesis import Point, first_point, make_scene
-from diagnose.preflight import preflight
+from bench.blind_cases import single_case
+from diagnose.hypothesis import Point, first_point
 from diagnose.profile import profiled
-from diagnose.refit import cost_at, deviations, ended, fit, noises_of
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
-from identify.noise import white
-
-FLAT_MOTOR = next(machine for machine in MACHINES if machine.name == "flat_motor")
+from diagnose.refit import cost_at, deviations, ended
+from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
 
 
 def test_a_moment_is_taken_to_its_best_place(tmp_path: Path) -> None:
     """The search of this case ends 24 ms off, twelve deviations, in a place of its own."""
-    case = single_case(1003, "load_step", FLAT_MOTOR, ("speed", "current"), "mixed", True, 0.3)
-    write_case(case, tmp_path / "case", tmp_path / "labels")
-    project = read_project(tmp_path / "case" / "project.toml")
-    plant, train = plant_of(project), read_data(project).train
-    told = json.loads((tmp_path / "labels" / "label.json").read_text())["effects"]["load_step"]
-    scene = make_scene(plant, train, (), preflight(plant, train, ()).floors)
+    case = single_case(1003, "load_step", BY_NAME["flat_motor"], ("speed", "current"), "mixed", True, 0.3)
+    scene = scene_of(written(tmp_path, case))
+    told = truths(tmp_path, "load_step")
     cause = scene.cause("load_step")
     assert cause is not None
     moment, torque = (next(key for key in cause.keys if key.endswith(end)) for end in (".time_s", ".torque_N_m"))
-    begin = first_point(scene, train)
+    begin = first_point(scene, scene.train)
     place = Point({**begin.values, moment: told["time"] - 0.024, torque: told["torque"]}, begin.starts)
-    found = fit(scene, train, (cause,), place, [white(1.0), white(0.1)], 12)
-    for _ in range(3):
-        noises = noises_of(scene, found.residuals)
-        found = fit(scene, train, (cause,), found.point, noises, 12)
+    found, noises = refitted(scene, cause, place, [1.0, 0.1])
     stuck = ended(scene, found, noises)
     best = profiled(scene, stuck, noises)
     off = {name: abs(each.point.values[moment] - told["time"]) for name, each in (("stuck", stuck), ("best", best))}

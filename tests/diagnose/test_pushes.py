@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from bench.blind_cases import single_case, write_case
-from bench.concealed import MACHINES
-from diagnose.hypothesis import Scene, entered, first_point, make_scene
-from diagnose.preflight import preflight
+from bench.blind_cases import single_case
+from diagnose.hypothesis import Point, Scene, entered, first_point
 from diagnose.pushes import doubtful, with_pushes
-from diagnose.refit import Fitted, deviations, ended, fit, noises_of
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
+from diagnose.refit import Fitted, deviations, ended
 from identify.noise import Noise, white
+from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
 
-STAGE = next(machine for machine in MACHINES if machine.name == "linear_stage")
 CASES = 8
 
 
@@ -26,22 +21,16 @@ def _fitted(
     place: Path, seed: int, effect: str, sensors: tuple[str, ...], colored: bool
 ) -> tuple[Scene, Fitted, tuple[Noise, ...], float]:
     """Return a fit of one effect that begins at the truth, and the truth of its first parameter."""
-    case = single_case(seed, effect, STAGE, sensors, "triangle", colored, 0.3)
-    write_case(case, place / "case", place / "labels")
-    project = read_project(place / "case" / "project.toml")
-    plant, train = plant_of(project), read_data(project).train
-    told = json.loads((place / "labels" / "label.json").read_text())["effects"][effect]
-    scene = make_scene(plant, train, (), preflight(plant, train, ()).floors)
+    scene = scene_of(
+        written(place, single_case(seed, effect, BY_NAME["linear_stage"], sensors, "triangle", colored, 0.3))
+    )
     cause = scene.cause(effect)
     assert cause is not None
-    begin = first_point(scene, train)
-    truth = next(iter(told.values()))
-    values = entered(begin.values, cause, {**scene.starts[cause.label][-1], cause.keys[0]: truth})
-    found = fit(scene, train, (cause,), type(begin)(values, begin.starts), [white(1e-3)] * len(sensors), 12)
-    for _ in range(3):
-        noises = noises_of(scene, found.residuals)
-        found = fit(scene, train, (cause,), found.point, noises, 12)
-    return scene, ended(scene, found, noises), noises, truth
+    begin = first_point(scene, scene.train)
+    first = next(iter(truths(place, effect).values()))
+    values = entered(begin.values, cause, {**scene.starts[cause.label][-1], cause.keys[0]: first})
+    found, noises = refitted(scene, cause, Point(values, begin.starts), [1e-3] * len(sensors))
+    return scene, ended(scene, found, noises), noises, first
 
 
 def test_intervals_of_a_stop_hold_the_truth_under_a_slow_force(tmp_path: Path) -> None:

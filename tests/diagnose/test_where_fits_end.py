@@ -12,26 +12,18 @@ from bench.blind_cases import draw_case
 from diagnose.contact import grown
 from diagnose.descent import Problem
 from diagnose.given import runaways
-from diagnose.hypothesis import Cause, Point, Scene, coordinates, entered, first_point, make_scene
+from diagnose.hypothesis import Cause, Point, Scene, coordinates, entered, first_point
 from diagnose.refit import Fitted, fit, noises_of, tethers
 from diagnose.torque_scale import near_given
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
 from identify.effects import find_effect
 from identify.noise import white
-from tests.diagnose.cases import diagnosis, drawn
+from tests.diagnose.cases import diagnosis, drawn, scene_of
 
 TORQUES = ("kt_N_m_A", "J_kg_m2", "b_N_m_s_rad")
 
 
-def scene_of(seed: int, folder: Path) -> Scene:
-    project = read_project(drawn(folder, seed))
-    data, plant = read_data(project), plant_of(project)
-    return make_scene(plant, data.train, data.test, np.zeros(len(plant.outputs)))
-
-
 def test_torques_keep_the_scale_that_is_given(tmp_path: Path) -> None:
-    scene = scene_of(470089, tmp_path)
+    scene = scene_of(drawn(tmp_path, 470089))
     begin = first_point(scene, scene.train)
     unknowns = coordinates(scene, (), begin.values)
     noises = [white(float(np.std(scene.train[0].columns[signal.name]))) for signal in scene.plant.outputs]
@@ -49,7 +41,7 @@ def test_torques_keep_the_scale_that_is_given(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("share", "away"), [(0.5, False), (0.2, True)])
 def test_an_inertia_that_was_split_has_not_run_away(share: float, away: bool, tmp_path: Path) -> None:
-    scene = scene_of(470076, tmp_path)
+    scene = scene_of(drawn(tmp_path, 470076))
     cause, begin = scene.cause("flexible_coupling"), first_point(scene, scene.train)
     assert cause is not None and cause.taken is not None
     load, held = cause.taken
@@ -65,7 +57,7 @@ def test_friction_alike_in_both_directions_is_dry_friction(
     levels: tuple[float, float], simpler: str, tmp_path: Path
 ) -> None:
     becomes = find_effect("asymmetric_friction").becomes
-    cause = scene_of(470076, tmp_path).cause("asymmetric_friction")
+    cause = scene_of(drawn(tmp_path, 470076)).cause("asymmetric_friction")
     assert becomes is not None and cause is not None
     assert becomes(levels, cause.scales) == simpler
 
@@ -109,7 +101,7 @@ def with_backlash(scene: Scene, seed: int) -> tuple[Cause, Point]:
 
 
 def test_bodies_meet_at_the_same_moment_whatever_the_steps(tmp_path: Path) -> None:
-    scene = scene_of(490007, tmp_path)
+    scene = scene_of(drawn(tmp_path, 490007))
     _, point = with_backlash(scene, 490007)
     fine, coarse = (
         (scene.engine.hasten(steps), scene.engine.simulate(scene.train[0], point.values, point.starts[0]))[1]
@@ -119,7 +111,7 @@ def test_bodies_meet_at_the_same_moment_whatever_the_steps(tmp_path: Path) -> No
 
 
 def test_a_stretch_that_grows_leads_to_a_gap(tmp_path: Path) -> None:
-    scene = scene_of(680002, tmp_path)
+    scene = scene_of(drawn(tmp_path, 680002))
     cause, true = with_backlash(scene, 680002)
     gap = cause.keys[0]
     away = Point({**true.values, **scene.starts[cause.label][0]}, true.starts)
