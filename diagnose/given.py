@@ -33,7 +33,7 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
         away = runaways(scene, found, _LOST)
         calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
     else:
-        told = {cause.label for cause in scene.causes if _folded(scene, cause) or _ended(cause)}
+        told = {cause.label for cause in scene.causes if _folded(scene, cause)}
         calm = not told and not (colored(rival.noises) and _ran_away(scene, rival))
         begin = first_point(scene, scene.train)
     if calm:
@@ -59,11 +59,6 @@ def _folded(scene: Scene, cause: Cause) -> bool:
         if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
             return False
     return True
-
-
-def _ended(cause: Cause) -> bool:
-    """Tell whether a reading rests at its largest to the last digit, as at the end of a sensor's range."""
-    return cause.effect.name == "sensor_saturation" and cause.scales.rested > 0.0
 
 
 def _ran_away(scene: Scene, nominal: Rival) -> bool:
