@@ -20,7 +20,7 @@ from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from identify.course import LONGEST_CHANGE
-from identify.noise import Noise, colored, flat
+from identify.noise import colored, flat
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _LITTLE = 150.0  # drop of BIC up to which a name says little
@@ -39,7 +39,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         more = leap(found, rivals)
         if more is None:
             break
-        found = further(more) or settled(more)
+        found = _resumed(more)
         rivals = slow_rivals(found, progress)
     slow = believed(found, rivals, progress)
     progress(0.9, "looking for what has no name")
@@ -50,9 +50,9 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         other = exhausted(found)
         if other is None or not nearer(found.scene, other.best.fitted, slow.best.fitted):
             slow = rested(slow)
-            fitted = _with_doubts(slow.scene, _met(slow.scene, slow.best), slow.best.noises)
+            fitted = _with_doubts(slow.scene, _met(slow.scene, slow.best))
             return replace(slow, best=replace(slow.best, fitted=fitted)), None
-        found = further(other) or settled(other)
+        found = _resumed(other)
         shape = best_shape(found, found.best)
     while (
         shape is not None
@@ -71,7 +71,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         other = exhausted(found)
         if other is not None:
-            found = further(other) or settled(other)
+            found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)
     if alone is not None:
         return replace(found, best=found.nominal), alone
@@ -79,11 +79,16 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     if doubtful(sure.best.fitted, sure.best.noises) is not None:
         other = exhausted(found)
         if other is not None:
-            found = further(other) or settled(other)
+            found = _resumed(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
         elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < FEW:
             return replace(found, best=found.nominal), shape
     return sure, shape
+
+
+def _resumed(found: Search) -> Search:
+    """Return the search gone on with, and settled."""
+    return further(found) or settled(found)
 
 
 def _alone(found: Search) -> Shape | None:
@@ -118,7 +123,7 @@ def _confirmed(found: Search) -> Search:
         slim = _past_kinks(scene, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(scene, slim)
-    finer = _certain(scene, _with_doubts(scene, finer, best.noises))
+    finer = _certain(scene, _with_doubts(scene, finer))
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
 
 
@@ -132,13 +137,14 @@ def _certain(scene: Scene, fitted: Fitted) -> Fitted:
             break  # a load soaks up what drifts, too
         noises = noises_of(scene, slim.residuals)
         slim = fit(scene, scene.train, causes, slim.point, noises, _STEPS)
-        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises), noises)
+        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises))
     return fitted
 
 
-def _with_doubts(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+def _with_doubts(scene: Scene, fitted: Fitted) -> Fitted:
     """Widen the deviations to what test recordings and slow disturbances leave of them."""
-    fitted = with_pushes(scene, with_doubt(scene, fitted, noises), noises)
+    noises = noises_of(scene, fitted.residuals)
+    fitted = with_pushes(scene, with_doubt(scene, fitted), noises)
     return with_lasting(scene, fitted, noises)
 
 

@@ -78,11 +78,11 @@ def doubtful(fitted: Fitted, noises: Sequence[Noise]) -> Cause | None:
 
 
 def with_pushes(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
-    """Widen deviations to what pushes leave of them, where noise has a memory."""
+    """Widen deviations to what pushes leave of them, where the noises that are left have a memory."""
     unknowns = fitted.coordinates
     if not colored(noises) or not unknowns:
         return fitted
-    problem = Problem(scene, scene.train, unknowns, noises, tethers(scene, unknowns))
+    problem = Problem(scene, scene.train, unknowns, fitted.noises, tethers(scene, unknowns))
     place = problem.at(fitted.point)
     if not place.finite:
         return fitted
@@ -92,7 +92,7 @@ def with_pushes(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted
         if moves is None:
             return fitted
         answers.append(sizes_of(scene, fitted, noises, index, moves, (place.residuals[index],))[0][0])
-        pulled.append(problem.spread_out(index, slopes.T @ whitened(moves, noises)))
+        pulled.append(problem.spread_out(index, slopes.T @ whitened(moves, fitted.noises)))
     covariance = inverse(fitted.normal)
     answer = (covariance @ np.concatenate(pulled, axis=1))[: len(unknowns)]
     moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))

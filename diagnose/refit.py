@@ -37,7 +37,8 @@ class Fitted:
     coordinates: tuple[Coordinate, ...]
     point: Point
     residuals: tuple[Array, ...]
-    cost: float  # sum of squares of the whitened residuals
+    cost: float  # sum of squares of the residuals whitened by `noises`
+    noises: tuple[Noise, ...]
     normal: Array
     wider: Array | None = None
 
@@ -72,7 +73,7 @@ def fit(
     unknowns = tuple(each for each in coordinates(scene, causes, begin.values) if each.name not in held)
     problem = Problem(scene, recordings, unknowns, noises, tethers(scene, unknowns))
     place, normal = descended(problem, begin, steps, patience)
-    return Fitted(tuple(causes), unknowns, place.point, place.residuals, place.cost, normal)
+    return Fitted(tuple(causes), unknowns, place.point, place.residuals, place.cost, tuple(noises), normal)
 
 
 def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -102,7 +103,7 @@ def ended(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
             break
     seen = told[-1] > 0.0
     wider = np.sqrt(np.where(seen, np.max(told, axis=0), 1.0) / np.where(seen, told[-1], 1.0))
-    return Fitted(fitted.causes, unknowns, place.point, place.residuals, place.cost, normal, wider)
+    return Fitted(fitted.causes, unknowns, place.point, place.residuals, place.cost, tuple(noises), normal, wider)
 
 
 def cost_at(scene: Scene, fitted: Fitted, point: Point, noises: Sequence[Noise]) -> float:
@@ -146,7 +147,7 @@ def widened(fitted: Fitted, factors: Array) -> Fitted:
     return replace(fitted, wider=factors if fitted.wider is None else np.maximum(fitted.wider, factors))
 
 
-def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+def with_doubt(scene: Scene, fitted: Fitted) -> Fitted:
     """Widen the deviations of what the test recordings would have elsewhere, as two averages that disagree.
 
     With the test recordings x would move by (A + B)^-1 b, whose covariance is A^-1 - (A + B)^-1 if both sets are alike:
@@ -156,8 +157,8 @@ def with_doubt(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     count = len(fitted.coordinates)
     if not scene.test or not count:
         return fitted
-    problem = Problem(scene, scene.test, fitted.coordinates, noises, np.zeros((0, count + 1)))
-    place = problem.at(fit_starts(scene, scene.test, fitted.point.values, noises))
+    problem = Problem(scene, scene.test, fitted.coordinates, fitted.noises, np.zeros((0, count + 1)))
+    place = problem.at(fit_starts(scene, scene.test, fitted.point.values, fitted.noises))
     slopes = problem.slopes(place)
     normal, pulled = problem.normal(slopes), problem.descent(slopes, place)
     own_places = range(count)

@@ -48,7 +48,7 @@ def test_an_inertia_that_was_split_has_not_run_away(share: float, away: bool, tm
     given = begin.values[held]
     start = {**scene.starts[cause.label][0], load: 0.5 * given}
     values = {**entered(begin.values, cause, start), held: share * given - (0.1 * given if away else 0.0)}
-    fitted = Fitted((cause,), (), Point(values, begin.starts), (), 0.0, np.zeros((0, 0)))
+    fitted = Fitted((cause,), (), Point(values, begin.starts), (), 0.0, (), np.zeros((0, 0)))
     assert (held in runaways(scene, fitted)) is away
 
 
