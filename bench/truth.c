@@ -209,9 +209,9 @@ int truth_run(int rows, int fine, double step, const double *p, double *command,
             }
             if (p[SLEW] > 0.0) {
                 const double reach = p[SLEW] * h;
-                const double old = slewed;
-                slewed += fmin(fmax(v - slewed, -reach), reach);
-                v = 0.5 * (old + slewed);
+                const double moved = fmin(fmax(v - slewed, -reach), reach);
+                slewed += moved;
+                v = slewed - 0.5 * moved * fabs(moved) / reach; /* the mean: what is reached early is held */
             }
             at[0] = x[CURRENT];
             at[1] = x[SPEED];

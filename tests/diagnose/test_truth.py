@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.blind_cases import COLUMN, single_case, write_case
-from bench.truth import FINE, Sensor, read
+from bench.truth import FINE, Sensor, read, run
 from firmloop.pipeline import plant_of
 from firmloop.project import read_project
 from identify.attach import parameters_of, with_effects
@@ -74,3 +74,14 @@ def test_the_truth_lags_behind_a_ramp_by_its_time_constant() -> None:
     seen = read("speed", {"speed": ramp}, step, rows, Sensor("sensor_lag", {"time_constant": late}), 0.0)
     time = np.arange(rows) * step
     assert np.allclose(seen, time - late * (1.0 - np.exp(-time / late)), rtol=0.0, atol=1e-12)
+
+
+def test_the_truth_does_not_lag_behind_rows_that_a_slew_rate_reaches_at_once() -> None:
+    command = 0.002 * np.arange(400.0)  # 200 times slower than the rate
+    constants = {"is_motor": 1.0, "R": 2.0, "L": 1e-3, "ke": 0.02, "kt": 0.02, "J": 1e-7, "b": 1e-8}
+    free, held = (
+        run({**constants, **slow}, command, 1e-3, None, np.zeros(400))[1]["position"][-1]
+        for slow in ({}, {"slew": 400.0})
+    )
+    late = 0.002 / (2.0 * 400.0) * (0.002 * 400.0 / 0.02)  # s by which its ramps are late, times the speed that u makes
+    assert free - held == pytest.approx(late, rel=0.05)
