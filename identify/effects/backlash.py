@@ -34,8 +34,8 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
             share * scales.inertia,
             *_flanks(share * scales.inertia / (1.0 + share), tone),
         )
-        for gap in (0.001, 0.003, 0.01)
-        for share in (0.3, 1.0)
+        for gap, shares in ((1e-4, (1.0,)), (1e-3, (0.3, 1.0)), (3e-3, (0.3, 1.0)), (1e-2, (0.3, 1.0)))
+        for share in shares
         for tone in (2.0 * math.pi * 0.03 / scales.step, 2.0 * math.pi * 0.1 / scales.step)
     )
 
