@@ -18,7 +18,7 @@ from diagnose.preflight import Preflight
 from diagnose.pushes import doubtful
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import deviations, fit_starts, strength
-from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
+from diagnose.rival import MINOR, RICHER, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -88,8 +88,16 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     bar = TIE if shows else max(TIE, MINOR * explained)
     near = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
     tied = [rival for rival in near if not closer(search.scene, search.best, rival)]
-    tied += [rival for rival in richer_of(search) if not shows and search.best.score - rival.score > _HINT]
+    tied += [rival for rival in richer_of(search) if search.best.score - rival.score > _hint(rival, shows)]
     return ("ambiguous" if tied else "explained"), tuple(tied)
+
+
+def _hint(rival: Rival, shows: bool) -> float:
+    """Return what a richer explanation is to be better by, though it is not named, so that it stands beside the best.
+
+    A slow disturbance may be all that a load's moment gains by, and it may not be.
+    """
+    return _HINT if not shows else RICHER if rival.fitted.causes[-1].effect.lasting else math.inf
 
 
 def _shows(search: Search) -> bool:

@@ -103,14 +103,27 @@ def by_chance(scene: Scene, fitted: Fitted, noises: Sequence[Noise], causes: Ite
 
 
 def with_lasting(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
-    """Widen the deviations of loads and offsets to what slow disturbances leave of them."""
+    """Widen deviations of loads and offsets to what slow disturbances leave, of limits to what rounding does."""
     told = deviations(replace(fitted, wider=None))
-    least = {cause.keys[0]: deviation(scene, fitted, noises, cause) for cause in fitted.causes if cause.keys}
+    least = {
+        cause.keys[0]: max(deviation(scene, fitted, noises, cause), _rounded(cause))
+        for cause in fitted.causes
+        if cause.keys
+    }
     factors = [
         least[each.name] / told[each.name] if each.name in least and told[each.name] > 0.0 else 1.0
         for each in fitted.coordinates
     ]
     return widened(fitted, np.array(factors))
+
+
+def _rounded(cause: Cause) -> float:
+    """Return the standard deviation that rounding leaves of the limit at which readings rest; 0 where none do.
+
+    All are rounded alike there: no number of them tells more.
+    """
+    there = cause.output is not None and cause.effect.limits and cause.scales.rested > 0.0
+    return (cause.scales.output - cause.scales.rested) / float(np.sqrt(12.0)) if there else 0.0
 
 
 def _by_batches(
