@@ -87,8 +87,14 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
 
 
 def _resumed(found: Search) -> Search:
-    """Return the search gone on with, and settled."""
-    return further(found) or settled(found)
+    """Return the search gone on with until no effect is found beside it, and settled."""
+    begun, gone_on = time.process_time(), None
+    while len(found.best.fitted.causes) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
+        more = further(found)
+        if more is None:
+            break
+        found = gone_on = more
+    return gone_on or settled(found)
 
 
 def _alone(found: Search) -> Shape | None:

@@ -87,8 +87,10 @@ def search(scene: Scene, progress: Progress) -> Search:
             again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, LONG)
             base = min((rated(scene, again), best), key=lambda each: each.score)
         chosen = _nearer(scene, simplest(rivals, base.score), base)
-        gain = base.score - chosen.score
         rounds.append(rivals)
+        if larger(chosen, base):
+            chosen = _accompanied(scene, chosen, base, worth)
+        gain = base.score - chosen.score
         trace = gain < MINOR * sum(gains) and not closer(scene, chosen, base)
         if trace or not _earned(scene, chosen, base) or lost_count(scene, chosen, base):
             best = base
@@ -263,10 +265,30 @@ def _nearer(scene: Scene, rival: Rival, base: Rival) -> Rival:
     return _unwhitened(scene, rival) if larger(rival, base) and rival.score < base.score else rival
 
 
+def _accompanied(scene: Scene, rival: Rival, base: Rival, worth: float) -> Rival:
+    """Return an explanation that only whitens what is left with the effect beside it, after which it comes nearer.
+
+    Of two effects one may hide what the other does: a load makes simulations drift away that a slew rate made right.
+    As it was where neither is worth its name, or it is none.
+    """
+    if not _worth(scene, rival, base) or len(rival.fitted.causes) >= MOST_EFFECTS:
+        return rival
+    rivals = tried_beside(scene, rival, screened(scene, rival), (), worth)
+    if not rivals:
+        return rival
+    both = simplest(rivals, rival.score)
+    return both if _earned(scene, both, rival) and not larger(both, base) else rival
+
+
 def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
+    return not larger(rival, base) and _worth(scene, rival, base)
+
+
+def _worth(scene: Scene, rival: Rival, base: Rival) -> bool:
+    """Tell whether the newest effect brings what it must, on train too."""
     gain = base.score - rival.score
-    return gain >= _bar(scene, rival, base, gain) and not larger(rival, base) and tells(rival, base)
+    return gain >= _bar(scene, rival, base, gain) and tells(rival, base)
 
 
 def _bar(scene: Scene, rival: Rival, base: Rival, gain: float) -> float:
