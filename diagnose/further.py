@@ -10,7 +10,7 @@ from diagnose.contact import met
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import FEW, with_lasting
-from diagnose.plain import believed, leap, nearer, slow_rivals, strays
+from diagnose.plain import believed, independent, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.pushes import doubtful, with_pushes
@@ -28,7 +28,7 @@ _STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had
 _POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
 _LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
-_PATIENCE = 15.0  # s of computing after which nothing further is looked for
+_PATIENCE = 25.0  # s of computing after which nothing further is looked for
 
 
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
@@ -50,7 +50,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         other = exhausted(found)
         if other is None or not nearer(found.scene, other.best.fitted, slow.best.fitted):
             slow = rested(slow)
-            fitted = _with_doubts(slow.scene, _met(slow.scene, slow.best))
+            fitted = _certain(slow.scene, _with_doubts(slow.scene, _met(slow.scene, slow.best)))
             return replace(slow, best=replace(slow.best, fitted=fitted)), None
         found = _resumed(other)
         shape = best_shape(found, found.best)
@@ -135,15 +135,16 @@ def _confirmed(found: Search) -> Search:
 
 def _certain(scene: Scene, fitted: Fitted) -> Fitted:
     """Drop effects of which a slow disturbance leaves nothing certain, as long as simulations without come as near."""
-    noises = noises_of(scene, fitted.residuals)
+    noises, plain = noises_of(scene, fitted.residuals), not colored(fitted.noises)
     while len(fitted.causes) > 1 and (least := doubtful(fitted, noises)) is not None:
         causes, point = without(fitted, least)
         slim = fit(scene, scene.train, causes, point, flat(noises), _SLIM)  # whitened edges are traps
         if not least.effect.lasting and nearer(scene, fitted, slim):
             break  # a load soaks up what drifts, too
         noises = noises_of(scene, slim.residuals)
-        slim = fit(scene, scene.train, causes, slim.point, noises, _STEPS)
-        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises))
+        by = independent(slim.residuals) if plain else noises
+        slim = fit(scene, scene.train, causes, slim.point, by, _STEPS)
+        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, by), by))
     return fitted
 
 

@@ -93,12 +93,12 @@ def _idle(found: Search, fitted: Fitted, gain: float) -> bool:
 def _simulated(found: Search) -> Search:
     """Return the same effects with the parameters of least simulation error, where unseen recordings prefer them."""
     scene, best = found.scene, found.best
-    sizes = _sizes(_independent(best.fitted.residuals))
+    sizes = _sizes(independent(best.fitted.residuals))
     fitted = fit(scene, scene.train, best.fitted.causes, best.fitted.point, sizes, _LONG)
     train, test = _ratios(scene, fitted, best.fitted)
     if train >= 1.0 or test >= _CLEAR:
         return found
-    counted = fit(scene, scene.train, fitted.causes, fitted.point, _independent(fitted.residuals), 1)
+    counted = fit(scene, scene.train, fitted.causes, fitted.point, independent(fitted.residuals), 1)
     return replace(found, best=Rival(counted, noises_of(scene, counted.residuals), best.score))
 
 
@@ -119,7 +119,7 @@ def _refined(plain: Search) -> Search:
     scene, best = plain.scene, plain.best
     finer = polished(scene, best.fitted, best.noises)
     while len(finer.causes) > 1:
-        sizes = _sizes(_independent(finer.residuals))
+        sizes = _sizes(independent(finer.residuals))
         slimmer = [fit(scene, scene.train, *without(finer, cause), sizes, _LONG) for cause in finer.causes]
         least = min(slimmer, key=lambda each: each.cost)
         if min(_ratios(scene, finer, least)) < _BETTER:
@@ -127,7 +127,7 @@ def _refined(plain: Search) -> Search:
         finer = polished(scene, least, best.noises)
     allowed = 1.0 if len(finer.causes) == len(best.fitted.causes) else 1.0 / _BETTER
     if _size(finer.residuals, best.fitted.residuals) < allowed and _same_machine(plain.nominal.fitted, finer):
-        return replace(plain, best=_rated(scene, finer, _independent(finer.residuals)))
+        return replace(plain, best=_rated(scene, finer, independent(finer.residuals)))
     return plain
 
 
@@ -162,7 +162,7 @@ def slow_rivals(found: Search, progress: Progress) -> tuple[Rival, ...]:
     if not scene.test or not strays(found):
         return ()
     progress(0.7, "looking for what moves slowly")
-    noises = _independent(best.fitted.residuals)
+    noises = independent(best.fitted.residuals)
     return _round(scene, best.fitted, noises)
 
 
@@ -227,7 +227,7 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
     gains: list[float] = []
     evidence = 0.0
     while len(gains) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
-        noises = _independent(best.fitted.residuals)
+        noises = independent(best.fitted.residuals)
         known = tuple(_rated(scene, each.fitted, noises) for each in begin if not gains)
         tried = known or _round(scene, best.fitted, noises)
         rivals = tuple(each for each in tried if _same_machine(nominal.fitted, each.fitted))
@@ -258,7 +258,7 @@ def _same_machine(nominal: Fitted, fitted: Fitted) -> bool:
 
 
 def _nominal(scene: Scene, found: Search) -> Rival:
-    noises = _independent(found.nominal.fitted.residuals)
+    noises = independent(found.nominal.fitted.residuals)
     starts = (found.nominal.fitted.point, first_point(scene, scene.train))
     fits = [fit(scene, scene.train, (), start, _sizes(noises), _LONG) for start in starts]
     best = min(fits, key=lambda each: each.cost)
@@ -299,7 +299,7 @@ def _rated(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Rival:
 
 def _unseen(scene: Scene, fitted: Fitted) -> tuple[Array, ...]:
     """Return what is left of the test recordings; only their initial states are fitted."""
-    return unseen_residuals(scene, fitted, _independent(fitted.residuals))
+    return unseen_residuals(scene, fitted, independent(fitted.residuals))
 
 
 def _ratios(scene: Scene, one: Fitted, other: Fitted) -> tuple[float, float]:
@@ -318,7 +318,7 @@ def _sizes_of(one: Sequence[Array], other: Sequence[Array]) -> Array:
     return np.asarray(np.nan_to_num(sizes[0] / np.maximum(sizes[1], 1e-150), nan=np.inf, posinf=np.inf))
 
 
-def _independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
+def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
     """Return white noise whose scale is that of the mean of independent samples: rms times sqrt(1 + 2 sum rho^2)."""
     made = []
     for index in range(residuals[0].shape[1]):
