@@ -114,7 +114,8 @@ def test_a_stretch_that_grows_leads_to_a_gap(tmp_path: Path) -> None:
     scene = scene_of(drawn(tmp_path, 680002))
     cause, true = with_backlash(scene, 680002)
     gap = cause.keys[0]
-    away = Point({**true.values, **scene.starts[cause.label][0]}, true.starts)
+    wide = next(start for start in scene.starts[cause.label] if start[gap] > 0.3 * true.values[gap])
+    away = Point({**true.values, **wide}, true.starts)
     begun = fit(scene, scene.train, (cause,), away, [white(0.02)], 12)
     found = grown(scene, begun, noises_of(scene, begun.residuals))
     assert abs(begun.point.values[gap] / true.values[gap] - 1.0) > 0.1
