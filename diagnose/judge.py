@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from diagnose.descent import residual_of
 from diagnose.direct import Direct, coarse
@@ -18,7 +19,7 @@ from diagnose.preflight import Preflight
 from diagnose.pushes import doubtful
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import deviations, fit_starts, strength
-from diagnose.rival import MINOR, RICHER, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
+from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 _SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
-_HINT = 0.5 * TIE  # what a richer explanation is better by, where that is too little to name it
+_HINT = 0.999  # of chance, which a richer explanation has to beat to stand beside the best, below the noise
 _LAGS = 20
 _FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
 _FIRM = 0.1  # of a parameter, as one deviation: it is well determined
@@ -88,16 +89,22 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     bar = TIE if shows else max(TIE, MINOR * explained)
     near = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
     tied = [rival for rival in near if not closer(search.scene, search.best, rival)]
-    tied += [rival for rival in richer_of(search) if search.best.score - rival.score > _hint(rival, shows)]
+    tied += [rival for rival in richer_of(search) if search.best.score - rival.score > _hint(search, rival, shows)]
     return ("ambiguous" if tied else "explained"), tuple(tied)
 
 
-def _hint(rival: Rival, shows: bool) -> float:
+def _hint(search: Search, rival: Rival, shows: bool) -> float:
     """Return what a richer explanation is to be better by, though it is not named, so that it stands beside the best.
 
-    A slow disturbance may be all that a load's moment gains by, and it may not be.
+    Below the noise its further parameters have to be no chance by the ratio of likelihoods (Wilks 1938), though BIC may
+    ask more. Otherwise a slow disturbance may be all that a load's moment gains by, and it may not be.
     """
-    return _HINT if not shows else RICHER if rival.fitted.causes[-1].effect.lasting else math.inf
+    if shows:
+        return TIE if rival.fitted.causes[-1].effect.lasting else math.inf
+    best = search.best.fitted
+    rows = sum(part.size for part in best.residuals)
+    more = max(len(rival.fitted.coordinates) - len(best.coordinates), 1)
+    return float(chi2.ppf(_HINT, more)) - more * math.log(rows)
 
 
 def _shows(search: Search) -> bool:
