@@ -271,7 +271,7 @@ def _accompanied(scene: Scene, rival: Rival, base: Rival, worth: float) -> Rival
     Of two effects one may hide what the other does: a load makes simulations drift away that a slew rate made right.
     As it was where neither is worth its name, or it is none.
     """
-    if not _worth(scene, rival, base) or len(rival.fitted.causes) >= MOST_EFFECTS:
+    if not _pays(scene, rival, base) or len(rival.fitted.causes) >= MOST_EFFECTS:
         return rival
     rivals = tried_beside(scene, rival, screened(scene, rival), (), worth)
     if not rivals:
@@ -282,10 +282,10 @@ def _accompanied(scene: Scene, rival: Rival, base: Rival, worth: float) -> Rival
 
 def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
-    return not larger(rival, base) and _worth(scene, rival, base)
+    return not larger(rival, base) and _pays(scene, rival, base)
 
 
-def _worth(scene: Scene, rival: Rival, base: Rival) -> bool:
+def _pays(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too."""
     gain = base.score - rival.score
     return gain >= _bar(scene, rival, base, gain) and tells(rival, base)

@@ -88,6 +88,12 @@ SLOW = (
     (720032, "unknown_physics", "", "a load of which a slow disturbance leaves nothing certain"),
     (730081, "no_mismatch", "", "the largest step of a slow disturbance"),
     (680002, "explained", "backlash", "teeth that meet too late in every step"),
+    (770082, "explained", "load_torque slew_rate_limit", "a load that drifts away where a slew rate is right"),
+    (770130, "explained", "flexible_coupling load_step sensor_lag", "a third effect after a leap"),
+    (770073, "explained", "backlash", "a gap of a ten-thousandth of the way"),
+    (770012, "explained", "quadratic_drag slew_rate_limit", "a truth that was late by half a substep"),
+    (770021, "ambiguous", "load_step load_torque", "a moment that a slow disturbance may have made"),
+    (750038, "explained", "flexible_coupling sensor_saturation", "a load of no certainty by simulation error"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
