@@ -190,6 +190,8 @@ def _refitted(
         values = entered(values, cause, start)
     point, found = Point(values, begin.starts), []
     sizes = np.std([scene.train[0].columns[signal.name] for signal in scene.plant.outputs], axis=1)
+    there = refit(scene, scene.train, causes, point, [white(float(size)) for size in sizes], 0)
+    sizes = np.fmin(sizes, np.sqrt(np.mean(there.residuals[0] ** 2, axis=0)))  # beside more, a small effect is none
     for _ in range(_TURNS):  # a fine sensor is followed once the coarse ones have led near
         flat = [white(float(size)) for size in np.maximum(sizes, noises)]
         found.append(refit(scene, scene.train, causes, point, flat, _STEPS))

@@ -222,8 +222,12 @@ def fit_starts(
         place = problem.at(Point(values, (full_start(scene, recording),)))
         for exact in (False, True, True, True):
             slopes = problem.slopes(place, problem.start_slopes(place.point, exact=True) if exact else None)
-            step = solved(problem.normal(slopes), problem.descent(slopes, place), 1e-9)
-            trial = problem.at(problem.moved(place.point, step))
+            normal, pulled = problem.normal(slopes), problem.descent(slopes, place)
+            trial = problem.at(problem.moved(place.point, solved(normal, pulled, 1e-9)))
+            if exact and not trial.cost < place.cost:
+                # What rests lets a speed look like a place: together they lead away, the place alone does not.
+                alone = np.diag(pulled / np.maximum(np.diag(normal), 1e-300))
+                trial = min((problem.at(problem.moved(place.point, step)) for step in alone), key=lambda one: one.cost)
             gain = place.cost - trial.cost
             if gain > 0.0:
                 place = trial

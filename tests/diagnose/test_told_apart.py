@@ -93,6 +93,7 @@ SLOW = (
     (770073, "explained", "backlash", "a gap of a ten-thousandth of the way"),
     (770012, "explained", "quadratic_drag slew_rate_limit", "a truth that was late by half a substep"),
     (770021, "ambiguous", "load_step load_torque", "a moment that a slow disturbance may have made"),
+    (780124, "explained", "asymmetric_friction slew_rate_limit", "a place at rest that a speed looked like"),
     (750038, "explained", "flexible_coupling sensor_saturation", "a load of no certainty by simulation error"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
