@@ -45,7 +45,7 @@ def coarse(plant: Plant, train: Sequence[Recording], left: Sequence[float]) -> t
 def _step(values: Array) -> float | None:
     """Return the step of which all values are multiples, None where there is none."""
     levels = np.unique(np.round(values, 12))
-    if not 1 < len(levels) < len(values) / 4:
+    if not 1 < len(levels) < len(values):
         return None
     gaps = np.diff(levels)
     step = float(gaps.min())

@@ -100,7 +100,8 @@ def weighted(problem: Problem, point: Point) -> Iterator[tuple[Array, Array]]:
     inner = np.where(problem.logarithmic, point.constants[list(problem.free)], 1.0)
     for made, start in zip(problem.experiments, point.starts, strict=True):
         residual, slopes = misfit(made, problem.engine, point.constants, start, problem.free)
-        slopes[..., :count] *= inner
+        with np.errstate(over="ignore"):  # a trial that has diverged counts as far off
+            slopes[..., :count] *= inner
         yield residual * problem.weights, slopes * problem.weights[:, None]
 
 

@@ -27,6 +27,7 @@ QUICK = (
     (570013, "explained", "input_saturation sensor_rectified", "leaps of a reading that only folds"),
     (570146, "explained", "end_stop", "what had led to a stop, and then was nothing"),
     (590088, "explained", "load_torque", "a load that innovations hardly show and simulations do"),
+    (790086, "explained", "sensor_quantization", "coarse steps over a way of thousands of them"),
     (660012, "explained", "sensor_quantization", "a current that shows one step and else nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
 )
