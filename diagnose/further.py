@@ -19,6 +19,7 @@ from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
 from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
 from diagnose.shape import Shape, best_shape, outweighs, weighed
+from diagnose.split import split
 from identify.course import LONGEST_CHANGE
 from identify.noise import colored, flat
 
@@ -34,6 +35,8 @@ _PATIENCE = 25.0  # s of computing after which nothing further is looked for
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     """Return the search that is believed, with what slow misfits and shapes still show, and the shape that is left."""
     begun = time.process_time()
+    parts = split(found)
+    found = found if parts is None else _resumed(parts)
     rivals = slow_rivals(found, progress)
     while len(found.best.fitted.causes) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
         more = leap(found, rivals)

@@ -163,7 +163,7 @@ def slow_rivals(found: Search, progress: Progress) -> tuple[Rival, ...]:
         return ()
     progress(0.7, "looking for what moves slowly")
     noises = independent(best.fitted.residuals)
-    return _round(scene, best.fitted, noises)
+    return tried_beside(scene, best.fitted, noises)
 
 
 def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
@@ -229,7 +229,7 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
     while len(gains) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
         noises = independent(best.fitted.residuals)
         known = tuple(_rated(scene, each.fitted, noises) for each in begin if not gains)
-        tried = known or _round(scene, best.fitted, noises)
+        tried = known or tried_beside(scene, best.fitted, noises)
         rivals = tuple(each for each in tried if _same_machine(nominal.fitted, each.fitted))
         if not rivals:
             break
@@ -265,8 +265,11 @@ def _nominal(scene: Scene, found: Search) -> Rival:
     return _rated(scene, best, noises)
 
 
-def _round(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
-    """Fit the most promising causes from several points; the best are fitted to the end."""
+def tried_beside(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
+    """Fit the most promising causes by simulation error, from several points; the best are fitted to the end.
+
+    `noises` count independent samples.
+    """
     causes = [cause for cause in scene.causes if cause not in base.causes]
     grounds = [ground(scene, scene.train, base, noises)]
     (screened,) = screen(scene, scene.train, base, causes, grounds, best_orders(scene, base, grounds))

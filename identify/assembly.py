@@ -25,7 +25,8 @@ class Term:
     """One function of the simulator.
 
     `rate` says how fast it changes, 1/s: constant, per |w|, per |dw/dt|, per i^2, per |position|, and
-    while the current settles.
+    while the current settles. `flank` are the slopes of a function by states, (state, slope) each, if it is linear as
+    long as bodies touch, and zero while they do not.
     """
 
     what: int
@@ -34,6 +35,7 @@ class Term:
     constants: tuple[float, ...]
     per: float
     rate: Rate
+    flank: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,12 @@ class Assembly:
     def add_term(self, row: int, code: str, constants: tuple[float, ...], per: float, rate: Rate) -> None:
         """Add per * code(...) to the derivative of a state."""
         self.terms.append(Term(ADD, code, row, constants, per, rate))
+
+    def add_flank(
+        self, row: int, code: str, constants: tuple[float, ...], per: float, rate: float, *slopes: tuple[int, float]
+    ) -> None:
+        """Add per * code(...) to the derivative of a state, a force of bodies: see Term for its slopes."""
+        self.terms.append(Term(ADD, code, row, constants, per, (rate, *STEADY[1:]), slopes))
 
     def add_factor(self, row: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
         """Multiply the derivative of a state by 1 + code(...)."""

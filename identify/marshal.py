@@ -22,16 +22,17 @@ from identify.segments import Segments
 Array = NDArray[np.float64]
 
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
-_DRIVER = ("memo.h", "problem.h", "stick.c", "propagate.c", "glide.c", "segments.c")
+_DRIVER = ("memo.h", "problem.h", "stick.c", "propagate.c", "glide.c", "pace.c", "segments.c")
 _LOOKS = {1: "i", 2: "effort", 4: "turn"}  # as in driver/problem.h
 _TOUCH = 8  # the same
+_MOST_FLANKS = 1 << 3  # as bits, the same; more of them are no part of what is exact
 _USUAL_STATES = 6
 _MEMORY = "presliding_force"  # the one function that remembers where the motion last turned round
 
 
 class _Term(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants")),
+        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants", "flank")),
         ("per", ctypes.c_double),
         ("rate", ctypes.c_double * 6),
     )
@@ -63,7 +64,8 @@ class _Problem(ctypes.Structure):
                 "asked",
             )
         ),
-        *((name, ctypes.c_void_p) for name in ("a", "b", "c", "read_x", "read_u", "current", "effort", "term", "q")),
+        *((name, ctypes.c_void_p) for name in ("a", "b", "c", "read_x", "read_u", "current", "effort", "term")),
+        *((name, ctypes.c_void_p) for name in ("flanks", "q")),
         *((name, ctypes.c_void_p) for name in ("coordinate", "lag", "lag_rate", "begin", "length", "input", "ramp")),
         *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
         ("step", ctypes.c_double),
@@ -215,17 +217,25 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     n, m, r = len(made.a), made.inputs, len(made.read_x)
     q: list[float] = []
     terms = (_Term * max(len(made.terms), 1))()
+    flanks, bit = np.zeros((len(made.terms), n)), 1
     for place, term in enumerate(made.terms):
+        own = bit if term.flank and bit < _MOST_FLANKS else 0
         terms[place] = _Term(
-            term.what, codes()[term.code], term.target, len(q), term.per, (ctypes.c_double * 6)(*term.rate)
+            term.what, codes()[term.code], term.target, len(q), own, term.per, (ctypes.c_double * 6)(*term.rate)
         )
         q.extend(term.constants)
+        bit <<= own > 0
+        for state, slope in term.flank:
+            flanks[place, state] = slope
     coordinates = (_Coordinate * max(len(made.coordinates), 1))()
     for place, c in enumerate(made.coordinates):
         coordinates[place] = _Coordinate(c.what, c.row, c.to, c.per, c.limit, c.share)
-    # Levels that depend on nothing leave N constant along a segment, and one exact step does.
+    # Levels that depend on nothing leave N constant along a segment, and one exact step does; flanks are in A.
     simple = (
-        all(t.what == OUTPUT or (t.what in (ADD, LEVEL) and not any(t.rate)) for t in made.terms)
+        all(
+            t.what == OUTPUT or own.flank or (t.what in (ADD, LEVEL) and not any(t.rate))
+            for t, own in zip(made.terms, terms, strict=False)
+        )
         and not any(c.what == LIMIT for c in made.coordinates)
         and (equations is None or not equations.rate)
         and not (made.lags and equations is not None)
@@ -235,7 +245,7 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
         "a": made.a, "b": made.b, "c": made.c, "read_x": made.read_x, "read_u": made.read_u,
         "current": np.concatenate([made.current_x, made.current_u]),
         "effort": np.concatenate([made.effort_x, made.effort_u]),
-        "q": np.array(q),
+        "flanks": flanks, "q": np.array(q),
         "lag_rate": np.array([rate for _, _, rate in nonlinear_lags]),
         "p": constants,
     }  # fmt: skip

@@ -7,12 +7,14 @@
 
 #define MOST 24      /* states */
 #define MOST_STUCK 6 /* coordinates that may stick */
+#define MOST_FLANKS 3 /* forces of bodies that touch */
 #define MOST_TERMS 64
 #define LEVELS 44
 #define OWN 4          /* lengths that come back and are tabulated besides */
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
 #define BRIEF 0.03     /* norm(A) h up to which the classical formula is right to 1e-9 */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
+#define BOUNCE 0.125   /* of how fast a flank's force changes: no step may miss that bodies touch */
 #define SHARPEST 10    /* level of the step in which bodies come to touch, or part */
 
 /* Built for plants of one size, loops have a known length. */
@@ -36,6 +38,7 @@ typedef void (*slope_t)(const double *x, const double *u, const double *p, doubl
 
 typedef struct {
     int what, code, target, constants; /* target: row (ADD, FACTOR), coordinate (LEVEL), output (OUTPUT) */
+    int flank;                         /* a bit of its own, where it is linear as long as bodies touch; 0: it is not */
     double per;                        /* factor of the term in its row */
     double rate[6];                    /* 1/s: constant, per |w|, |dw/dt|, i^2, |theta|; while the current settles */
 } term_t;
@@ -53,6 +56,7 @@ typedef struct {
     const double *read_x, *read_u;  /* r x n, r x m */
     const double *current, *effort; /* n + m each */
     const term_t *term;
+    const double *flanks; /* terms x n: d term / d x of those, while they touch */
     const double *q;
     const coordinate_t *coordinate;
     const int *lag;                            /* pairs (output, row): filters of outputs that are not linear */
@@ -74,9 +78,10 @@ typedef struct {
 typedef struct {
     const problem_t *k;
     int levels, flat; /* flat: A is zero, and the formula is the classical one */
-    double *table[1 << MOST_STUCK];
+    double *table[1 << (MOST_STUCK + MOST_FLANKS)];
     double *own[OWN], own_length[OWN];
     int owned;
+    int touch, pressed; /* which way flanks push, and their bits */
     int s[MOST_STUCK]; /* direction; 0: sticks (FRICTION); 1 free, 0 at the limit (LIMIT) */
     double x[MOST], m[2];
     double t, begin, since; /* s: now, start of the segment */

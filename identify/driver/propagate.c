@@ -4,12 +4,32 @@
  */
 #include "problem.h"
 
-static int stuck_mask(const run_t *run) {
-    int mask = 0;
+/* What A is now: which coordinates stick, and which flanks touch. */
+static int mode(const run_t *run) {
+    int found = run->pressed << MOST_STUCK;
     for (int c = 0; c < run->k->coordinates; ++c) {
-        mask |= (run->s[c] == 0) << c;
+        found |= (run->s[c] == 0) << c;
     }
-    return mask;
+    return found;
+}
+
+static int sticks(const run_t *run, int row) {
+    int held = 0;
+    for (int c = 0; c < run->k->coordinates; ++c) {
+        held |= run->s[c] == 0 && run->k->coordinate[c].row == row;
+    }
+    return held;
+}
+
+/* N without what A holds of the flanks that touch. */
+static void loosen(const run_t *run, const double *x, double *n_out) {
+    const problem_t *k = run->k;
+    for (int j = 0; run->pressed && j < k->terms; ++j) {
+        const term_t *f = &k->term[j];
+        if (run->pressed & f->flank && !sticks(run, f->target)) {
+            n_out[f->target] -= f->per * dot(SIZE(k), &k->flanks[j * SIZE(k)], x);
+        }
+    }
 }
 
 static void multiply(int n, const double *a, const double *b, double *out) {
@@ -55,7 +75,7 @@ static double fastest(int n, double *m) {
 /* Per level, from `length` on by halves: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each.
  * NULL without memory. */
 #define F(level) (&table[(size_t)(level) * 6 * nn])
-static double *tabulate(const run_t *run, int mask, double length, int levels) {
+static double *tabulate(const run_t *run, int mode, double length, int levels) {
     const problem_t *k = run->k;
     const int n = SIZE(k), nn = n * n;
     double *table = malloc((size_t)(levels * 6 * nn) * sizeof(double));
@@ -67,8 +87,14 @@ static double *tabulate(const run_t *run, int mask, double length, int levels) {
     for (int j = 0; j < nn; ++j) {
         z[j] = h * k->a[j];
     }
+    for (int j = 0; mode >> MOST_STUCK && j < k->terms; ++j) {
+        const term_t *f = &k->term[j];
+        for (int i = 0; mode >> MOST_STUCK & f->flank && i < n; ++i) {
+            z[f->target * n + i] += h * f->per * k->flanks[j * n + i];
+        }
+    }
     for (int c = 0; c < k->coordinates; ++c) {
-        for (int j = 0; mask >> c & 1 && j < n; ++j) {
+        for (int j = 0; mode >> c & 1 && j < n; ++j) {
             z[k->coordinate[c].row * n + j] = 0.0;
         }
     }
@@ -135,9 +161,10 @@ static void step_table(const run_t *run, const double *table, int level, double 
     const int n = SIZE(run->k), nn = n * n;
     const size_t bytes = (size_t)n * sizeof(double);
     const double *whole = F(level), *half = F(level + 1);
-    const double *n0 = run->first;
-    double na[MOST], nb[MOST], nc[MOST], a[MOST], b[MOST], c[MOST];
+    double n0[MOST], na[MOST], nb[MOST], nc[MOST], a[MOST], b[MOST], c[MOST];
     memcpy(out, run->x, bytes);
+    memcpy(n0, run->first, bytes);
+    loosen(run, run->x, n0);
     add(n, whole, run->x, out);
     if (run->k->simple) {
         add(n, &whole[nn], n0, out);
@@ -145,7 +172,7 @@ static void step_table(const run_t *run, const double *table, int level, double 
             if (run->ramp[j] != 0.0) {
                 drive(run, run->x, run->t + h, -1, na);
                 for (int i = 0; i < n; ++i) {
-                    na[i] -= n0[i];
+                    na[i] -= run->first[i];
                 }
                 add(n, &whole[2 * nn], na, out);
                 break;
@@ -158,8 +185,10 @@ static void step_table(const run_t *run, const double *table, int level, double 
     memcpy(a, b, bytes);
     add(n, &half[nn], n0, a);
     drive(run, a, run->t + 0.5 * h, -1, na);
+    loosen(run, a, na);
     add(n, &half[nn], na, b);
     drive(run, b, run->t + 0.5 * h, -1, nb);
+    loosen(run, b, nb);
     memcpy(c, a, bytes);
     add(n, half, a, c);
     for (int i = 0; i < n; ++i) {
@@ -167,6 +196,7 @@ static void step_table(const run_t *run, const double *table, int level, double 
     }
     add(n, &half[nn], nc, c);
     drive(run, c, run->t + h, -1, nc);
+    loosen(run, c, nc);
     for (int i = 0; i < n; ++i) {
         na[i] += nb[i];
     }
@@ -180,11 +210,7 @@ static void whole_rate(const run_t *run, const double *x, double *out) {
     const problem_t *k = run->k;
     const int n = SIZE(k);
     for (int i = 0; i < n; ++i) {
-        int held = 0;
-        for (int c = 0; c < k->coordinates; ++c) {
-            held |= run->s[c] == 0 && k->coordinate[c].row == i;
-        }
-        out[i] += held || run->flat ? 0.0 : dot(n, &k->a[i * n], x);
+        out[i] += run->flat || sticks(run, i) ? 0.0 : dot(n, &k->a[i * n], x);
     }
 }
 

@@ -16,79 +16,7 @@
 
 #include "glide.c"
 
-/* N where the run is; computed once per place. */
-static void look_round(run_t *run) {
-    if (!run->known) {
-        drive(run, run->x, run->t, -1, run->first);
-        run->known = 1;
-    }
-}
-
-/* How far a force that remembers where the motion turned round still is from what it will be: 1 there, 0 far away. */
-static double unsettled(const run_t *run, const term_t *f) {
-    const double *q = &run->k->q[f->constants];
-    return is_memory(f->code) && q[1] > 0.0 ? exp(-0.5 * q[0] * fabs(run->x[run->k->position] - run->m[1]) / q[1])
-                                            : 1.0;
-}
-
-/* The coarsest level whose step resolves how fast N changes. */
-static int coarsest(run_t *run, double length) {
-    const problem_t *k = run->k;
-    const int n = SIZE(k), m = DRIVES(k);
-    double rate = 0.0, u[MOST], now[MOST], own[MOST_TERMS];
-    int level = 0;
-    if (k->simple) {
-        return 0;
-    }
-    input_at(run, run->t, u);
-    if (k->slope != NULL) {
-        double by_x[MOST * MOST];
-        k->slope(run->x, u, k->p, now, by_x);
-        for (int j = 0; j < n * n; ++j) {
-            by_x[j] = isfinite(by_x[j]) ? by_x[j] : 0.0;
-        }
-        rate = 4.0 * fastest(n, by_x); /* nothing of it is in A */
-    }
-    look_round(run);
-    memcpy(now, run->first, (size_t)n * sizeof(double));
-    whole_rate(run, run->x, now);
-    const double w = k->speed >= 0 ? fabs(run->x[k->speed]) : 0.0, dw = k->speed >= 0 ? fabs(now[k->speed]) : 0.0;
-    const int leaves = k->speed >= 0 && run->x[k->speed] * now[k->speed] > 0.0;
-    for (int j = 0; j < k->terms; ++j) {
-        const double *r = k->term[j].rate;
-        own[j] = r[0] * unsettled(run, &k->term[j]) + r[1] * (w + 0.5 * dw * length);
-        if (r[3] != 0.0) {
-            const double i = form(k->current, n, run->x, m, u);
-            own[j] += r[3] * i * i;
-        }
-        own[j] += r[4] * (k->position >= 0 ? fabs(run->x[k->position]) : 0.0);
-        if (r[5] > 0.0) {
-            /* A current that settles does so at this rate; what is left of it decides how much that matters. */
-            const double i = fabs(form(k->current, n, run->x, m, u));
-            const double still[MOST] = {0.0};
-            const double left = fabs(form(k->current, n, now, m, still)) / r[5];
-            own[j] += left > 0.0 ? r[5] * cbrt(left / (left + i)) : 0.0;
-        }
-        if (r[2] == 0.0) {
-            rate = fmax(rate, own[j]);
-        }
-    }
-    for (; level < run->levels - 2; ++level) {
-        double most = rate;
-        for (int j = 0; j < k->terms; ++j) {
-            const double steep = k->term[j].rate[2];
-            if (steep != 0.0) { /* far from rest nothing of it changes */
-                const double h = fmin(run->lengths[level], length), near = leaves ? w : fmax(w - dw * h, 0.0);
-                const double away = 1.0 + near * steep * near * steep;
-                most = fmax(most, own[j] / (away * away) + steep * dw / away);
-            }
-        }
-        if (!(run->lengths[level] * most > k->longest)) {
-            break;
-        }
-    }
-    return level;
-}
+#include "pace.c"
 
 static int first_overdue(const run_t *run, const double *x, double t) {
     for (int c = 0; c < run->k->coordinates; ++c) {
@@ -99,6 +27,11 @@ static int first_overdue(const run_t *run, const double *x, double t) {
     return -1;
 }
 
+/* Look which flanks touch now. */
+static void feel(run_t *run) {
+    run->touch = run->k->asked & TOUCH ? touching(run, run->x, run->t, &run->pressed) : 0;
+}
+
 static int advance(run_t *run, double length) {
     const problem_t *k = run->k;
     const int n = SIZE(k), finest = run->levels - 2;
@@ -107,7 +40,8 @@ static int advance(run_t *run, double length) {
     int level = coarsest(run, length), start = level, events = 0;
     int bound = 0; /* the level that the search for an event has come to */
     const int bodies = k->asked & TOUCH, sharpest = finest < SHARPEST ? finest : SHARPEST;
-    int touch = bodies ? touching(run, run->x, run->t) : 0;
+    int ignored;
+    feel(run);
     while (rest > 0.0) {
         double h = run->lengths[level];
         int c;
@@ -125,11 +59,11 @@ static int advance(run_t *run, double length) {
         } else if (run->flat) {
             step_short(run, h, trial);
         } else {
-            const int mask = stuck_mask(run);
-            if (run->table[mask] == NULL && (run->table[mask] = tabulate(run, mask, k->step, run->levels)) == NULL) {
+            const int now = mode(run);
+            if (run->table[now] == NULL && (run->table[now] = tabulate(run, now, k->step, run->levels)) == NULL) {
                 return -1;
             }
-            step_table(run, run->table[mask], level, h, trial);
+            step_table(run, run->table[now], level, h, trial);
         }
         c = events < MOST_EVENTS ? first_overdue(run, trial, run->t + h) : -1;
         if (c >= 0 && level < finest) {
@@ -149,13 +83,13 @@ static int advance(run_t *run, double length) {
             decide(run, c);
             ++events;
             run->known = 0;
-            touch = bodies ? touching(run, run->x, run->t) : 0;
+            feel(run);
             bound = 0;
             level = run->moving ? coarsest(run, rest) : start;
             continue;
         }
-        const int next = bodies ? touching(run, trial, run->t + h) : 0;
-        if (next != touch && level < sharpest && events < MOST_EVENTS) {
+        const int next = bodies ? touching(run, trial, run->t + h, &ignored) : 0;
+        if (next != run->touch && level < sharpest && events < MOST_EVENTS) {
             bound = ++level;
             continue;
         }
@@ -163,8 +97,8 @@ static int advance(run_t *run, double length) {
         run->t += h;
         rest -= h;
         run->known = 0;
-        if (next != touch) {
-            touch = next;
+        if (next != run->touch) {
+            feel(run);
             ++events;
             bound = 0;
             level = start;
@@ -215,21 +149,28 @@ static void read_outputs(const run_t *run, const double *u, int segment, double 
 static const double STILL[MOST] = {0.0};
 
 static void set_out(run_t *run, const problem_t *k, const double *x0) {
-    double reach = 0.0;
+    const int n = SIZE(k);
+    double reach = 0.0, whole[MOST * MOST];
     memset(run, 0, sizeof *run);
     run->k = k;
     run->memo = &run->remembered;
-    for (int i = 0; i < SIZE(k); ++i) {
+    run->flat = 1;
+    for (int i = 0; i < n * n; ++i) {
+        whole[i] = fabs(k->a[i]);
+    }
+    for (int j = 0; j < k->terms; ++j) {
+        for (int i = 0; k->term[j].flank && i < n; ++i) {
+            whole[k->term[j].target * n + i] += fabs(k->term[j].per * k->flanks[j * n + i]);
+        }
+    }
+    for (int i = 0; i < n; ++i) {
         double sum = 0.0;
-        for (int j = 0; j < SIZE(k); ++j) {
-            sum += fabs(k->a[i * SIZE(k) + j]);
+        for (int j = 0; j < n; ++j) {
+            sum += whole[i * n + j];
         }
         reach = fmax(reach, sum);
+        run->flat &= sum == 0.0;
         run->x[i] = x0[i];
-    }
-    run->flat = 1;
-    for (int i = 0; i < SIZE(k) * SIZE(k); ++i) {
-        run->flat &= k->a[i] == 0.0;
     }
     run->levels = 11;
     while (run->levels < LEVELS && ldexp(k->step, 1 - run->levels) * reach > FINEST) {
@@ -239,7 +180,7 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
     for (int level = 0; level < run->levels; ++level) {
         run->lengths[level] = ldexp(k->step, -level);
     }
-    run->brief = reach > 0.0 ? BRIEF / reach : 0.0;
+    run->brief = reach > 0.0 ? BRIEF / (k->asked & TOUCH ? fastest(n, whole) : reach) : 0.0;
     run->moving = k->settling;
     for (int j = 0; j < k->terms; ++j) {
         run->moving |= k->term[j].rate[2] != 0.0 || (is_memory(k->term[j].code) && k->position >= 0);
@@ -254,7 +195,7 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
 }
 
 static void tidy_up(run_t *run) {
-    for (int mask = 0; mask < 1 << MOST_STUCK; ++mask) {
+    for (int mask = 0; mask < 1 << (MOST_STUCK + MOST_FLANKS); ++mask) {
         free(run->table[mask]);
     }
     for (int j = 0; j < run->owned; ++j) {

@@ -217,17 +217,19 @@ static void decide(run_t *run, int c) {
     }
 }
 
-/* Which way each force pushes that is there only where bodies touch. */
-static int touching(const run_t *run, const double *x, double t) {
+/* Which way each force pushes that is there only where bodies touch; the bits of those that do are `pressed`. */
+static int touching(const run_t *run, const double *x, double t, int *pressed) {
     const problem_t *k = run->k;
     int found = 0;
     double u[MOST];
     input_at(run, t, u);
     const view_t v = look(run, x, u, t);
+    *pressed = 0;
     for (int j = 0; j < k->terms; ++j) {
         if (touches(k->term[j].code)) {
             const double force = term(k->term[j].code, &v, &k->q[k->term[j].constants]);
             found = 3 * found + (force > 0.0) - (force < 0.0);
+            *pressed |= force != 0.0 ? k->term[j].flank : 0;
         }
     }
     return found;

@@ -50,8 +50,9 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     twist = assembly.add_state(lambda x: 0.0)
     constants = (0.5 * gap, stiffness, damping, float(load), float(twist))
     rate = 6.0 * math.sqrt(stiffness * (per + 1.0 / inertia))
-    assembly.add_term(motor, "backlash", constants, -per, (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
-    assembly.add_term(load, "backlash", constants, 1.0 / inertia, (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
+    slopes = ((twist, stiffness), (motor, damping), (load, -damping))
+    assembly.add_flank(motor, "backlash", constants, -per, rate, *slopes)
+    assembly.add_flank(load, "backlash", constants, 1.0 / inertia, rate, *slopes)
     assembly.a[twist, motor] += 1.0
     assembly.a[twist, load] -= 1.0
 

@@ -29,8 +29,9 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    rate = 4.0 * math.sqrt(values[1] * assembly.per[site.balance])
-    assembly.add_term(assembly.speed, "end_stop", values, assembly.per[site.balance], (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
+    per = assembly.per[site.balance]
+    rate = 4.0 * math.sqrt(values[1] * per)
+    assembly.add_flank(assembly.speed, "end_stop", values, per, rate, (assembly.position, -values[1]))
 
 
 def believable(values: Sequence[float], scales: Scales) -> bool:

@@ -1,0 +1,46 @@
+"""Put a simpler effect and one more in the place of a richer one: what bends a friction may be another's doing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from diagnose.hypothesis import Cause
+from diagnose.plain import independent, leap, tried_beside
+from diagnose.rank import Search
+from diagnose.rival import RICHER, Rival, larger
+from identify.noise import colored
+
+_MOST = 0.5  # of what the best explains, that a simpler one has to explain
+_MEMORY = 1.5  # ratio of residual and innovation rms, from which something is left to explain
+
+
+def split(found: Search) -> Search | None:
+    """Return a search with the simpler effect and one beside it, where those explain more; None where none do."""
+    best, explained = found.best, found.nominal.score - found.best.score
+    if not any(colored([noise]) and noise.rms > _MEMORY * noise.scale for noise in best.noises):
+        return None
+    for gone in best.fitted.causes:
+        simple = _simpler(found, gone)
+        lost = 0.0 if simple is None else simple.score - best.score
+        if simple is None or lost > (1.0 - _MOST) * explained:
+            continue
+        begin = replace(found, best=simple, gains=(*found.gains[:-1], found.gains[-1] - lost))
+        more = leap(begin, tried_beside(found.scene, simple.fitted, independent(simple.fitted.residuals)))
+        if more is not None and best.score - more.best.score > RICHER and not larger(more.best, best):
+            return more
+    return None
+
+
+def _simpler(found: Search, gone: Cause) -> Rival | None:
+    """Return the best that was tried with an effect that `gone` contains in its place; bodies that meet keep theirs."""
+    others = set(found.best.fitted.causes) - {gone}
+    tried = [
+        each
+        for turn in found.rounds
+        for each in turn
+        if len(each.fitted.causes) == len(others) + 1
+        and others < set(each.fitted.causes)
+        and (set(each.fitted.causes) - others).pop().effect.name in gone.effect.contains
+        and not gone.effect.contact
+    ]
+    return min(tried, key=lambda each: each.score, default=None)
