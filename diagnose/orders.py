@@ -69,12 +69,12 @@ def _wave(angle: Array) -> Array:
     return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float64)
 
 
-def _explained(pure: Array, left: Array) -> float:
-    """Return how much of the power of `left` (rows,) a combination of the columns (rows, b) has."""
-    sizes = np.linalg.norm(pure, axis=0)
-    shares = pure.T @ left / sizes
-    answer = np.linalg.lstsq(pure.T @ pure / np.outer(sizes, sizes), shares, rcond=1e-13)[0]
-    return float(shares @ answer)
+def _explained(pure: Array, left: Array) -> Array:
+    """Return how much of the power of `left` (rows,) combinations of columns (rows, c, b) have: (c,)."""
+    scaled = (pure / np.linalg.norm(pure, axis=0)).transpose(1, 2, 0)
+    shares = scaled @ left
+    inverse = np.linalg.pinv(scaled @ scaled.transpose(0, 2, 1), rcond=1e-13, hermitian=True)
+    return np.asarray(np.einsum("cb,cbd,cd->c", shares, inverse, shares))
 
 
 def _best(
@@ -97,10 +97,7 @@ def _best(
             tall = np.concatenate([whitened(each, under.noises) for each in moved])
             pure = outside(under.basis, tall)
             live = np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)
-            width = tall.shape[1] // len(some)
-            for place in range(len(some)):
-                own = slice(place * width, (place + 1) * width)
-                if np.all(live[own]):
-                    gains[index, first + place] = _explained(pure[:, own], under.left)
+            seen = np.flatnonzero(np.all(live.reshape(len(some), -1), axis=1))
+            gains[index, first + seen] = _explained(pure.reshape(len(pure), len(some), -1)[:, seen], under.left)
     best = [float(choices[np.argsort(-row)[rank]]) for rank in range(_KEPT) for row in gains]
     return tuple(dict.fromkeys(best))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import erfc
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
@@ -75,22 +76,19 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
             used += len(part) - most
     if used == 0 or not moments[0, 0] > 0.0:
         return white(rms)
-    best, best_score = white(rms), np.inf
+    best, least, best_score = 0, float(moments[0, 0]) / used, np.inf
+    past = moments[1:, 1:] + 1e-9 * float(moments[0, 0]) * np.eye(most)
+    # What each further coefficient takes away, all orders by one factorization: they are nested.
+    taken = np.cumsum(solve_triangular(np.linalg.cholesky(past), moments[0, 1:], lower=True, check_finite=False) ** 2)
     for order in ORDERS:
-        if order > most:
-            break
-        past = moments[1 : order + 1, 1 : order + 1]
-        ridge = 1e-9 * float(moments[0, 0]) * np.eye(order)
-        taps: Array = np.zeros(0)
-        if order:
-            taps = np.asarray(-np.linalg.solve(past + ridge, moments[0, 1 : order + 1]), dtype=np.float64)
-        power = float(moments[0, 0] + taps @ moments[0, 1 : order + 1]) / used
+        power = (float(moments[0, 0]) - float(taken[order - 1] if order else 0.0)) / used if order <= most else 0.0
         if power <= 0.0:
             break
         score = used * np.log(power) + order * np.log(used)
         if score < best_score - 1e-9:
-            best, best_score = Noise(taps, max(float(np.sqrt(power)), floor), rms), score
-    return replace(best, rms=max(best.rms, abs(mean)))
+            best, least, best_score = order, power, score
+    taps = np.asarray(-np.linalg.solve(past[:best, :best], moments[0, 1 : best + 1]), dtype=np.float64)
+    return Noise(taps, max(float(np.sqrt(least)), floor), max(rms, abs(mean)))
 
 
 def lagged_products(values: Array, most: int) -> Array:
