@@ -42,7 +42,7 @@ _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whateve
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
 _NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
-_PATIENCE = 30.0  # s of computing after which no further effect is looked for
+_PATIENCE = 45.0  # s of computing after which no further effect is looked for
 _LONGER = 60.0  # the same beside bodies that meet, whose fits take far longer
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 

@@ -28,16 +28,17 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
     widest = 0.2 if site.rotary else math.inf  # rad: gears have no more, however far they turn
-    return tuple(
+    grid = [
         (
-            min(gap * scales.travel, gap * 100.0 * widest),
+            min(gap * scales.travel, min(100.0 * gap, 1.0) * widest),
             share * scales.inertia,
             *_flanks(share * scales.inertia / (1.0 + share), tone),
         )
-        for gap, shares in ((1e-4, (1.0,)), (1e-3, (0.3, 1.0)), (3e-3, (0.3, 1.0)), (1e-2, (0.3, 1.0)))
+        for gap, shares in ((1e-4, (1.0,)), (1e-3, (0.3, 1.0)), (3e-3, (0.3, 1.0)), (1e-2, (0.3, 1.0)), (3e-2, (0.3,)))
         for share in shares
         for tone in (2.0 * math.pi * 0.03 / scales.step, 2.0 * math.pi * 0.1 / scales.step)
-    )
+    ]
+    return tuple(dict.fromkeys(grid))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

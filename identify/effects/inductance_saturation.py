@@ -20,7 +20,7 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     slow, _, _, _, _, quick = assembly.current_settles()
     # The derivative is scaled by up to (i/isat)^2: steps stay where an explicit formula is stable, long ones too.
-    rate = (slow, 0.0, 0.0, 0.6 * quick / values[0] ** 2, 0.0, 6.0 * quick)
+    rate = (slow, 0.0, 0.0, quick / values[0] ** 2, 0.0, 10.0 * quick)
     assembly.add_factor(assembly.row[site.balance], "inductance", values, rate)
 
 

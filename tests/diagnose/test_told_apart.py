@@ -96,6 +96,9 @@ SLOW = (
     (770021, "ambiguous", "load_step load_torque", "a moment that a slow disturbance may have made"),
     (780124, "explained", "asymmetric_friction slew_rate_limit", "a place at rest that a speed looked like"),
     (750038, "explained", "flexible_coupling sensor_saturation", "a load of no certainty by simulation error"),
+    (820079, "explained", "coulomb_friction quadratic_drag", "a friction that seems to fall with speed beside a drag"),
+    (820421, "explained", "inductance_saturation sensor_wrap", "an iron that steps were too long for"),
+    (830021, "explained", "backlash", "a gap of a thirtieth of the way"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )

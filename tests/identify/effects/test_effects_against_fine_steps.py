@@ -287,3 +287,23 @@ def test_a_friction_as_steep_as_coulombs_is_coulombs(
     )
     apart, size = (np.sqrt(np.mean((shown - limit) ** 2, axis=0)) for shown in (found, without))
     assert np.all(apart <= 5e-3 * size), f"{apart / size} of what the friction changes"
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "share"),
+    [
+        ("backlash", CASES["backlash"].parameters, 1e-9),
+        ("end_stop", CASES["end_stop"].parameters, 1e-9),
+        ("inductance_saturation", {"current_A": 0.5}, 5e-2),
+    ],
+)
+def test_long_steps_do(name: str, parameters: dict[str, float], share: float, recording: Recording) -> None:
+    """Flanks that are pressed are part of what is exact, however stiff; no step is too long for a saturated iron."""
+    engine = superset(make_plant("dc_motor", "voltage_V", OUTPUTS, {k: {"value": v} for k, v in NOMINAL.items()}))
+    found = []
+    for longest in (1.0, 0.1):
+        engine.hasten(longest)
+        found.append(engine.simulate(recording, named(engine, name, parameters), None))
+    without = engine.simulate(recording, {}, None)
+    error, size = (np.sqrt(np.mean((other - found[1]) ** 2, axis=0)) for other in (found[0], without))
+    assert np.all(error <= share * size), f"{error / size} of what the effect changes"
