@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -65,6 +66,14 @@ class Timing:
         """Return what the segments of a course depend on."""
         late = tuple(sorted(self.output_delay.items()))
         return (self.input_delay, late, self.stretch, self.breaks, self.slew, self.maps)
+
+
+def ringing(stiffness: float, per: float) -> float:
+    """Return how fast (1/s) what a spring of `stiffness` moves rings; `per` is 1 / its inertia.
+
+    Equations of one's own may be tried with an inertia below zero: from there it leaves as fast.
+    """
+    return math.sqrt(abs(stiffness * per))
 
 
 class Assembly:

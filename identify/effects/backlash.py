@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from identify.assembly import Assembly
+from identify.assembly import Assembly, ringing
 from identify.effect import Effect, EffectParameter, Scales, Site, shape, size
 
 _TONE = 2.0 * math.pi * 100.0  # rad/s; how hard the flanks are where nothing is said
@@ -50,7 +50,7 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     load = assembly.add_state(lambda x: float(x[motor]))
     twist = assembly.add_state(lambda x: 0.0)
     constants = (0.5 * gap, stiffness, damping, float(load), float(twist))
-    rate = 6.0 * math.sqrt(stiffness * (per + 1.0 / inertia))
+    rate = 6.0 * ringing(stiffness, per + 1.0 / inertia)
     slopes = ((twist, stiffness), (motor, damping), (load, -damping))
     assembly.add_flank(motor, "backlash", constants, -per, rate, *slopes)
     assembly.add_flank(load, "backlash", constants, 1.0 / inertia, rate, *slopes)

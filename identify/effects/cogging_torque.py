@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from identify.assembly import Assembly
+from identify.assembly import Assembly, ringing
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, phase, shape, size
 
 _FEWEST = 1.5  # periods per turn
@@ -33,7 +33,7 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     per = assembly.per[site.balance]
     turns = values[1] if site.rotary else 2.0 * math.pi * values[1]
-    rate = math.sqrt(turns * values[0] * per)
+    rate = ringing(turns * values[0], per)
     constants = (values[0], turns, values[2])
     assembly.add_term(assembly.speed, "cogging", constants, per, (rate, turns, 0.0, 0.0, 0.0, 0.0))
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from identify.assembly import Assembly
+from identify.assembly import Assembly, ringing
 from identify.effect import Effect, EffectParameter, Scales, Site, signed, size
 
 _BEFORE, _DEEP = 0.05, 0.3  # of the whole way, or of the way to that side: where a stop may be before its end
@@ -30,7 +29,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     per = assembly.per[site.balance]
-    rate = 4.0 * math.sqrt(values[1] * per)
+    rate = 4.0 * ringing(values[1], per)
     assembly.add_flank(assembly.speed, "end_stop", values, per, rate, (assembly.position, -values[1]))
 
 

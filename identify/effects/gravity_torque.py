@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from identify.assembly import Assembly
+from identify.assembly import Assembly, ringing
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, phase, size
 
 
@@ -21,7 +21,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     per = assembly.per[site.balance]
-    assembly.add_term(assembly.speed, "gravity", values, per, (math.sqrt(values[0] * per), 1.0, 0.0, 0.0, 0.0, 0.0))
+    assembly.add_term(assembly.speed, "gravity", values, per, (ringing(values[0], per), 1.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def holding(site: Site, values: tuple[float, ...]) -> Holding:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-from identify.assembly import Assembly
+from identify.assembly import Assembly, ringing
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, size
 
 
@@ -24,7 +22,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    rate = math.sqrt(3.0 * values[0] * assembly.per[site.balance])
+    rate = ringing(3.0 * values[0], assembly.per[site.balance])
     assembly.add_term(assembly.speed, "hardening", values, assembly.per[site.balance], (0.0, 0.0, 0.0, 0.0, rate, 0.0))
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from identify.assembly import STEADY, Assembly
+from identify.assembly import STEADY, Assembly, ringing
 from identify.effect import Effect, EffectParameter, Holding, Scales, Site, shape, size
 
 _AT_ONCE, _LATE = 1e-6, 0.5  # of the way
@@ -32,7 +31,7 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     per = assembly.per[site.balance]
     assembly.add_level(site.balance, "presliding_level", (), STEADY)
-    rate = 2.0 * math.sqrt(values[0] * per)
+    rate = 2.0 * ringing(values[0], per)
     assembly.add_term(assembly.speed, "presliding_force", values, per, (rate, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 

@@ -156,3 +156,18 @@ def test_what_is_no_expression_is_shown(text: object) -> None:
 def test_a_wrong_ode_is_named(key: str, value: object, said: str) -> None:
     with pytest.raises(IdentifyError, match=said):
         plant_from_table({**SPRING, key: value})
+
+
+@pytest.mark.parametrize(
+    ("effect", "size"),
+    [("hardening_spring.cubic_N_m3", 5.0), ("end_stop.stiffness_N_m", 9.0)],
+)
+def test_a_search_may_try_a_mass_below_zero(effect: str, size: float) -> None:
+    """Nothing holds a parameter of equations of one's own above zero: what runs away is no error."""
+    time = np.arange(200) * 1e-2
+    recording = recorded(time, "force_N", np.sin(9.0 * time), "position_m", "speed_m_s")
+    engine = superset(plant_from_table(SPRING))
+    names = [name for name in engine.names if name == effect]
+    shown = engine.simulate(recording, {"m_kg": -0.5, **dict.fromkeys(names, size)}, np.array([0.01, 0.0]))
+    assert names
+    assert shown.shape == (200, 2)
