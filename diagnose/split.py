@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from diagnose.hypothesis import Cause
 from diagnose.plain import independent, leap, tried_beside
-from diagnose.rank import Search
+from diagnose.rank import Search, accepted
 from diagnose.rival import RICHER, Rival, larger
 from identify.noise import colored
 
@@ -27,7 +27,8 @@ def split(found: Search) -> Search | None:
         begin = replace(found, best=simple, gains=(*found.gains[:-1], found.gains[-1] - lost))
         more = leap(begin, tried_beside(found.scene, simple.fitted, independent(simple.fitted.residuals)))
         if more is not None and best.score - more.best.score > RICHER and not larger(more.best, best):
-            return more
+            # The next effect would take what is left where this one has not come to its end.
+            return replace(more, best=accepted(found.scene, more.best))
     return None
 
 
