@@ -9,6 +9,7 @@ from math import erfc
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
@@ -79,7 +80,10 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     best, least, best_score = 0, float(moments[0, 0]) / used, np.inf
     past = moments[1:, 1:] + 1e-9 * float(moments[0, 0]) * np.eye(most)
     # What each further coefficient takes away, all orders by one factorization: they are nested.
-    taken = np.cumsum(solve_triangular(np.linalg.cholesky(past), moments[0, 1:], lower=True, check_finite=False) ** 2)
+    factor, fails = dpotrf(past, lower=1) if most else (past, 0)
+    most = fails - 1 if fails else most  # past a residual that dies out, rounding is all that is left
+    removed = solve_triangular(factor[:most, :most], moments[0, 1 : most + 1], lower=True, check_finite=False)
+    taken = np.cumsum(removed**2)
     for order in ORDERS:
         power = (float(moments[0, 0]) - float(taken[order - 1] if order else 0.0)) / used if order <= most else 0.0
         if power <= 0.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from identify.noise import fit_noise, lagged_products, memory, whiteness
@@ -32,6 +33,14 @@ def test_coefficients_that_whiten_a_constant_are_counted() -> None:
     assert len(with_constant.coefficients) > 12 and len(without.coefficients) == 0
     spared = 2.0 * 5000 * np.log(with_constant.scale / without.scale)
     assert with_constant.unlikely(5000) - without.unlikely(5000) > spared + 100.0
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
+def test_what_dies_out_is_no_error(rate: float) -> None:
+    """Rows that only rounding tells apart make no order of their own."""
+    found = fit_noise([np.exp(-rate * np.arange(5000))], 1e-15)
+    assert np.isfinite(found.scale) and np.all(np.isfinite(found.coefficients))
+    assert found.scale < 1e-6
 
 
 def test_resolution_is_the_least_noise() -> None:
