@@ -163,7 +163,7 @@ def slow_rivals(found: Search, progress: Progress) -> tuple[Rival, ...]:
         return ()
     progress(0.7, "looking for what moves slowly")
     noises = independent(best.fitted.residuals)
-    return tried_beside(scene, best.fitted, noises)
+    return simulated_beside(scene, best.fitted, noises)
 
 
 def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
@@ -229,7 +229,7 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
     while len(gains) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
         noises = independent(best.fitted.residuals)
         known = tuple(_rated(scene, each.fitted, noises) for each in begin if not gains)
-        tried = known or tried_beside(scene, best.fitted, noises)
+        tried = known or simulated_beside(scene, best.fitted, noises)
         rivals = tuple(each for each in tried if _same_machine(nominal.fitted, each.fitted))
         if not rivals:
             break
@@ -265,7 +265,7 @@ def _nominal(scene: Scene, found: Search) -> Rival:
     return _rated(scene, best, noises)
 
 
-def tried_beside(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
+def simulated_beside(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
     """Fit the most promising causes by simulation error, from several points; the best are fitted to the end.
 
     `noises` count independent samples.

@@ -43,7 +43,7 @@ class Ground:
     noises: tuple[Noise, ...]
     basis: Array  # (rows, k)
     left: Array  # (rows,)
-    own: Array  # (k,) of the whitened residuals: what the basis has of them
+    within: Array  # (k,) what the basis has of the whitened residuals
     slopes: tuple[Array, ...]  # (n, r, k) of every recording, not whitened, in the order of the basis
     residuals: tuple[Array, ...]  # (n, r) of every recording
     floors: Array  # (r,)
@@ -64,9 +64,10 @@ def ground(scene: Scene, recordings: Sequence[Recording], base: Fitted, noises: 
     basis = np.concatenate(tangents) @ turned
     left = np.concatenate(lefts)
     own = tuple(part @ turned for part in raw)
-    refined = [part - slopes @ (basis.T @ left) for part, slopes in zip(base.residuals, own, strict=True)]
+    within = basis.T @ left
+    refined = [part - slopes @ within for part, slopes in zip(base.residuals, own, strict=True)]
     said = min(_likelihood(residuals, scene.floors) for residuals in (base.residuals, refined))
-    return Ground(tuple(noises), basis, outside(basis, left), basis.T @ left, own, base.residuals, scene.floors, said)
+    return Ground(tuple(noises), basis, outside(basis, left), within, own, base.residuals, scene.floors, said)
 
 
 def _likelihood(residuals: Sequence[Array], floors: Array) -> float:
@@ -176,7 +177,7 @@ def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
     tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
     pure = outside(under.basis, tall)
     shares = np.linalg.pinv(pure.T @ pure, rcond=1e-13, hermitian=True) @ (pure.T @ under.left)
-    own = under.own - under.basis.T @ (tall @ shares)
+    own = under.within - under.basis.T @ (tall @ shares)
     rest = []
     for k, residual in enumerate(under.residuals):
         moved = np.stack([parts[k] for parts in secants], axis=2) @ shares

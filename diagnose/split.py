@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diagnose.hypothesis import Cause
-from diagnose.plain import independent, leap, tried_beside
+from diagnose.plain import independent, leap, simulated_beside
 from diagnose.rank import Search, accepted
 from diagnose.rival import RICHER, Rival, larger
 from identify.noise import colored
@@ -21,11 +21,11 @@ def split(found: Search) -> Search | None:
         return None
     for gone in best.fitted.causes:
         simple = _simpler(found, gone)
-        lost = 0.0 if simple is None else simple.score - best.score
-        if simple is None or lost > (1.0 - _MOST) * explained:
+        if simple is None or simple.score - best.score > (1.0 - _MOST) * explained:
             continue
+        lost = simple.score - best.score
         begin = replace(found, best=simple, gains=(*found.gains[:-1], found.gains[-1] - lost))
-        more = leap(begin, tried_beside(found.scene, simple.fitted, independent(simple.fitted.residuals)))
+        more = leap(begin, simulated_beside(found.scene, simple.fitted, independent(simple.fitted.residuals)))
         if more is not None and best.score - more.best.score > RICHER and not larger(more.best, best):
             # The next effect would take what is left where this one has not come to its end.
             return replace(more, best=accepted(found.scene, more.best))
@@ -34,6 +34,8 @@ def split(found: Search) -> Search | None:
 
 def _simpler(found: Search, gone: Cause) -> Rival | None:
     """Return the best that was tried with an effect that `gone` contains in its place; bodies that meet keep theirs."""
+    if gone.effect.contact:
+        return None
     others = set(found.best.fitted.causes) - {gone}
     tried = [
         each
@@ -42,6 +44,5 @@ def _simpler(found: Search, gone: Cause) -> Rival | None:
         if len(each.fitted.causes) == len(others) + 1
         and others < set(each.fitted.causes)
         and (set(each.fitted.causes) - others).pop().effect.name in gone.effect.contains
-        and not gone.effect.contact
     ]
     return min(tried, key=lambda each: each.score, default=None)

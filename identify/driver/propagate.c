@@ -75,7 +75,7 @@ static double fastest(int n, double *m) {
 /* Per level, from `length` on by halves: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each.
  * NULL without memory. */
 #define F(level) (&table[(size_t)(level) * 6 * nn])
-static double *tabulate(const run_t *run, int mode, double length, int levels) {
+static double *tabulate(const run_t *run, int mask, double length, int levels) {
     const problem_t *k = run->k;
     const int n = SIZE(k), nn = n * n;
     double *table = malloc((size_t)(levels * 6 * nn) * sizeof(double));
@@ -87,14 +87,14 @@ static double *tabulate(const run_t *run, int mode, double length, int levels) {
     for (int j = 0; j < nn; ++j) {
         z[j] = h * k->a[j];
     }
-    for (int j = 0; mode >> MOST_STUCK && j < k->terms; ++j) {
+    for (int j = 0; mask >> MOST_STUCK && j < k->terms; ++j) {
         const term_t *f = &k->term[j];
-        for (int i = 0; mode >> MOST_STUCK & f->flank && i < n; ++i) {
+        for (int i = 0; mask >> MOST_STUCK & f->flank && i < n; ++i) {
             z[f->target * n + i] += h * f->per * k->flanks[j * n + i];
         }
     }
     for (int c = 0; c < k->coordinates; ++c) {
-        for (int j = 0; mode >> c & 1 && j < n; ++j) {
+        for (int j = 0; mask >> c & 1 && j < n; ++j) {
             z[k->coordinate[c].row * n + j] = 0.0;
         }
     }

@@ -40,7 +40,7 @@ static int advance(run_t *run, double length) {
     int level = coarsest(run, length), start = level, events = 0;
     int bound = 0; /* the level that the search for an event has come to */
     const int bodies = k->asked & TOUCH, sharpest = finest < SHARPEST ? finest : SHARPEST;
-    int ignored;
+    int pressed;
     feel(run);
     while (rest > 0.0) {
         double h = run->lengths[level];
@@ -59,11 +59,11 @@ static int advance(run_t *run, double length) {
         } else if (run->flat) {
             step_short(run, h, trial);
         } else {
-            const int now = mode(run);
-            if (run->table[now] == NULL && (run->table[now] = tabulate(run, now, k->step, run->levels)) == NULL) {
+            const int mask = mode(run);
+            if (run->table[mask] == NULL && (run->table[mask] = tabulate(run, mask, k->step, run->levels)) == NULL) {
                 return -1;
             }
-            step_table(run, run->table[now], level, h, trial);
+            step_table(run, run->table[mask], level, h, trial);
         }
         c = events < MOST_EVENTS ? first_overdue(run, trial, run->t + h) : -1;
         if (c >= 0 && level < finest) {
@@ -88,7 +88,7 @@ static int advance(run_t *run, double length) {
             level = run->moving ? coarsest(run, rest) : start;
             continue;
         }
-        const int next = bodies ? touching(run, trial, run->t + h, &ignored) : 0;
+        const int next = bodies ? touching(run, trial, run->t + h, &pressed) : 0;
         if (next != run->touch && level < sharpest && events < MOST_EVENTS) {
             bound = ++level;
             continue;
@@ -98,7 +98,8 @@ static int advance(run_t *run, double length) {
         rest -= h;
         run->known = 0;
         if (next != run->touch) {
-            feel(run);
+            run->touch = next;
+            run->pressed = pressed;
             ++events;
             bound = 0;
             level = start;
