@@ -15,7 +15,7 @@ from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
-FAR = 1e4  # times the noise: what a diverged simulation counts
+_FAR = 1e9  # times the noise: what a diverged simulation counts, more than any other
 _ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
 _WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
 PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
@@ -69,7 +69,7 @@ class Problem:
         cost = 0.0
         for part in residuals:
             if np.any(np.isnan(part)):
-                cost += FAR**2 * part.size
+                cost += _FAR**2 * part.size
             else:
                 cost += float(np.sum(whitened(part, self.noises) ** 2))
         return Place(point, cost, self.pull(point), residuals)

@@ -63,12 +63,14 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
 
     Least squares and not Yule-Walker, which is badly biased where a disturbance has been integrated. The order is the
     one with the smallest BIC among ORDERS. `floor` is the smallest innovation rms that a sensor of this resolution
-    can have (output's unit).
+    can have (output's unit). What is not finite, as a diverged simulation leaves it, is infinite noise.
     """
     rows = sum(len(part) for part in residuals)
     most = max((order for order in ORDERS if order * _FEWEST <= rows), default=0)
     mean = float(np.sum([np.sum(part) for part in residuals])) / max(rows, 1)
     rms = max(float(np.sqrt(np.sum([part @ part for part in residuals]) / max(rows, 1))), floor)
+    if not np.isfinite(rms):
+        return white(np.inf)
     moments = np.zeros((most + 1, most + 1))
     used = 0
     for part in residuals:

@@ -39,6 +39,17 @@ def test_torques_keep_the_scale_that_is_given(tmp_path: Path) -> None:
         assert back.point.values[key] == pytest.approx(place.point.values[key], rel=1e-3)
 
 
+def test_a_simulation_that_has_diverged_costs_most(tmp_path: Path) -> None:
+    """However fine a sensor, what is a million times its noise away is nearer than what is nowhere."""
+    scene = scene_of(drawn(tmp_path, 470089))
+    begin = first_point(scene, scene.train)
+    spreads = [float(np.std(scene.train[0].columns[signal.name])) for signal in scene.plant.outputs]
+    problem = Problem(scene, scene.train, (), [white(1e-6 * each) for each in spreads], np.zeros((0, 1)))
+    here, gone = problem.at(begin), problem.at(replace(begin, values={**begin.values, "b_N_m_s_rad": -1e3}))
+    assert here.finite and not gone.finite
+    assert here.cost < gone.cost
+
+
 @pytest.mark.parametrize(("share", "away"), [(0.5, False), (0.2, True)])
 def test_an_inertia_that_was_split_has_not_run_away(share: float, away: bool, tmp_path: Path) -> None:
     scene = scene_of(drawn(tmp_path, 470076))

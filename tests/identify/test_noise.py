@@ -59,3 +59,8 @@ def test_rows_that_count_as_one() -> None:
     assert abs(memory([source]) - 1.0) < 0.05
     slow = np.asarray(lfilter([1.0], [1.0, -0.9], source))
     assert abs(memory([slow]) / (1.0 + 2.0 * 0.81 / (1.0 - 0.81)) - 1.0) < 0.15  # rho^k = 0.9^k
+
+
+def test_noise_of_a_diverged_simulation_is_infinite() -> None:
+    found = fit_noise([np.ones(500), np.full(500, np.nan)], 0.01)
+    assert found.scale == np.inf and found.rms == np.inf
