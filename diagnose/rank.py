@@ -188,10 +188,11 @@ def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, 
         slim = pruned(scene, best)
         best, more = swapped(scene, slim, sum(gains))
         tried += more
-        if best is slim:
+        if best.fitted.causes == slim.fitted.causes:
             break
-    best = amounting(scene, best if best is slim else pruned(scene, best), sum(gains))
-    return merged(scene, best, sum(gains)), tried
+    else:
+        best = pruned(scene, best)
+    return merged(scene, amounting(scene, best, sum(gains)), sum(gains)), tried
 
 
 def _refollowed(scene: Scene, rival: Rival) -> Rival:
