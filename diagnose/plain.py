@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.given import from_given
 from diagnose.hypothesis import Cause, Scene, first_point
 from diagnose.lasting import by_chance
 from diagnose.orders import best_orders
@@ -22,7 +23,7 @@ from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Sea
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, creeps, extended, rated, simplest, unseen_residuals, without
 from diagnose.screen import ground, screen
-from diagnose.swap import swapped
+from diagnose.swap import amounts_to, swapped, translated
 from identify.noise import Noise, colored, memory
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
 _LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
 _FAR = 0.8  # such a ratio on test, that does where train is clearly better too
+_CLOSE = 0.7  # such a ratio on train, up to which innovations may be against the first of several effects
 _EVIDENCE = 100.0  # drop of BIC by innovations that this search's explanation has to bring too
 _SHARE = 0.5  # of what the other search's explanation brings
 _SURE = 0.4  # such a ratio with which it is enough that the evidence does not contradict, or is that of a drift
@@ -43,6 +45,7 @@ _STARTS = 2  # points a fit begins from
 _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _RICHER = 8.0  # the same of a richer effect beside the simpler one that it contains
+_SAME = 0.5  # of what all effects have brought, that may be missing where one is put in the place of what it amounts to
 _OTHER = 3.0  # factor on a nominal parameter from which an explanation is about another machine
 _DRIFT = 0.02  # of an output's spread: what a slow disturbance may do
 _ROUND = 5.0  # s of computing after which a round tries no further cause
@@ -126,7 +129,7 @@ def _refined(plain: Search) -> Search:
             break
         finer = polished(scene, least, best.noises)
     allowed = 1.0 if len(finer.causes) == len(best.fitted.causes) else 1.0 / _BETTER
-    if _size(finer.residuals, best.fitted.residuals) < allowed and _same_machine(plain.nominal.fitted, finer):
+    if _size(finer.residuals, best.fitted.residuals) < allowed and _same_machine(scene, plain.nominal.fitted, finer):
         return replace(plain, best=_rated(scene, finer, independent(finer.residuals)))
     return plain
 
@@ -163,7 +166,8 @@ def slow_rivals(found: Search, progress: Progress) -> tuple[Rival, ...]:
         return ()
     progress(0.7, "looking for what moves slowly")
     noises = independent(best.fitted.residuals)
-    return simulated_beside(scene, best.fitted, noises)
+    given = () if best.fitted.causes else from_given(scene, best)
+    return simulated_beside(scene, best.fitted, noises, given)
 
 
 def leap(found: Search, rivals: Sequence[Rival]) -> Search | None:
@@ -230,7 +234,7 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
         noises = independent(best.fitted.residuals)
         known = tuple(_rated(scene, each.fitted, noises) for each in begin if not gains)
         tried = known or simulated_beside(scene, best.fitted, noises)
-        rivals = tuple(each for each in tried if _same_machine(nominal.fitted, each.fitted))
+        rivals = tuple(each for each in tried if _same_machine(scene, nominal.fitted, each.fitted))
         if not rivals:
             break
         base = _rated(scene, best.fitted, noises)
@@ -239,20 +243,33 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
         if base.score - chosen.score < _THRESHOLD or max(_ratios(scene, chosen.fitted, base.fitted)) > _BETTER:
             break
         gains.append(base.score - chosen.score)
-        best = chosen
+        best = _amounting(scene, chosen, nominal, noises)
         nominal = base if len(gains) == 1 else nominal
         evidence = _evidence(found, best.fitted)
-        if evidence < 0.0:
+        if evidence < 0.0 and _ratios(scene, best.fitted, nominal.fitted)[0] > _CLOSE:
             break
     return Search(scene, nominal, best, tuple(rounds), found.screened, tuple(gains)), evidence
 
 
-def _same_machine(nominal: Fitted, fitted: Fitted) -> bool:
-    """Tell whether all nominal parameters that cannot vanish are near where the nominal plant was fitted."""
+def _amounting(scene: Scene, best: Rival, nominal: Rival, noises: Sequence[Noise]) -> Rival:
+    """Put the simpler effect in the place of one whose values amount to it, unless most is lost: others are to come."""
+    for gone in best.fitted.causes:
+        come = scene.cause(amounts_to(best.fitted, gone))
+        if come is not None and come not in best.fitted.causes:
+            simpler = translated(scene, replace(best, noises=_sizes(noises)), gone, come).fitted
+            one, before = (_rated(scene, each, noises) for each in (simpler, nominal.fitted))
+            if one.score - best.score < _SAME * (before.score - best.score):
+                return one
+    return best
+
+
+def _same_machine(scene: Scene, nominal: Fitted, fitted: Fitted) -> bool:
+    """Tell whether all nominal parameters that cannot vanish are near where they were given, or the nominal plant."""
+    given = first_point(scene, scene.train)
     for each in nominal.coordinates:
         if each.logarithmic:
-            one, other = (each.inner(which.point.values[each.name]) for which in (nominal, fitted))
-            if abs(one - other) > np.log(_OTHER):
+            here, *others = (each.inner(point.values[each.name]) for point in (fitted.point, nominal.point, given))
+            if min(abs(here - other) for other in others) > np.log(_OTHER):
                 return False
     return True
 
@@ -265,10 +282,12 @@ def _nominal(scene: Scene, found: Search) -> Rival:
     return _rated(scene, best, noises)
 
 
-def simulated_beside(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tuple[Rival, ...]:
+def simulated_beside(
+    scene: Scene, base: Fitted, noises: Sequence[Noise], others: Sequence[Fitted] = ()
+) -> tuple[Rival, ...]:
     """Fit the most promising causes by simulation error, from several points; the best are fitted to the end.
 
-    `noises` count independent samples.
+    `noises` count independent samples; `others` are trials that began elsewhere.
     """
     causes = [cause for cause in scene.causes if cause not in base.causes]
     grounds = [ground(scene, scene.train, base, noises)]
@@ -281,6 +300,7 @@ def simulated_beside(scene: Scene, base: Fitted, noises: Sequence[Noise]) -> tup
         starts = [each.start, *(s for s in scene.starts[each.cause.label] if dict(s) != dict(each.start))][:_STARTS]
         fits = [fit(scene, scene.train, *extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts]
         trials.append(min(fits, key=lambda one: one.cost))
+    trials += [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _SHORT) for each in others]
     trials.sort(key=lambda each: each.cost)
     longer = [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _LONG) for each in trials[:_FINAL]]
     return tuple(sorted((_rated(scene, each, noises) for each in longer), key=lambda each: each.score))

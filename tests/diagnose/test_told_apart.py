@@ -99,6 +99,9 @@ SLOW = (
     (820079, "explained", "coulomb_friction quadratic_drag", "a friction that seems to fall with speed beside a drag"),
     (820421, "explained", "inductance_saturation sensor_wrap", "an iron that steps were too long for"),
     (830021, "explained", "backlash", "a gap of a thirtieth of the way"),
+    (850024, "explained", "load_step return_spring slew_rate_limit", "innovations against the first of three"),
+    (850028, "explained", "clock_skew sensor_rectified", "a sign and a clock, by what simulations miss"),
+    (851225, "explained", "load_step resistance_heating sensor_lag", "a fit that ended where a simulation diverged"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
