@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 _BATCHES = 50  # of each recording: a disturbance between two of them is moved by either
 _CERTAIN, _STEP = 2.5, 4.0  # deviations of an effect's size from none; of one whose moment was searched for
 _PROBE = "load_step"
+_ROUNDED = 1e-6  # of the longest move
 _PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
 
 
@@ -54,8 +55,15 @@ def batches(recording: Recording, count: int) -> Array:
 def sizes_of(
     scene: Scene, fitted: Fitted, noises: Sequence[Noise], index: int, moves: Array, seen: Iterable[Array]
 ) -> list[tuple[Array, float]]:
-    """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave."""
+    """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave.
+
+    Moves of which rounding is all there is, as of a push on a shaft that friction holds, are left out.
+    """
     sizes = flat(noises)
+    lengths = np.linalg.norm(whitened(moves, sizes), axis=0)
+    told = lengths > _ROUNDED * np.max(lengths)
+    if np.sum(told) > 1:
+        moves = moves[..., told]
     own = np.nan_to_num(start_slopes(scene, scene.train[index], fitted.point, index, exact=True))
     tall = whitened(np.concatenate([moves, own], axis=2), sizes)
     scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)

@@ -6,10 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from bench.blind_cases import single_case
 from diagnose.hypothesis import Point, Scene, entered, first_point
-from diagnose.pushes import doubtful, with_pushes
+from diagnose.pushes import batches, doubtful, pushed, sizes_of, with_pushes
 from diagnose.refit import Fitted, deviations, ended
 from identify.noise import Noise, white
 from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
@@ -63,3 +64,15 @@ def test_pushes_say_no_more_than_noise_where_that_is_what_they_make(tmp_path: Pa
 def test_noise_without_memory_is_no_push(tmp_path: Path) -> None:
     scene, found, noises, _ = _fitted(tmp_path, 3, "coulomb_friction", ("speed",), False)
     assert with_pushes(scene, found, noises) is found
+
+
+def test_a_push_that_moves_nothing_says_nothing(tmp_path: Path) -> None:
+    """Where friction holds a shaft, rounding is all that a push leaves: it would take a million times the effort."""
+    scene, found, noises, _ = _fitted(tmp_path, 3, "coulomb_friction", ("speed",), True)
+    moves = pushed(scene, found, 0, batches(scene.train[0], 5))
+    assert moves is not None
+    held = 1e-12 * np.random.default_rng(1).normal(size=(*moves.shape[:2], 3))
+    with_held = np.concatenate([moves, held], axis=2)
+    seen = (found.residuals[0],)
+    ((loads, left),), ((same, other),) = (sizes_of(scene, found, noises, 0, each, seen) for each in (moves, with_held))
+    assert same == pytest.approx(loads) and other == pytest.approx(left)
