@@ -10,7 +10,7 @@ from diagnose.contact import met
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import FEW, with_lasting
-from diagnose.plain import believed, independent, leap, nearer, slow_rivals, strays
+from diagnose.plain import believed, farther, independent, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.pushes import doubtful, with_pushes
@@ -70,14 +70,14 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
-    strange |= strays(found, _LOST)
+    strange |= strays(found, _LOST) or _farther(found)
     if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         other = exhausted(found)
         if other is not None:
             found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)
-    if alone is not None:
-        return replace(found, best=found.nominal), alone
+    if alone is not None or _farther(found):
+        return replace(found, best=found.nominal), alone or best_shape(found, found.nominal)
     sure = _confirmed(rested(levelled(found)))
     if doubtful(sure.best.fitted, sure.best.noises) is not None:
         other = exhausted(found)
@@ -87,6 +87,12 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < FEW:
             return replace(found, best=found.nominal), shape
     return sure, shape
+
+
+def _farther(found: Search) -> bool:
+    """Tell whether an explanation only makes what is left whiter, but is further off, on unseen recordings too."""
+    some = bool(found.scene.test) and bool(found.best.fitted.causes)
+    return some and farther(found.scene, found.best.fitted, found.nominal.fitted)
 
 
 def _resumed(found: Search) -> Search:

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
+_FARTHER = 1.1  # such a ratio from which what only whitens the rest is no explanation
 _LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
 _FAR = 0.8  # such a ratio on test, that does where train is clearly better too
 _CLOSE = 0.7  # such a ratio on train, up to which innovations may be against the first of several effects
@@ -75,6 +76,11 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
 def nearer(scene: Scene, one: Fitted, other: Fitted) -> bool:
     """Tell whether the simulations of one explanation come clearly nearer than those of another, unseen ones too."""
     return max(_ratios(scene, one, other)) < _CLEAR
+
+
+def farther(scene: Scene, one: Fitted, other: Fitted) -> bool:
+    """Tell whether the simulations of one explanation are further off than those of another, unseen ones too."""
+    return min(_ratios(scene, one, other)) > _FARTHER
 
 
 def _idle(found: Search, fitted: Fitted, gain: float) -> bool:
