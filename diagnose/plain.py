@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.given import from_given
-from diagnose.hypothesis import Cause, Scene, first_point
+from diagnose.hypothesis import Cause, Scene, first_point, searched
 from diagnose.lasting import by_chance
 from diagnose.orders import best_orders
 from diagnose.polish import polished
@@ -42,7 +42,7 @@ _DRIFTS = 2.0 * THRESHOLD  # drop of BIC by innovations that what drifts has to 
 _WORSE = 1.2  # such a ratio on test, from which an effect is none
 _BETTER = 0.97  # ratio of residual rms that every effect has to bring, on train and on test
 _TRIED, _FINAL = 6, 3  # causes fitted in a round, and of them to the end
-_STARTS = 2  # points a fit begins from
+_STARTS = 2  # points a fit begins from, but for moments: they were searched beside a linear plant
 _SHORT, _LONG = 5, 15  # steps of a fit
 _THRESHOLD = 12.0  # drop of BIC, in independent samples; the unseen recordings have to confirm it
 _RICHER = 8.0  # the same of a richer effect beside the simpler one that it contains
@@ -289,24 +289,25 @@ def _nominal(scene: Scene, found: Search) -> Rival:
 
 
 def simulated_beside(
-    scene: Scene, base: Fitted, noises: Sequence[Noise], others: Sequence[Fitted] = ()
+    scene: Scene, base: Fitted, noises: Sequence[Noise], begun: Sequence[Fitted] = ()
 ) -> tuple[Rival, ...]:
     """Fit the most promising causes by simulation error, from several points; the best are fitted to the end.
 
-    `noises` count independent samples; `others` are trials that began elsewhere.
+    `noises` count independent samples; `begun` are trials that began elsewhere.
     """
     causes = [cause for cause in scene.causes if cause not in base.causes]
     grounds = [ground(scene, scene.train, base, noises)]
     (screened,) = screen(scene, scene.train, base, causes, grounds, best_orders(scene, base, grounds))
     trials: list[Fitted] = []
-    begun = time.process_time()
+    until = time.process_time() + _ROUND
     for each in screened[:_TRIED]:
-        if trials and time.process_time() - begun > _ROUND:
+        if trials and time.process_time() > until:
             break
-        starts = [each.start, *(s for s in scene.starts[each.cause.label] if dict(s) != dict(each.start))][:_STARTS]
+        others = [start for start in scene.starts[each.cause.label] if dict(start) != dict(each.start)]
+        starts = [each.start, *(others if searched(each.cause) else others[: _STARTS - 1])]
         fits = [fit(scene, scene.train, *extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts]
         trials.append(min(fits, key=lambda one: one.cost))
-    trials += [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _SHORT) for each in others]
+    trials += [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _SHORT) for each in begun]
     trials.sort(key=lambda each: each.cost)
     longer = [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _LONG) for each in trials[:_FINAL]]
     return tuple(sorted((_rated(scene, each, noises) for each in longer), key=lambda each: each.score))
