@@ -13,7 +13,13 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
     """Say it in a few sentences."""
     said: list[str] = []
     train = finding.train
-    if finding.verdict == "no_mismatch":
+    if finding.verdict == "no_mismatch" and train.refit is None:
+        said.append(
+            "No mismatch was found, but nothing could be compared: simulations diverge from the recorded input, as "
+            "those of an unstable plant do without its controller. Cut the recordings into stretches that a simulation "
+            "follows."
+        )
+    elif finding.verdict == "no_mismatch":
         said.append(
             f"No mismatch: no effect of the library explains more than noise would (BIC threshold {THRESHOLD:g})."
         )
@@ -43,7 +49,7 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
             for name, value in (("as given", ratio.before), ("refitted", ratio.refit), ("explained", ratio.after))
             if value is not None
         ]
-        said.append(f"Residual over noise, {role}: {', '.join(steps)}.")
+        said.append(f"Residual over noise, {role}: {', '.join(steps) or 'none, simulations diverge'}.")
     if finding.location is not None:
         said.append(f"Seen where {finding.location.evidence}.")
     for other in finding.alternatives[:2]:

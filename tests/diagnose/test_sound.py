@@ -77,6 +77,40 @@ def test_it_is_refused_with_a_sentence(
     assert not (tmp_path / "out").exists()
 
 
+UNSTABLE = """schema = 1
+name = "unstable"
+[recordings]
+train = ["train.csv"]
+[plant]
+kind = "ode"
+states = ["x_m"]
+inputs = ["voltage_V"]
+[plant.outputs]
+x_m = "x_m"
+[plant.derivatives]
+x_m = "a*x_m + voltage_V"
+[plant.parameters]
+a = { value = 900.0, free = true }
+"""
+
+
+def test_a_plant_that_only_its_controller_holds_is_not_said_to_match(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without it a simulation leaves all numbers within a second."""
+    grow, wanted = np.exp(0.9), np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 20), 50)
+    pull = 900.0 / (grow - 1.0)
+    place, drive = np.zeros(1000), np.zeros(1000)
+    for k in range(999):
+        drive[k] = pull * ((0.2 - grow) * place[k] + 0.8 * wanted[k])
+        place[k + 1] = grow * place[k] + drive[k] / pull
+    columns = {"voltage_V": drive, "x_m": place}
+    write_recording(make_recording(np.arange(1000) * 1e-3, columns, "train.csv", ""), tmp_path / "train.csv")
+    (tmp_path / "project.toml").write_text(UNSTABLE)
+    assert main(["diagnose", str(tmp_path / "project.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert "nothing could be compared: simulations diverge" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_recordings_of_two_motors_name_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def other(columns: Columns) -> None:
