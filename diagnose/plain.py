@@ -299,6 +299,7 @@ def simulated_beside(
     grounds = [ground(scene, scene.train, base, noises)]
     (screened,) = screen(scene, scene.train, base, causes, grounds, best_orders(scene, base, grounds))
     trials: list[Fitted] = []
+    more: list[Fitted] = []
     until = time.process_time() + _ROUND
     for each in screened[:_TRIED]:
         if trials and time.process_time() > until:
@@ -306,10 +307,13 @@ def simulated_beside(
         others = [start for start in scene.starts[each.cause.label] if dict(start) != dict(each.start)]
         starts = [each.start, *(others if searched(each.cause) else others[: _STARTS - 1])]
         fits = [fit(scene, scene.train, *extended(base, each.cause, start), _sizes(noises), _SHORT) for start in starts]
-        trials.append(min(fits, key=lambda one: one.cost))
+        trials.append(min(fits[:_STARTS], key=lambda one: one.cost))
+        more += fits[_STARTS:]
     trials += [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _SHORT) for each in begun]
     trials.sort(key=lambda each: each.cost)
-    longer = [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _LONG) for each in trials[:_FINAL]]
+    lucky = [each for each in sorted(more, key=lambda each: each.cost)[:1] if each.cost < trials[0].cost]
+    final = [*trials[:_FINAL], *lucky]  # what had more chances takes nobody's place
+    longer = [fit(scene, scene.train, each.causes, each.point, _sizes(noises), _LONG) for each in final]
     return tuple(sorted((_rated(scene, each, noises) for each in longer), key=lambda each: each.score))
 
 
