@@ -82,8 +82,11 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     best, least, best_score = 0, float(moments[0, 0]) / used, np.inf
     past = moments[1:, 1:] + 1e-9 * float(moments[0, 0]) * np.eye(most)
     # What each further coefficient takes away, all orders by one factorization: they are nested.
-    factor, fails = dpotrf(past, lower=1) if most else (past, 0)
-    most = fails - 1 if fails else most  # past a residual that dies out, rounding is all that is left
+    try:
+        factor = np.linalg.cholesky(past)
+    except np.linalg.LinAlgError:  # past a residual that dies out, rounding is all that is left
+        factor, fails = dpotrf(past, lower=1)
+        most = fails - 1
     removed = solve_triangular(factor[:most, :most], moments[0, 1 : most + 1], lower=True, check_finite=False)
     taken = np.cumsum(removed**2)
     for order in ORDERS:
