@@ -18,6 +18,7 @@ from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, le
 from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
 from diagnose.rest import rested
 from diagnose.rival import TIE, Rival, contradicted, rated, without
+from diagnose.round import LONG
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from diagnose.split import split
 from identify.course import LONGEST_CHANGE
@@ -27,6 +28,7 @@ LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whol
 _LITTLE = 150.0  # drop of BIC up to which a name says little
 _STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had no memory
 _POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
+_VALLEYS = 4  # times that a fit goes on which a curved valley had held a deviation from its end
 _LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
 _PATIENCE = 25.0  # s of computing after which nothing further is looked for
@@ -199,4 +201,10 @@ def _finer(scene: Scene, rival: Rival) -> Fitted:
         noises = noises_of(scene, fitted.residuals)
     if _kinked(fitted.causes, rival):
         fitted = polished(scene, fitted, noises, _POLISH)
+    fitted = fit(scene, scene.train, fitted.causes, fitted.point, noises, 0)
+    for _ in range(_VALLEYS):
+        further_on = fit(scene, scene.train, fitted.causes, fitted.point, noises, LONG)
+        if fitted.cost - further_on.cost < 1.0:
+            break
+        fitted = further_on
     return profiled(scene, ended(scene, fitted, noises), noises)
