@@ -70,15 +70,15 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
-    alone = _alone(found)
+    alone, off = _alone(found), _farther(found)
     strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
-    strange |= strays(found, _LOST) or _farther(found)
+    strange |= off or strays(found, _LOST)
     if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
         other = exhausted(found)
         if other is not None:
             found = _resumed(other)
-            shape, alone = best_shape(found, found.best), _alone(found)
-    if alone is not None or _farther(found):
+            shape, alone, off = best_shape(found, found.best), _alone(found), _farther(found)
+    if alone is not None or off:
         return replace(found, best=found.nominal), alone or best_shape(found, found.nominal)
     sure = _confirmed(rested(levelled(found)))
     if doubtful(sure.best.fitted, sure.best.noises) is not None:

@@ -23,7 +23,7 @@ from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Sea
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, creeps, extended, rated, simplest, unseen_residuals, without
 from diagnose.screen import ground, screen
-from diagnose.swap import amounts_to, swapped, translated
+from diagnose.swap import plainer, swapped
 from identify.noise import Noise, colored, memory
 
 Array = NDArray[np.float64]
@@ -252,20 +252,17 @@ def plain_search(found: Search, begin: Sequence[Rival], progress: Progress) -> t
         best = _amounting(scene, chosen, nominal, noises)
         nominal = base if len(gains) == 1 else nominal
         evidence = _evidence(found, best.fitted)
-        if evidence < 0.0 and _ratios(scene, best.fitted, nominal.fitted)[0] > _CLOSE:
+        if evidence < 0.0 and _size(best.fitted.residuals, nominal.fitted.residuals) > _CLOSE:
             break
     return Search(scene, nominal, best, tuple(rounds), found.screened, tuple(gains)), evidence
 
 
 def _amounting(scene: Scene, best: Rival, nominal: Rival, noises: Sequence[Noise]) -> Rival:
     """Put the simpler effect in the place of one whose values amount to it, unless most is lost: others are to come."""
-    for gone in best.fitted.causes:
-        come = scene.cause(amounts_to(best.fitted, gone))
-        if come is not None and come not in best.fitted.causes:
-            simpler = translated(scene, replace(best, noises=_sizes(noises)), gone, come).fitted
-            one, before = (_rated(scene, each, noises) for each in (simpler, nominal.fitted))
-            if one.score - best.score < _SAME * (before.score - best.score):
-                return one
+    for each in plainer(scene, replace(best, noises=_sizes(noises))):
+        one, before = (_rated(scene, fitted, noises) for fitted in (each.fitted, nominal.fitted))
+        if one.score - best.score < _SAME * (before.score - best.score):
+            return one
     return best
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
         labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
         if labels not in seen and time.process_time() - begun < _PATIENCE:
             seen.add(labels)
-            tried.append(translated(scene, best, gone, come, _HOPELESS * gain))
+            tried.append(_translated(scene, best, gone, come, _HOPELESS * gain))
     for winner in sorted(tried, key=lambda each: each.score):
         theirs, ours = set(winner.fitted.names), set(best.fitted.names)
         if contain(theirs - ours, ours):
@@ -61,13 +61,16 @@ def _mistaken(scene: Scene, best: Rival) -> list[tuple[Cause, Cause]]:
 
 def amounting(scene: Scene, best: Rival, gain: float) -> Rival:
     """Put the simpler effect in the place of one whose values amount to it; `gain` is what all effects have brought."""
+    allowed = max(RICHER, _SAME * gain)
+    return next((one for one in plainer(scene, best) if one.score - best.score < allowed), best)
+
+
+def plainer(scene: Scene, best: Rival) -> Iterator[Rival]:
+    """Fit the simpler effect, by the noises of the best, in the place of each one whose values amount to it."""
     for gone in best.fitted.causes:
         come = scene.cause(amounts_to(best.fitted, gone))
         if come is not None and come not in best.fitted.causes:
-            one = translated(scene, best, gone, come)
-            if one.score - best.score < max(RICHER, _SAME * gain):
-                return one
-    return best
+            yield _translated(scene, best, gone, come)
 
 
 def amounts_to(fitted: Fitted, cause: Cause) -> str:
@@ -106,7 +109,7 @@ def relatives(scene: Scene, rival: Rival, known: Collection[tuple[Cause, ...]]) 
     names = related(newest.effect.name)
     kept = rival.fitted.causes[:-1]
     return [
-        translated(scene, rival, newest, cause)
+        _translated(scene, rival, newest, cause)
         for cause in scene.causes
         if cause.effect.name in names and cause not in kept and (*kept, cause) not in known
     ]
@@ -127,7 +130,7 @@ def _alike(one: Cause, other: Cause) -> dict[str, str]:
     return found
 
 
-def translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: float = np.inf) -> Rival:
+def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: float = np.inf) -> Rival:
     """Put one cause in the place of another, and fit from the best of the starts of what they do not share.
 
     A trial that is too far `behind` in evidence is not fitted to the end.
