@@ -54,7 +54,7 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """Residual rms over noise rms: with the plant as given, refitted, and with the effects."""
+    """Residual rms over noise rms: with the plant as given, refitted, and with the effects or what has no name."""
 
     before: float | None
     refit: float | None
@@ -89,6 +89,7 @@ class Finding:
     untestable: Mapping[str, str]  # effect -> why
     notes: tuple[str, ...]
     says: tuple[str, ...]  # the paragraph
+    law: tuple[tuple[float, float], ...] = ()  # coordinate and missing term, in SI units, of what has no name
 
     def as_dict(self) -> dict[str, object]:
         """Return what diagnosis.json holds (contract, section 6)."""
@@ -120,6 +121,7 @@ class Finding:
             "untestable": dict(self.untestable),
             "notes": list(self.notes),
             "says": list(self.says),
+            **({"law": [list(point) for point in self.law]} if self.law else {}),
         }
 
 

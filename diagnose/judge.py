@@ -18,14 +18,14 @@ from diagnose.locate import worst_spans
 from diagnose.preflight import Preflight
 from diagnose.pushes import doubtful
 from diagnose.rank import Search, richer_of, rivals_of
-from diagnose.refit import deviations, fit_starts, strength
-from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, innovations, relative, unseen_residuals
+from diagnose.refit import deviations, fit_starts, noises_of, strength
+from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, unseen_residuals
 from diagnose.sentences import paragraph
-from diagnose.shape import Shape, outweighs
+from diagnose.shape import Shape, best_shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
 from identify.effect import EffectParameter
 from identify.effects import find_effect
-from identify.noise import whiteness
+from identify.noise import Noise, whiteness
 from identify.normal import NORMAL_95
 from identify.plant import EffectUse, Parameter, Plant
 
@@ -39,22 +39,31 @@ _FAR = 3.0  # factor on a nominal parameter from which its value was hardly mean
 _FIRM = 0.1  # of a parameter, as one deviation: it is well determined
 
 
-def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
-    """Choose the verdict and write it down."""
+def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Finding, Shape | None]:
+    """Choose the verdict and write it down; with it what has no name, where that is the verdict.
+
+    `shape` is what the best explanation leaves.
+    """
     verdict, rivals = _verdict(search, shape)
     read = directs(search)
     if read and verdict == "no_mismatch":
         verdict = "explained"
     shown = search.best if verdict in ("explained", "ambiguous") else search.nominal
-    noise = _noise_rms(search.best)
-    train = _ratios(search, shown, noise, False)
-    test = _ratios(search, shown, noise, True) if search.scene.test else None
+    if verdict != "unknown_physics":
+        shape = None
+    elif shape is None or shape.beside:  # not believed: what is missing is what the plant alone misses
+        shape = best_shape(search, search.nominal)
+    after = search.best.fitted.residuals if shape is None else shape.train
+    noises = search.best.noises if shape is None else noises_of(search.scene, after)
+    noise = _rms(after)
+    train = _ratios(search, shown, shape, noise, False)
+    test = _ratios(search, shown, shape, noise, True) if search.scene.test else None
     effects = (*_named(search, shown, verdict, rivals), *(_read_off(search.scene, each) for each in read))
-    location = None if verdict == "no_mismatch" else _location(search, shown, shape, verdict)
+    location = None if verdict == "no_mismatch" else _location(search, noises, shape)
     shifts = _shifts(search, shown)
     white = (
-        whiteness(_against(search.nominal, search.best), _LAGS),
-        whiteness(innovations(search.best), _LAGS),
+        whiteness(_innovations(search.nominal.fitted.residuals, noises), _LAGS),
+        whiteness(_innovations(after, noises), _LAGS),
     )
     outputs = [signal.name for signal in search.scene.plant.outputs]
     finding = Finding(
@@ -71,8 +80,9 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> Finding:
         untestable={**checks.untestable, **_unseen_here(search, shown)},
         notes=(*checks.notes, *_far_from_given(shifts, deviations(shown.fitted), verdict)),
         says=(),
+        law=_law(shape),
     )
-    return replace(finding, says=paragraph(finding, search, shape))
+    return replace(finding, says=paragraph(finding, search, shape)), shape
 
 
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival, ...]]:
@@ -114,25 +124,24 @@ def _shows(search: Search) -> bool:
     """
     if any(noise.scale > noise.rms for noise in search.best.noises):
         return True
-    before, after = _noise_rms(search.nominal), _noise_rms(search.best)
+    before, after = _rms(search.nominal.fitted.residuals), _rms(search.best.fitted.residuals)
     return any(one > _SHOWN * other for one, other in zip(before, after, strict=True))
 
 
-def _noise_rms(rival: Rival) -> tuple[float, ...]:
-    stacked = np.concatenate(rival.fitted.residuals)
+def _rms(residuals: Sequence[Array]) -> tuple[float, ...]:
+    stacked = np.concatenate(residuals)
     return tuple(max(float(size), 1e-30) for size in np.sqrt(np.mean(stacked**2, axis=0)))
 
 
-def _against(rival: Rival, judge_by: Rival) -> tuple[Array, ...]:
-    return tuple(
-        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(judge_by.noises)
-    )
+def _innovations(residuals: Sequence[Array], noises: Sequence[Noise]) -> tuple[Array, ...]:
+    """Return the whitened residuals (n,) of every recording and output."""
+    return tuple(noise.whiten(part[:, index]) for part in residuals for index, noise in enumerate(noises))
 
 
 def directs(search: Search) -> tuple[Direct, ...]:
     """Return what is read off the recordings, before and after the search."""
     scene = search.scene
-    return (*scene.direct, *coarse(scene.plant, scene.train, _noise_rms(search.best)))
+    return (*scene.direct, *coarse(scene.plant, scene.train, _rms(search.best.fitted.residuals)))
 
 
 def _read_off(scene: Scene, each: Direct) -> Named:
@@ -148,19 +157,19 @@ def _read_off(scene: Scene, each: Direct) -> Named:
     return Named(each.effect, each.output, "sensor", 1.0, estimates, says)
 
 
-def _ratios(search: Search, shown: Rival, noise: Sequence[float], unseen: bool) -> Ratio:
-    """Residual rms over noise rms, over all outputs; only initial states are fitted."""
+def _ratios(search: Search, shown: Rival, shape: Shape | None, noise: Sequence[float], unseen: bool) -> Ratio:
+    """Residual rms over noise rms, over all outputs; only initial states are fitted. What has no name explains, too."""
     scene = search.scene
     recordings = scene.test if unseen else scene.train
     given = {p.name: p.value for p in scene.plant.parameters}
     before = fit_starts(scene, recordings, given, search.best.noises)
-    lefts = [
-        [residual_of(scene, recording, before, k) for k, recording in enumerate(recordings)],
-        list(unseen_residuals(scene, search.nominal.fitted, search.best.noises))
-        if unseen
-        else list(search.nominal.fitted.residuals),
-        list(unseen_residuals(scene, shown.fitted, search.best.noises)) if unseen else list(shown.fitted.residuals),
-    ]
+    refit, after = (
+        unseen_residuals(scene, each.fitted, search.best.noises) if unseen else each.fitted.residuals
+        for each in (search.nominal, shown)
+    )
+    if shape is not None:
+        after = shape.test if unseen else shape.train
+    lefts = ([residual_of(scene, recording, before, k) for k, recording in enumerate(recordings)], refit, after)
     figures = [relative(parts, noise) for parts in lefts]
     return Ratio(*(figure if math.isfinite(figure) else None for figure in figures))
 
@@ -249,9 +258,14 @@ def _alternatives(search: Search, shown: Rival, rivals: Sequence[Rival]) -> tupl
     return tuple(found.values())
 
 
-def _location(search: Search, shown: Rival, shape: Shape | None, verdict: Verdict) -> Location:
-    output, spans, size = worst_spans(search)
-    if verdict == "unknown_physics" and shape is not None:
+def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:
+    drawn = shape is not None and bool(np.any(shape.points[:, 1]))
+    return tuple((float(at), float(term)) for at, term in shape.points) if shape is not None and drawn else ()
+
+
+def _location(search: Search, noises: Sequence[Noise], shape: Shape | None) -> Location:
+    output, spans, size = worst_spans(search, noises)
+    if shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
     elif not search.best.fitted.causes:
         equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term

@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from diagnose.rank import Search
 from diagnose.rival import Rival
 from identify.linear import linearize
+from identify.noise import Noise
 from identify.plant import Plant
 from identify.recording import Recording
 from identify.simulate import course_of, measured
@@ -97,12 +98,15 @@ def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent
     return Latent(course.time[:rows], here[:, :states], tuple(here[:, states + k] for k in range(extra)), kinds)
 
 
-def worst_spans(search: Search) -> tuple[str, tuple[tuple[float, float], ...], float]:
-    """Return the output that fits worst, the spans (s) of the first train recording where, and their rms over noise."""
+def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tuple[float, float], ...], float]:
+    """Return the output that fits worst, the spans (s) of the first train recording where, and their rms over noise.
+
+    `noises` are of what nothing is missing from, one an output.
+    """
     scene, nominal = search.scene, search.nominal
     left = nominal.fitted.residuals[0]
-    each = np.column_stack([noise.whiten(left[:, k]) for k, noise in enumerate(search.best.noises)])
-    for k, noise in enumerate(search.best.noises):
+    each = np.column_stack([noise.whiten(left[:, k]) for k, noise in enumerate(noises)])
+    for k, noise in enumerate(noises):
         each[: len(noise.coefficients), k] = 0.0  # no past to whiten by
     worst = int(np.argmax(np.sum(each**2, axis=0)))
     time = scene.train[0].time

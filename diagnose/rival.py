@@ -91,13 +91,6 @@ def elsewhere(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Sc
     return replace(scene, train=scene.test, test=()), replace(fitted, point=point, residuals=residuals)
 
 
-def innovations(rival: Rival) -> tuple[Array, ...]:
-    """Return the whitened residuals (n,) of every train recording and output."""
-    return tuple(
-        noise.whiten(part[:, index]) for part in rival.fitted.residuals for index, noise in enumerate(rival.noises)
-    )
-
-
 def larger(rival: Rival, base: Rival) -> bool:
     """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output.
 

@@ -23,7 +23,7 @@ from identify.recording import Recording
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """A finding with what it rests on; `plant` is the improved one."""
+    """A finding with what it rests on; `plant` is the improved one, `shape` what has no name, where that is found."""
 
     finding: Finding
     search: Search
@@ -55,9 +55,9 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         other = _explained(plant, held, unseen, progress)
         if rated(other[0].scene, other[0].best.fitted).score < rated(found.scene, found.best.fitted).score + HOLD_WORTH:
             found, checks, shape = other
-    finding = judge(found, checks, shape)
+    finding, unnamed = judge(found, checks, shape)
     shown = found.best if finding.verdict in ("explained", "ambiguous") else found.nominal
-    return Diagnosis(finding, found, shape, improved_plant(found, shown))
+    return Diagnosis(finding, found, unnamed, improved_plant(found, shown))
 
 
 def _explained(

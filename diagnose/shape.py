@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from diagnose.descent import residual_of, slopes_of, whitened
 from diagnose.direct import coarse
-from diagnose.hypothesis import Point, outputs_of
+from diagnose.hypothesis import Cause, Point, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.rank import LONG_MEMORY, Search
 from diagnose.refit import fit_starts, noises_of
@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
 SLOW_GAIN = 100.0  # the same where a disturbance is slow in every output
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
-_TRIED = 3  # terms weighed in full, of each noise model's order
+_MOST = 0.5  # share of residuals that a shape leaves, on train and test, from which an explanation has missed most
+_TRIED = 3  # terms weighed in full beside named effects, of each noise model's order
 _ROUNDS = 2  # of fitting with the noise that the last fit left over
 _LIVE = 1e-4  # of a column, which the base's own unknowns cannot imitate
 _DETERMINED = 1e-3  # least singular value of what a fit may move, of the largest
@@ -40,7 +41,9 @@ class Shape:
 
     `gain` is the drop of BIC by `unknowns` hats or waves, on train and test, or what it is on test alone where the term
     makes those less likely: it then only follows a disturbance. `points` (b, 2) are the coordinate and the term there,
-    in SI units; `train` and `test` the residuals (n, r) it leaves.
+    in SI units; `train` and `test` the residuals (n, r) left by it and by the causes `beside` which it was weighed, and
+    `left` the share of the rms of these causes' residuals that remains in the output that it explains best, on train or
+    test, where that is more; 1 without test recordings.
     """
 
     balance: str
@@ -50,6 +53,8 @@ class Shape:
     points: Array
     train: tuple[Array, ...]
     test: tuple[Array, ...]
+    beside: tuple[Cause, ...]
+    left: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +81,14 @@ class _Base:
 def outweighs(shape: Shape | None, noises: Sequence[Noise], explained: float) -> bool:
     """Tell whether a shape is too much beside the drop of BIC that named effects have brought, 0 of none.
 
-    `noises` are what those leave.
+    `noises` are what those leave. Where these foretell a drift, even what is far off costs little, so a shape by which
+    simulations come twice as near, on unseen recordings too, is too much beside any drop.
     """
+    if shape is None:
+        return False
     slow = all(len(noise.coefficients) >= LONG_MEMORY for noise in noises)
-    return shape is not None and shape.gain > max(SLOW_GAIN if slow else SHAPE_GAIN, SHAPE_SHARE * explained)
+    some = shape.gain > (SLOW_GAIN if slow else SHAPE_GAIN)
+    return some and (shape.gain > SHAPE_SHARE * explained or shape.left < _MOST)
 
 
 def best_shape(search: Search, rival: Rival) -> Shape | None:
@@ -99,14 +108,11 @@ def best_shape(search: Search, rival: Rival) -> Shape | None:
         for term in terms(base.plant, base.recordings, found, simulated, base.residuals)
         if term.kind != SENSOR or base.plant.outputs[term.place].name not in steps
     ]
-    moved = [_moved(base, term, base.train) for term in choices]
-    picked: list[int] = []
-    for noises in (rival.noises, flat(rival.noises)):
-        gains = _promised(base, moved, noises)
-        picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
+    if rival.fitted.causes:  # else noise may hold most of what is missing, and no promise tells what it would give back
+        choices = _promising(base, choices)
     bare = _weighed(base, ())
     without = min(bare[0], rival.score), unlikely(base.search.scene, bare[2][base.train :])
-    shapes = [_shape(base, choices[place], *without) for place in dict.fromkeys(picked)]
+    shapes = [_shape(base, term, *without) for term in choices]
     return max(shapes, key=lambda each: each.gain, default=None)
 
 
@@ -148,6 +154,16 @@ def _moved(base: _Base, term: Term, count: int) -> tuple[Array, ...]:
             each = wide
         found.append(each)
     return tuple(found)
+
+
+def _promising(base: _Base, choices: Sequence[Term]) -> list[Term]:
+    """Pick the terms that promise most by the noise that is left, and those that do by white noise."""
+    moved = [_moved(base, term, base.train) for term in choices]
+    picked: list[int] = []
+    for noises in (base.rival.noises, flat(base.rival.noises)):
+        gains = _promised(base, moved, noises)
+        picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
+    return [choices[place] for place in dict.fromkeys(picked)]
 
 
 def _promised(base: _Base, moved: Sequence[Sequence[Array]], noises: Sequence[Noise]) -> Array:
@@ -229,4 +245,16 @@ def _shape(base: _Base, term: Term, without: float, unseen: float) -> Shape:
     train, test = left[: base.train], left[base.train :]
     gain, seen = without - score, unseen - unlikely(base.search.scene, test)
     gain = min(gain, seen) if test and seen <= 0.0 else gain
-    return Shape(term.kind, term.coordinate.name, len(answer), gain, points, train, test)
+    name, beside = term.coordinate.name, base.rival.fitted.causes
+    return Shape(term.kind, name, len(answer), gain, points, train, test, beside, _share_left(base, left))
+
+
+def _share_left(base: _Base, left: Sequence[Array]) -> float:
+    sides = (slice(None, base.train), slice(base.train, None))
+    if not base.search.scene.test:
+        return 1.0
+    before, after = (
+        np.array([np.sqrt(np.mean(np.concatenate(parts[side]) ** 2, axis=0)) for side in sides])
+        for parts in (base.residuals, left)
+    )
+    return float(np.min(np.max(after / np.maximum(before, 1e-300), axis=0)))

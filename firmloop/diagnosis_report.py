@@ -50,6 +50,7 @@ def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) 
         *_courses(made),
         "<h2>What is left, by coordinate</h2>",
         *_scatter(made),
+        *_unnamed(made.finding),
         "<h2>The controller half</h2>",
         *_controller(cut),
         "<h2>What was weighed</h2>",
@@ -96,6 +97,8 @@ def _courses(made: Diagnosis) -> list[str]:
             for values in (given, made.search.nominal.fitted.point.values, shown.fitted.point.values):
                 point = fit_starts(scene, [recording], values, made.search.best.noises)
                 runs.append(measured - residual_of(scene, recording, point, 0))
+            if made.shape is not None:
+                runs[-1] = measured - (made.shape.train if role == "train" else made.shape.test)[0]
             for index, signal in enumerate(scene.plant.outputs):
                 title = f"{role}: {recording.source}, {signal.name}"
                 drawn.append(_course(title, recording.time, measured[:, index], [run[:, index] for run in runs]))
@@ -156,6 +159,20 @@ def _scatter(made: Diagnosis) -> list[str]:
             _svg(figure),
             f"<p>What the nominal equations with the parameters found leave unexplained ({says}).</p>",
         ]
+
+
+def _unnamed(finding: Finding) -> list[str]:
+    """Draw the law of what has no name over its own coordinate, which need not be a state."""
+    if finding.location is None or not finding.law:
+        return []
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(5.2, 2.6))
+        axes = figure.subplots()
+        axes.plot(*np.array(finding.law).T, color=MODEL)
+        axes.set_xlabel(finding.location.coordinate)
+        axes.set_ylabel(f"missing {finding.location.equation}")
+        figure.tight_layout()
+        return [_svg(figure), "<p>What has no name in the library, as the recordings show it (SI units).</p>"]
 
 
 def _explained(made: Diagnosis, plant: Plant) -> Latent | None:

@@ -27,7 +27,7 @@ def test_the_first_rows_are_no_mismatch(tmp_path: Path) -> None:
     left[burst, 0] += draw.normal(0.0, 0.05, np.count_nonzero(burst))
     noises = (Noise(np.array([-1.0]), 0.01, 5.0), white(1.0))
     rival = Rival(replace(fitted, residuals=(left, *fitted.residuals[1:])), noises, 0.0)
-    output, spans, size = worst_spans(Search(scene, rival, rival, (), (), ()))
+    output, spans, size = worst_spans(Search(scene, rival, rival, (), (), ()), rival.noises)
     assert output == scene.plant.outputs[0].name
     assert spans and all(0.9 < low < high < 1.3 for low, high in spans)
     assert size == pytest.approx(5.0 * np.sqrt(2.0), rel=0.4)

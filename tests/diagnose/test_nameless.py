@@ -67,6 +67,21 @@ def test_what_has_no_name_is_unknown(
     location = said["location"]
     assert isinstance(location, dict)
     assert (location["equation"], location["coordinate"]) == (equation, coordinate)
+    fit = said["fit"]
+    assert isinstance(fit, dict)
+    for role in ("train", "test"):  # what has no name is modelled all the same
+        assert fit[role]["after"] < 0.85 * fit[role]["refit"], role
+
+
+def test_the_law_of_what_has_no_name_is_told(tmp_path: Path) -> None:
+    """A gain that differs between the signs of its input: a torque that grows to one side alone."""
+    said = _said(tmp_path, "one_sided_gain", "flat_motor", ("speed",), "staircase", False)
+    law = said["law"]
+    assert isinstance(law, list)
+    (low, left), (at, none), (high, right) = law
+    assert low < at == 0.0 < high
+    assert abs(none) < 0.01 * min(abs(left), abs(right)) and left * right > 0.0
+    assert "What has no name" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Path) -> None:
