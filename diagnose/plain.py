@@ -21,7 +21,7 @@ from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, creeps, extended, rated, simplest, unseen_residuals, without
+from diagnose.rival import Rival, creeps, extended, rated, relieved, simplest, unseen_residuals
 from diagnose.screen import ground, screen
 from diagnose.swap import plainer, swapped
 from identify.noise import Noise, colored, memory
@@ -129,7 +129,9 @@ def _refined(plain: Search) -> Search:
     finer = polished(scene, best.fitted, best.noises)
     while len(finer.causes) > 1:
         sizes = _sizes(independent(finer.residuals))
-        slimmer = [fit(scene, scene.train, *without(finer, cause), sizes, _LONG) for cause in finer.causes]
+        slimmer = [
+            fit(scene, scene.train, *relieved(scene, finer, cause, sizes), sizes, _LONG) for cause in finer.causes
+        ]
         least = min(slimmer, key=lambda each: each.cost)
         if min(_ratios(scene, finer, least)) < _BETTER:
             break

@@ -18,7 +18,7 @@ from diagnose.given import from_given, runaways
 from diagnose.hypothesis import MOMENT, Cause, Point, Scene, first_point, meeting, turning
 from diagnose.lasting import accidental, by_chance, times_chance
 from diagnose.refit import fit, noises_of
-from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, simplest, tells, without
+from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, relieved, simplest, tells
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import amounting, amounts_to, merged, swapped
@@ -342,7 +342,7 @@ def pruned(scene: Scene, best: Rival) -> Rival:
     """Drop effects one by one as long as the rest explains as much, and no output is missed by far more."""
     while len(best.fitted.causes) > 1:
         slimmer = [
-            rated(scene, fit(scene, scene.train, *without(best.fitted, cause), best.noises, LONG))
+            rated(scene, fit(scene, scene.train, *relieved(scene, best.fitted, cause, best.noises), best.noises, LONG))
             for cause in best.fitted.causes
         ]
         least = min(slimmer, key=lambda each: each.score)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from diagnose.descent import residual_of
 from diagnose.hypothesis import Cause, Point, Scene, entered
-from diagnose.refit import Fitted, evidence, fit_starts, noises_of
+from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of
 from identify.effects import effects, find_effect
 from identify.noise import Noise, colored, memory
 
@@ -169,6 +169,16 @@ def without(base: Fitted, gone: Cause) -> tuple[tuple[Cause, ...], Point]:
     """Take a cause out of a hypothesis."""
     values = {key: value for key, value in base.point.values.items() if key not in gone.keys}
     return tuple(cause for cause in base.causes if cause != gone), Point(values, base.point.starts)
+
+
+def relieved(scene: Scene, base: Fitted, gone: Cause, noises: Sequence[Noise]) -> tuple[tuple[Cause, ...], Point]:
+    """Take a cause out; where initial states alone do what it did, as what an offset does, they have moved there."""
+    causes, point = without(base, gone)
+    taken = fit_starts(scene, scene.train, point.values, noises)
+    now, then = (
+        fit(scene, scene.train, *each, noises, 0).cost for each in ((base.causes, base.point), (causes, taken))
+    )
+    return causes, taken if then - now < RICHER else point
 
 
 def containing(name: str) -> tuple[str, ...]:

@@ -102,6 +102,8 @@ SLOW = (
     (850024, "explained", "load_step return_spring slew_rate_limit", "innovations against the first of three"),
     (850028, "explained", "clock_skew sensor_rectified", "a sign and a clock, by what simulations miss"),
     (851225, "explained", "load_step resistance_heating sensor_lag", "a fit that ended where a simulation diverged"),
+    (872126, "unknown_physics", "", "a gain of one side that drift had hidden behind a load"),
+    (871088, "explained", "input_delay load_torque sensor_saturation", "an offset that led a fit out of a valley"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
