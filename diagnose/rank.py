@@ -18,7 +18,7 @@ from diagnose.given import from_given, runaways
 from diagnose.hypothesis import MOMENT, Cause, Point, Scene, first_point, meeting, turning
 from diagnose.lasting import accidental, by_chance, times_chance
 from diagnose.refit import fit, noises_of
-from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, larger, rated, relieved, simplest, tells
+from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, faint, larger, rated, relieved, simplest, tells
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
 from diagnose.swap import amounting, amounts_to, merged, swapped
@@ -289,7 +289,7 @@ def _earned(scene: Scene, rival: Rival, base: Rival) -> bool:
 def _pays(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether the newest effect brings what it must, on train too."""
     gain = base.score - rival.score
-    return gain >= _bar(scene, rival, base, gain) and tells(rival, base)
+    return gain >= _bar(scene, rival, base, gain) and tells(rival, base) and not faint(scene, rival, base)
 
 
 def _bar(scene: Scene, rival: Rival, base: Rival, gain: float) -> float:

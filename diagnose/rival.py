@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.descent import residual_of
-from diagnose.hypothesis import Cause, Point, Scene, entered
+from diagnose.hypothesis import Cause, Point, Scene, entered, outputs_of
 from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of
 from identify.effects import effects, find_effect
 from identify.noise import Noise, colored, memory
@@ -27,6 +27,7 @@ _FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a distu
 _STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
 _CLOSER = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
 HELD = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
+_FAINT = 5e-7  # of what an output moves, rms: what simulations by other steps differ by
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
 
@@ -113,6 +114,14 @@ def tells(rival: Rival, base: Rival) -> bool:
     """
     gain = evidence(base.fitted, base.noises) - evidence(rival.fitted, rival.noises)
     return gain > (_TOLD * (base.score - rival.score) if base.fitted.causes else 0.0)
+
+
+def faint(scene: Scene, rival: Rival, base: Rival) -> bool:
+    """Tell whether all that a rival changes is so little of what each output moves that rounding may be the cause."""
+    measured = np.concatenate([outputs_of(scene, recording) for recording in scene.train])
+    mine, theirs = (np.concatenate(each.fitted.residuals) for each in (rival, base))
+    changed = np.sqrt(np.mean((mine - theirs) ** 2, axis=0))
+    return bool(np.all(changed < _FAINT * np.ptp(measured, axis=0)))
 
 
 def creeps(cause: Cause, values: Mapping[str, float]) -> bool:

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
 SLOW_GAIN = 100.0  # the same where a disturbance is slow in every output
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
+_NEARER_SHARE = 0.05  # the same where simulations come far nearer by it
 _MOST = 0.5  # share of residuals that a shape leaves, on train and test, from which an explanation has missed most
 _TRIED = 3  # terms weighed in full beside named effects, of each noise model's order
 _ROUNDS = 2  # of fitting with the noise that the last fit left over
@@ -81,14 +82,14 @@ class _Base:
 def outweighs(shape: Shape | None, noises: Sequence[Noise], explained: float) -> bool:
     """Tell whether a shape is too much beside the drop of BIC that named effects have brought, 0 of none.
 
-    `noises` are what those leave. Where these foretell a drift, even what is far off costs little, so a shape by which
-    simulations come twice as near, on unseen recordings too, is too much beside any drop.
+    `noises` are what those leave. Where these foretell a drift, what is far off costs little: a shape by which
+    simulations come twice as near, on unseen recordings too, is too much at a smaller share.
     """
     if shape is None:
         return False
     slow = all(len(noise.coefficients) >= LONG_MEMORY for noise in noises)
     some = shape.gain > (SLOW_GAIN if slow else SHAPE_GAIN)
-    return some and (shape.gain > SHAPE_SHARE * explained or shape.left < _MOST)
+    return some and shape.gain > (_NEARER_SHARE if shape.left < _MOST else SHAPE_SHARE) * explained
 
 
 def best_shape(search: Search, rival: Rival) -> Shape | None:

@@ -30,6 +30,7 @@ QUICK = (
     (790086, "explained", "sensor_quantization", "coarse steps over a way of thousands of them"),
     (660012, "explained", "sensor_quantization", "a current that shows one step and else nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
+    (870083, "no_mismatch", "", "a wave of a ten-millionth of the way"),
 )
 SLOW = (
     (250070, "explained", "sensor_offset", "a constant that noise follows"),
