@@ -19,7 +19,7 @@ from diagnose.preflight import Preflight
 from diagnose.pushes import doubtful
 from diagnose.rank import Search, richer_of, rivals_of
 from diagnose.refit import deviations, fit_starts, noises_of, strength
-from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, unseen_residuals
+from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, best_shape, outweighs
 from identify.attach import label_of, parameters_of, values_of, with_effects
@@ -130,8 +130,7 @@ def _shows(search: Search) -> bool:
 
 
 def _rms(residuals: Sequence[Array]) -> tuple[float, ...]:
-    stacked = np.concatenate(residuals)
-    return tuple(max(float(size), 1e-30) for size in np.sqrt(np.mean(stacked**2, axis=0)))
+    return tuple(max(float(size), 1e-30) for size in rms_of(residuals))
 
 
 def _innovations(residuals: Sequence[Array], noises: Sequence[Noise]) -> tuple[Array, ...]:
@@ -269,8 +268,9 @@ def _helps(search: Search, shape: Shape) -> bool:
 
 
 def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:
-    drawn = shape is not None and bool(np.any(shape.points[:, 1]))
-    return tuple((float(at), float(term)) for at, term in shape.points) if shape is not None and drawn else ()
+    if shape is None or not np.any(shape.points[:, 1]):
+        return ()
+    return tuple((float(at), float(term)) for at, term in shape.points)
 
 
 def _location(search: Search, noises: Sequence[Noise], shape: Shape | None) -> Location:

@@ -21,7 +21,7 @@ from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, creeps, extended, rated, relieved, simplest, unseen_residuals
+from diagnose.rival import Rival, creeps, extended, rated, relieved, rms_of, simplest, unseen_residuals
 from diagnose.screen import ground, screen
 from diagnose.swap import plainer, swapped
 from identify.noise import Noise, colored, memory
@@ -347,7 +347,7 @@ def _size(one: Sequence[Array], other: Sequence[Array]) -> float:
 
 def _sizes_of(one: Sequence[Array], other: Sequence[Array]) -> Array:
     """Return the rms (r,) of every output's residuals over that of another set; infinite after a divergence."""
-    sizes = [np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for parts in (one, other)]
+    sizes = [rms_of(parts) for parts in (one, other)]
     return np.asarray(np.nan_to_num(sizes[0] / np.maximum(sizes[1], 1e-150), nan=np.inf, posinf=np.inf))
 
 

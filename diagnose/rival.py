@@ -131,6 +131,11 @@ def creeps(cause: Cause, values: Mapping[str, float]) -> bool:
     return cause.effect.slow or min(waves, default=np.inf) < _FEW_PERIODS
 
 
+def rms_of(residuals: Sequence[Array]) -> Array:
+    """Return the rms (r,) of residuals (n, r) of several recordings, output by output."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)))
+
+
 def relative(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
     """Return the rms of residuals (n, r) over the sizes (r,) of the noise, over all outputs."""
     return float(np.sqrt(np.mean((np.concatenate(residuals) / np.asarray(sizes)) ** 2)))

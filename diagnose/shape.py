@@ -14,7 +14,7 @@ from diagnose.hypothesis import Cause, Point, outputs_of
 from diagnose.locate import latent, nominal_plant
 from diagnose.rank import LONG_MEMORY, Search
 from diagnose.refit import fit_starts, noises_of
-from diagnose.rival import Rival, unlikely
+from diagnose.rival import Rival, rms_of, unlikely
 from diagnose.round import screened
 from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
 from diagnose.terms import SENSOR, Term, terms
@@ -254,8 +254,5 @@ def _share_left(base: _Base, left: Sequence[Array]) -> float:
     sides = (slice(None, base.train), slice(base.train, None))
     if not base.search.scene.test:
         return 1.0
-    before, after = (
-        np.array([np.sqrt(np.mean(np.concatenate(parts[side]) ** 2, axis=0)) for side in sides])
-        for parts in (base.residuals, left)
-    )
+    before, after = (np.array([rms_of(parts[side]) for side in sides]) for parts in (base.residuals, left))
     return float(np.min(np.max(after / np.maximum(before, 1e-300), axis=0)))
