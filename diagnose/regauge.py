@@ -1,4 +1,4 @@
-"""Read the range of a reading that wraps once more, from what an explanation leaves: at first nothing was known."""
+"""Unroll a reading that wraps once more, by what explains the rest: at first nothing was known."""
 
 from __future__ import annotations
 
@@ -11,46 +11,78 @@ from numpy.typing import NDArray
 from diagnose.descent import slopes_of
 from diagnose.hypothesis import Scene
 from diagnose.rank import Search
+from diagnose.refit import fit, noises_of
+from diagnose.rival import Rival, unseen_residuals
+from diagnose.round import LONG
 from diagnose.wrap import shifted, turns_between
+from identify.noise import flat
 from identify.recording import Recording
 
 Array = NDArray[np.float64]
 
 _SURE = 3.0  # deviations from which a range was off
+_NEAR, _MOST = 0.25, 0.9  # of a range, and of all readings: so near an explanation is, that can count their turns
+_ROUNDS = 6  # of counting turns, each by a fit to what the last has counted
 
 
 def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording]) -> Scene | None:
-    """Return the scene with every range as the best explanation tells it; None where none is off.
+    """Return the scene with how often readings wrapped, and every range, as the best explanation tells it.
 
-    `train` and `test` are the recordings as they were read, before they were unrolled.
+    None where it tells the same. `train` and `test` are the recordings as they were read, before they were unrolled.
     """
-    scene, outputs = found.scene, [signal.name for signal in found.scene.plant.outputs]
-    moved, directs = [[*scene.train], [*scene.test]], list(scene.direct)
-    for number, direct in enumerate(scene.direct):
+    given, best = found.scene, found.best
+    scene = given
+    for number, direct in enumerate(given.direct):
         if direct.effect != "sensor_wrap":
             continue
+        index = [signal.name for signal in scene.plant.outputs].index(direct.output)
+        for _ in range(_ROUNDS):
+            counted = _recounted(scene, best, (*train, *test), index, direct.values[0])
+            if counted is None:
+                break
+            scene = counted
+            fitted = fit(scene, scene.train, best.fitted.causes, best.fitted.point, flat(best.noises), LONG)
+            best = Rival(fitted, noises_of(scene, fitted.residuals), best.score)
         turns = [
-            [turns_between(*pair, direct.output, direct.values[0]) for pair in zip(before, after, strict=True)]
-            for before, after in zip((train, test), moved, strict=True)
+            turns_between(before, after, direct.output, direct.values[0])
+            for before, after in zip((*train, *test), (*scene.train, *scene.test), strict=True)
         ]
-        change, deviation = _off(found, outputs.index(direct.output), turns[0])
-        if abs(change) > _SURE * deviation:
-            reach, start = direct.values
-            directs[number] = replace(
-                direct, values=(reach + change, start), deviations=(deviation, direct.deviations[1])
-            )
-            for place, parts in enumerate(turns):
-                moved[place] = [
-                    shifted(each, direct.output, change * turn) for each, turn in zip(moved[place], parts, strict=True)
-                ]
-    if directs == list(scene.direct):
+        off, deviation = _off(scene, best, index, turns[: len(train)])
+        if abs(off) > _SURE * deviation:
+            values, deviations = (direct.values[0] + off, direct.values[1]), (deviation, direct.deviations[1])
+            known = replace(direct, values=values, deviations=deviations)
+            directs = (*scene.direct[:number], known, *scene.direct[number + 1 :])
+            scene = replace(_moved(scene, direct.output, [off * turn for turn in turns]), direct=directs)
+    return None if scene is given else scene
+
+
+def _recounted(scene: Scene, best: Rival, raw: Sequence[Recording], index: int, reach: float) -> Scene | None:
+    """Return the scene with readings moved by as many ranges as brings each near an explanation.
+
+    None where none is to be moved, or the explanation is not near most of them even so.
+    """
+    output = scene.plant.outputs[index].name
+    residuals = (*best.fitted.residuals, *unseen_residuals(scene, best.fitted, best.noises))
+    changes, near = [], []
+    for before, after, residual in zip(raw, (*scene.train, *scene.test), residuals, strict=True):
+        simulated = after.columns[output] - residual[:, index]
+        unrolled = before.columns[output] + reach * np.round((simulated - before.columns[output]) / reach)
+        near.append(np.abs(unrolled - simulated) < _NEAR * reach)
+        changes.append(reach * np.round((unrolled - after.columns[output]) / reach))
+    if not any(np.any(change) for change in changes) or float(np.mean(np.concatenate(near))) < _MOST:
         return None
-    return replace(scene, train=tuple(moved[0]), test=tuple(moved[1]), direct=tuple(directs), memory={})
+    return _moved(scene, output, changes)
 
 
-def _off(found: Search, index: int, turns: Sequence[Array]) -> tuple[float, float]:
+def _moved(scene: Scene, output: str, changes: Sequence[Array]) -> Scene:
+    """Return the scene with changes (n,) of an output's readings in every recording."""
+    whole = [shifted(each, output, change) for each, change in zip((*scene.train, *scene.test), changes, strict=True)]
+    count = len(scene.train)
+    return replace(scene, train=tuple(whole[:count]), test=tuple(whole[count:]), memory={})
+
+
+def _off(scene: Scene, best: Rival, index: int, turns: Sequence[Array]) -> tuple[float, float]:
     """Return by how much the range of output `index` is too small, and the deviation of that, beside all unknowns."""
-    scene, best = found.scene, found.best
     sizes = np.array([noise.rms for noise in best.noises])
     count = len(best.fitted.coordinates)
     tall, left = [], []

@@ -29,6 +29,8 @@ _SURE = 3.0  # deviations of what the jumps say, further from which no fit is be
 _WHOLE = 0.97  # of what is seen of a range, less than which none is
 _RARE = 0.003  # share of readings that must be off by a range
 _MOST_TURNS = 8  # that a reading may be off
+_LEAPT = 0.1  # ranges from row to row, from which a reading may as well have gone the other way round
+_LEAP, _LASTING, _FAR_AWAY = 0.5, 1.5, 2.0  # ranges: of a leap, of a row away from the plant, and the most that counts
 _LEAPS = 10  # by more than half a range, that tell of it
 _GAINS, _SHARES = np.arange(0.8, 1.21, 0.05), np.arange(0.9, 1.01, 0.02)  # of the plant's leaps; of what is seen
 _MET = 0.08  # of the range, by which leaps differ from the plant's (rms); chance leaves 0.29
@@ -235,7 +237,7 @@ def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Re
 
 
 def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain: float = 1.0) -> Recording:
-    """Follow the reading from row to row, or what it is away from `gain` times the plant as given: what stays nearer.
+    """Follow the reading from row to row or, where `gain` times the plant as given stays by that, how far it is away.
 
     A current may rise by more than half a range from one row to the next, and then fall through the end of the range:
     the reading alone shows only the second.
@@ -244,5 +246,30 @@ def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain:
     plain = np.unwrap(seen, period=reach)
     if not np.all(np.isfinite(expected)):
         return _with_column(recording, name, plain)
-    beside = expected + np.unwrap(seen - expected, period=reach)
+    away = _near(np.unwrap(seen - expected, period=reach) / reach, np.diff(expected) / reach)
+    beside = seen + reach * np.round((expected + reach * away - seen) / reach)
     return _with_column(recording, name, min(plain, beside, key=lambda each: float(np.std(each - expected))))
+
+
+def _near(away: Array, moved: Array) -> Array:
+    """Return a course (n,), in ranges, less whole ones, so that it leaps little and does not stay far from nothing.
+
+    The cheapest way through all rows (Viterbi 1967). Where it or the plant, by `moved` (n - 1,) ranges, leaps, it may
+    have leapt the other way round: by a little more, but what comes after it lasts.
+    """
+    turns = np.arange(-_MOST_TURNS, _MOST_TURNS + 1)
+    lasting = (np.minimum(np.abs(away[:, None] + turns), _FAR_AWAY) / _LASTING) ** 2
+    apart = turns[None, :] - turns[:, None]
+    cost, came = lasting[0], np.zeros((len(away), len(turns)), dtype=np.int64)
+    leaps = np.diff(away)
+    leapt = (np.abs(leaps) > _LEAPT) | (np.abs(moved) > _LEAPT)
+    for row, (leap, free) in enumerate(zip(leaps, leapt, strict=True), start=1):
+        ways = cost[:, None] + np.where(free | (apart == 0), (leap + apart) / _LEAP, np.inf) ** 2
+        came[row] = np.argmin(ways, axis=0)
+        cost = ways[came[row], np.arange(len(turns))] + lasting[row]
+    place = int(np.argmin(cost))
+    path = np.zeros(len(away))
+    for row in range(len(away) - 1, -1, -1):
+        path[row] = turns[place]
+        place = int(came[row, place])
+    return np.asarray(away + path)
