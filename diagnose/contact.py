@@ -111,6 +111,4 @@ def _over_stretches(scene: Scene, causes: Sequence[Cause], point: Point, noises:
 
 def _first(recording: Recording, share: float) -> Recording:
     """Return the first rows of a recording."""
-    rows = max(int(share * len(recording.time)), 2)
-    columns = {name: values[:rows] for name, values in recording.columns.items()}
-    return replace(recording, time=recording.time[:rows], columns=columns)
+    return recording.part(0, max(int(share * len(recording.time)), 2))

@@ -10,6 +10,7 @@ from diagnose.contact import met
 from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import FEW, with_lasting
+from diagnose.pieces import in_pieces
 from diagnose.plain import believed, farther, independent, leap, nearer, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
@@ -47,6 +48,10 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found = _resumed(more)
         rivals = slow_rivals(found, progress)
     slow = believed(found, rivals, progress)
+    other = None if slow is found else in_pieces(found, progress)
+    if other is not None:
+        found = _resumed(other)
+        slow = believed(found, slow_rivals(found, progress), progress)
     progress(0.9, "looking for what has no name")
     # What moves slowly is counted in independent samples: a shape can only be weighed beside the same effects as found.
     same = slow is found or set(slow.best.fitted.causes) == set(found.best.fitted.causes)
@@ -74,7 +79,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
     strange |= off or strays(found, _LOST)
     if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
-        other = exhausted(found)
+        other = _another(found, progress)
         if other is not None:
             found = _resumed(other)
             shape, alone, off = best_shape(found, found.best), _alone(found), _farther(found)
@@ -89,6 +94,12 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < FEW:
             return replace(found, best=found.nominal), shape
     return sure, shape
+
+
+def _another(found: Search, progress: Progress) -> Search | None:
+    """Return a search that begins elsewhere, where that explains more: with what explains pieces, or any one cause."""
+    others = [each for each in (in_pieces(found, progress), exhausted(found)) if each is not None]
+    return min(others, key=lambda each: each.best.score, default=None)
 
 
 def _farther(found: Search) -> bool:

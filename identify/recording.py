@@ -40,6 +40,11 @@ class Recording:
     sha256: str
     hold: str = "zero_order"  # what an input does between rows, see identify.hold
 
+    def part(self, first: int, end: int) -> Recording:
+        """Return the rows from `first` to before `end`, at the times they had."""
+        columns = {name: np.ascontiguousarray(values[first:end]) for name, values in self.columns.items()}
+        return replace(self, time=np.ascontiguousarray(self.time[first:end]), columns=MappingProxyType(columns))
+
 
 def read_recording(path: Path, rename: Mapping[str, str], hold: str = "zero_order") -> Recording:
     """Read CSV (plain or gzip), npz, MATLAB or Parquet; `rename` maps a foreign column name to ours.

@@ -16,7 +16,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 
     A held input jumps between its rows, so that a rate above its slope from row to row shows, too.
     """
-    return tuple((share * scales.slew,) for share in (0.1, 0.02, 0.25, 0.5, 1.5))
+    return tuple((share * scales.slew,) for share in (0.1, 0.02, 0.25, 0.5, 1.5, 0.008))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
