@@ -18,7 +18,7 @@ from diagnose.round import CLEAR, LONG
 from identify.noise import Noise, flat
 from identify.recording import Recording
 
-_PIECES, _LEAST = 10, 200  # pieces of a recording, and rows of one
+_PIECES, _LEAST = 8, 200  # pieces of a recording, and rows of one
 
 
 def in_pieces(found: Search, progress: Progress) -> Search | None:

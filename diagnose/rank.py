@@ -21,7 +21,7 @@ from diagnose.refit import fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, faint, larger, rated, relieved, simplest, tells
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
-from diagnose.swap import amounting, amounts_to, merged, swapped
+from diagnose.swap import amounting, amounts_to, merged, parted, swapped
 from identify.course import LONGEST_CHANGE
 from identify.noise import colored, flat, white
 
@@ -188,6 +188,7 @@ def _settled(scene: Scene, best: Rival, gains: Sequence[float]) -> tuple[Rival, 
         slim = pruned(scene, best)
         best, more = swapped(scene, slim, sum(gains))
         tried += more
+        best = parted(scene, best, sum(gains))
         if best.fitted.causes == slim.fitted.causes:
             break
     else:

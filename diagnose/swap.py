@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from diagnose.hypothesis import Cause, Point, Scene, entered
 from diagnose.refit import Fitted, evidence, fit, own_evidence
-from diagnose.rival import MINOR, RICHER, TIE, Rival, contain, larger, rated, related, richer, without
+from diagnose.rival import (
+    MINOR,
+    RICHER,
+    TIE,
+    Rival,
+    contain,
+    containing,
+    larger,
+    rated,
+    related,
+    richer,
+    without,
+)
 
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
@@ -101,6 +114,32 @@ def merged(scene: Scene, best: Rival, gain: float) -> Rival:
         if one.score - best.score < max(TIE, MINOR * gain):
             return one
     return best
+
+
+def parted(scene: Scene, best: Rival, gain: float) -> Rival:
+    """Put the parts of a sum in its place, one of them as a richer effect, where those explain clearly more.
+
+    A load beside a friction that falls with speed is at first a friction of two sizes, and then a drag beside it.
+    """
+    found = [best]
+    for gone in best.fitted.causes:
+        names, shares = zip(*gone.effect.sum_of, strict=True) if gone.effect.sum_of else ((), ())
+        parts = [each for each in map(scene.cause, names) if each is not None and each not in best.fitted.causes]
+        if not parts or len(parts) < len(names):
+            continue
+        values = [best.fitted.point.values[key] for key in gone.keys]
+        sizes = np.linalg.lstsq(np.transpose(shares), values, rcond=None)[0]
+        kept, rest = without(best.fitted, gone)
+        whole = {**rest.values, **{each.keys[0]: float(size) for each, size in zip(parts, sizes, strict=True)}}
+        same = replace(best.fitted, causes=(*kept, *parts), point=Point(whole, rest.starts))
+        found += [
+            _translated(scene, replace(best, fitted=same), part, come)
+            for part in parts
+            for come in scene.causes
+            if come.effect.name in containing(part.effect.name) and come != gone and come not in kept
+        ]
+    winner = min(found, key=lambda each: each.score)
+    return winner if richer(winner, best, gain) and not larger(winner, best) else best
 
 
 def relatives(scene: Scene, rival: Rival, known: Collection[tuple[Cause, ...]]) -> list[Rival]:

@@ -105,6 +105,9 @@ SLOW = (
     (851225, "explained", "load_step resistance_heating sensor_lag", "a fit that ended where a simulation diverged"),
     (872126, "unknown_physics", "", "a gain of one side that drift had hidden behind a load"),
     (871088, "explained", "input_delay load_torque sensor_saturation", "an offset that led a fit out of a valley"),
+    (881036, "explained", "brush_drop sensor_wrap", "a brush whose drop is nearly a range of the current"),
+    (871069, "explained", "load_torque stribeck_friction", "a load and a friction while simulations stray"),
+    (870034, "explained", "slew_rate_limit torque_ripple", "an angle that is turns away, and a rate of a second's way"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
