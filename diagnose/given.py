@@ -12,6 +12,7 @@ from diagnose.orders import best_orders
 from diagnose.refit import Fitted, fit
 from diagnose.rival import Rival, extended, joined
 from diagnose.screen import Screened, ground, screen
+from diagnose.unfold import from_unfolded
 from identify.noise import colored, flat
 
 _STEPS = 6  # of a trial
@@ -43,7 +44,8 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
     others = [cause for cause in scene.causes if cause not in found.causes]
     (screened,) = screen(scene, scene.train, given, others, under, best_orders(scene, given, under))
     picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in told]
-    return tuple(fit(scene, scene.train, *extended(given, each.cause, each.start), sizes, _STEPS) for each in picked)
+    found_so = [fit(scene, scene.train, *extended(given, each.cause, each.start), sizes, _STEPS) for each in picked]
+    return (*found_so, *(from_unfolded(scene, cause) for cause in others if cause.label in told))
 
 
 def _folded(scene: Scene, cause: Cause) -> bool:
