@@ -23,7 +23,7 @@ from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Sea
 from diagnose.refit import Fitted, fit, noises_of
 from diagnose.rival import Rival, creeps, extended, rated, relieved, rms_of, simplest, unseen_residuals
 from diagnose.screen import ground, screen
-from diagnose.swap import plainer, swapped
+from diagnose.swap import merged, plainer, swapped
 from identify.noise import Noise, colored, memory
 
 Array = NDArray[np.float64]
@@ -150,12 +150,15 @@ def _whitened(found: Search, plain: Search) -> Search:
     """
     scene, fitted = found.scene, plain.best.fitted
     best = _by_innovations(scene, fitted)
-    if best.score >= rated(scene, fitted).score or _ratios(scene, fitted, best.fitted)[1] < _CLEAR:
-        return plain
+    simulated = rated(scene, fitted)
+    if best.score >= simulated.score or _ratios(scene, fitted, best.fitted)[1] < _CLEAR:
+        whole = merged(scene, simulated, found.nominal.score - simulated.score).fitted
+        return replace(plain, best=_rated(scene, whole, independent(whole.residuals))) if whole is not fitted else plain
     if not colored(best.noises):
         best = pruned(scene, best)  # where nothing slow is left, evidence tells what only led there
     gain = found.nominal.score - best.score
     best, tried = swapped(scene, best, gain)
+    best = merged(scene, best, gain)
     return replace(found, best=best, rounds=((best,), tried), gains=(gain,))
 
 

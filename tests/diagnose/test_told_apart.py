@@ -108,6 +108,8 @@ SLOW = (
     (881036, "explained", "brush_drop sensor_wrap", "a brush whose drop is nearly a range of the current"),
     (871069, "explained", "load_torque stribeck_friction", "a load and a friction while simulations stray"),
     (870034, "explained", "slew_rate_limit torque_ripple", "an angle that is turns away, and a rate of a second's way"),
+    (883068, "explained", "load_torque stribeck_friction", "a friction of two sizes beside a drag"),
+    (880102, "explained", "asymmetric_friction input_saturation", "a load and a friction of one size"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
