@@ -48,7 +48,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found = _resumed(more)
         rivals = slow_rivals(found, progress)
     slow = believed(found, rivals, progress)
-    other = None if slow is found else in_pieces(found, progress)
+    pieced = None if slow is found else found
+    other = None if pieced is None else in_pieces(pieced, progress)
     if other is not None:
         found = _resumed(other)
         slow = believed(found, slow_rivals(found, progress), progress)
@@ -79,7 +80,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
     strange |= off or strays(found, _LOST)
     if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
-        other = _another(found, progress)
+        others = (None if found is pieced else in_pieces(found, progress), exhausted(found))
+        other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
         if other is not None:
             found = _resumed(other)
             shape, alone, off = best_shape(found, found.best), _alone(found), _farther(found)
@@ -94,12 +96,6 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < FEW:
             return replace(found, best=found.nominal), shape
     return sure, shape
-
-
-def _another(found: Search, progress: Progress) -> Search | None:
-    """Return a search that begins elsewhere, where that explains more: with what explains pieces, or any one cause."""
-    others = [each for each in (in_pieces(found, progress), exhausted(found)) if each is not None]
-    return min(others, key=lambda each: each.best.score, default=None)
 
 
 def _farther(found: Search) -> bool:

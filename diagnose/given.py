@@ -44,8 +44,8 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
     others = [cause for cause in scene.causes if cause not in found.causes]
     (screened,) = screen(scene, scene.train, given, others, under, best_orders(scene, given, under))
     picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.cause.label in told]
-    found_so = [fit(scene, scene.train, *extended(given, each.cause, each.start), sizes, _STEPS) for each in picked]
-    return (*found_so, *(from_unfolded(scene, cause) for cause in others if cause.label in told))
+    tried = [fit(scene, scene.train, *extended(given, each.cause, each.start), sizes, _STEPS) for each in picked]
+    return (*tried, *(from_unfolded(scene, cause) for cause in others if cause.label in told))
 
 
 def _folded(scene: Scene, cause: Cause) -> bool:

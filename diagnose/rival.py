@@ -119,8 +119,8 @@ def tells(rival: Rival, base: Rival) -> bool:
 def faint(scene: Scene, rival: Rival, base: Rival) -> bool:
     """Tell whether all that a rival changes is so little of what each output moves that rounding may be the cause."""
     measured = np.concatenate([outputs_of(scene, recording) for recording in scene.train])
-    mine, theirs = (np.concatenate(each.fitted.residuals) for each in (rival, base))
-    changed = np.sqrt(np.mean((mine - theirs) ** 2, axis=0))
+    pairs = zip(rival.fitted.residuals, base.fitted.residuals, strict=True)
+    changed = rms_of([mine - theirs for mine, theirs in pairs])
     return bool(np.all(changed < _FAINT * np.ptp(measured, axis=0)))
 
 

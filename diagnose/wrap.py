@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnose.cheapest import cheapest
 from diagnose.direct import Direct
 from identify.plant import IdentifyError, Plant
 from identify.recording import Recording
@@ -86,7 +87,7 @@ def turns_between(before: Recording, after: Recording, output: str, reach: float
 
 def shifted(recording: Recording, output: str, change: Array) -> Recording:
     """Return the recording with `change` (n,) added to an output."""
-    return _with_column(recording, output, recording.columns[output] + change)
+    return with_column(recording, output, recording.columns[output] + change)
 
 
 def _wrap(columns: Sequence[Array]) -> tuple[float, float, float] | None:
@@ -216,7 +217,8 @@ def _all_of(plant: Plant, recordings: Sequence[Recording], free: Sequence[str], 
     return np.concatenate(parts)
 
 
-def _with_column(recording: Recording, name: str, values: Array) -> Recording:
+def with_column(recording: Recording, name: str, values: Array) -> Recording:
+    """Return the recording with other readings (n,) of one signal."""
     columns = {**recording.columns, name: np.ascontiguousarray(values)}
     return replace(recording, columns=MappingProxyType(columns))
 
@@ -233,7 +235,7 @@ def _expected(plant: Plant, recording: Recording, name: str) -> Array:
 def _unfolded(plant: Plant, recording: Recording, name: str, reach: float) -> Recording:
     seen = recording.columns[name]
     away = np.nan_to_num(_expected(plant, recording, name) - seen)
-    return _with_column(recording, name, seen + reach * np.round(away / reach))
+    return with_column(recording, name, seen + reach * np.round(away / reach))
 
 
 def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain: float = 1.0) -> Recording:
@@ -245,31 +247,25 @@ def _unrolled(plant: Plant, recording: Recording, name: str, reach: float, gain:
     seen, expected = recording.columns[name], gain * _expected(plant, recording, name)
     plain = np.unwrap(seen, period=reach)
     if not np.all(np.isfinite(expected)):
-        return _with_column(recording, name, plain)
+        return with_column(recording, name, plain)
     away = _near(np.unwrap(seen - expected, period=reach) / reach, np.diff(expected) / reach)
     beside = seen + reach * np.round((expected + reach * away - seen) / reach)
-    return _with_column(recording, name, min(plain, beside, key=lambda each: float(np.std(each - expected))))
+    return with_column(recording, name, min(plain, beside, key=lambda each: float(np.std(each - expected))))
 
 
 def _near(away: Array, moved: Array) -> Array:
     """Return a course (n,), in ranges, less whole ones, so that it leaps little and does not stay far from nothing.
 
-    The cheapest way through all rows (Viterbi 1967). Where it or the plant, by `moved` (n - 1,) ranges, leaps, it may
-    have leapt the other way round: by a little more, but what comes after it lasts.
+    Where it or the plant, by `moved` (n - 1,) ranges, leaps, it may have leapt the other way round: by a little more,
+    but what comes after it lasts.
     """
     turns = np.arange(-_MOST_TURNS, _MOST_TURNS + 1)
     lasting = (np.minimum(np.abs(away[:, None] + turns), _FAR_AWAY) / _LASTING) ** 2
     apart = turns[None, :] - turns[:, None]
-    cost, came = lasting[0], np.zeros((len(away), len(turns)), dtype=np.int64)
     leaps = np.diff(away)
-    leapt = (np.abs(leaps) > _LEAPT) | (np.abs(moved) > _LEAPT)
-    for row, (leap, free) in enumerate(zip(leaps, leapt, strict=True), start=1):
-        ways = cost[:, None] + np.where(free | (apart == 0), (leap + apart) / _LEAP, np.inf) ** 2
-        came[row] = np.argmin(ways, axis=0)
-        cost = ways[came[row], np.arange(len(turns))] + lasting[row]
-    place = int(np.argmin(cost))
-    path = np.zeros(len(away))
-    for row in range(len(away) - 1, -1, -1):
-        path[row] = turns[place]
-        place = int(came[row, place])
-    return np.asarray(away + path)
+    free = (np.abs(leaps) > _LEAPT) | (np.abs(moved) > _LEAPT)
+    places = cheapest(
+        lasting,
+        lambda row: np.where(free[row - 1] | (apart == 0), (leaps[row - 1] + apart) / _LEAP, np.inf) ** 2,
+    )
+    return np.asarray(away + turns[places])
