@@ -232,8 +232,7 @@ _QUBE_FILES = tuple(sorted(path.name for path in (ROOT / "qube_servo_pendulum").
 MACHINES = (
     Machine(
         "emps", ("train.csv.gz",), ("test_pulses.csv.gz",), EMPS, "mm", 0.50,
-        ("asymmetric_friction", "coulomb_friction", "presliding_friction"), (), linked,
-        windowed("position_m", 1e3, 0.5),
+        ("asymmetric_friction", "coulomb_friction"), (), linked, windowed("position_m", 1e3, 0.5),
     ),
     Machine(
         "silverbox", ("multisine_train.csv.gz",), ("arrow_test.csv.gz",), SILVERBOX, "mV", 0.40,
