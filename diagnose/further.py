@@ -16,14 +16,15 @@ from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.pushes import doubtful, with_pushes
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
-from diagnose.refit import Fitted, ended, evidence, fit, noises_of, with_doubt
+from diagnose.refit import Fitted, ended, evidence, fit, noises_of, strength, with_doubt
 from diagnose.rest import rested
-from diagnose.rival import TIE, Rival, contradicted, rated, without
+from diagnose.rival import MINOR, TIE, Rival, contradicted, rated, without
 from diagnose.round import LONG
 from diagnose.shape import Shape, best_shape, outweighs, weighed
 from diagnose.split import split
 from identify.course import LONGEST_CHANGE
 from identify.noise import colored, flat
+from identify.normal import NORMAL_95
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _LITTLE = 150.0  # drop of BIC up to which a name says little
@@ -94,7 +95,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             found = _resumed(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
         elif len(sure.best.fitted.causes) == 1 and found.nominal.score - found.best.score < FEW:
-            return replace(found, best=found.nominal), shape
+            return replace(found, best=found.nominal), best_shape(found, found.nominal)
     return sure, shape
 
 
@@ -148,6 +149,7 @@ def _confirmed(found: Search) -> Search:
         if slim is not whole:
             finer = _finer(scene, slim)
     finer = _certain(scene, _with_doubts(scene, finer))
+    finer = _untraced(scene, finer, MINOR * (found.nominal.score - best.score))
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
 
 
@@ -163,6 +165,20 @@ def _certain(scene: Scene, fitted: Fitted) -> Fitted:
         by = independent(slim.residuals) if plain else noises
         slim = fit(scene, scene.train, causes, slim.point, by, _STEPS)
         fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, by), by))
+    return fitted
+
+
+def _untraced(scene: Scene, fitted: Fitted, owed: float) -> Fitted:
+    """Drop effects that may be none by their own intervals, beside white noise too, and brought less than `owed`."""
+    while len(fitted.causes) > 1:
+        least = min(fitted.causes, key=lambda cause: strength(fitted, cause))
+        if strength(fitted, least) > NORMAL_95:
+            break
+        noises = noises_of(scene, fitted.residuals)
+        slim = fit(scene, scene.train, *without(fitted, least), noises, _SLIM)
+        if rated(scene, slim).score - rated(scene, fitted).score > owed:
+            break
+        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises))
     return fitted
 
 

@@ -22,6 +22,7 @@ from diagnose.refit import deviations, fit_starts, noises_of, strength
 from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, best_shape, outweighs
+from diagnose.usual import untold
 from identify.attach import label_of, parameters_of, values_of, with_effects
 from identify.effect import EffectParameter
 from identify.effects import find_effect
@@ -33,7 +34,9 @@ Array = NDArray[np.float64]
 
 SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 _SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
+_COUNTED = 1.05  # scale over rms of a noise from which independent samples were counted: chance leaves some, too
 _HINT = 0.999  # of chance, which a richer explanation has to beat to stand beside the best, below the noise
+_ALIKE = 5.0  # BIC by which usual values of a richer effect may be less likely, below the noise, and still be the case
 _LAGS = 20
 _FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
 _FIRM = 0.1  # of a parameter, as one deviation: it is well determined
@@ -101,6 +104,9 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     near = [rival for rival in rivals_of(search) if rival.score - search.best.score < bar]
     tied = [rival for rival in near if not closer(search.scene, search.best, rival)]
     tied += [rival for rival in richer_of(search) if search.best.score - rival.score > _hint(search, rival, shows)]
+    known = {cause for each in tied for cause in each.fitted.causes}
+    # What shows has to be met clearly better, for all its usual values; below the noise it is enough to be met as well.
+    tied += [each for each in untold(search, -TIE if shows else _ALIKE) if each.fitted.causes[-1] not in known]
     return ("ambiguous" if tied else "explained"), tuple(tied)
 
 
@@ -123,7 +129,7 @@ def _shows(search: Search) -> bool:
 
     Where independent samples are counted, no such model is asked.
     """
-    if any(noise.scale > noise.rms for noise in search.best.noises):
+    if any(noise.scale > _COUNTED * noise.rms for noise in search.best.noises):
         return True
     before, after = _rms(search.nominal.fitted.residuals), _rms(search.best.fitted.residuals)
     return any(one > _SHOWN * other for one, other in zip(before, after, strict=True))

@@ -26,6 +26,7 @@ _BATCHES = 50  # of each recording: a disturbance between two of them is moved b
 _CERTAIN, _STEP = 2.5, 4.0  # deviations of an effect's size from none; of one whose moment was searched for
 _PROBE = "load_step"
 _ROUNDED = 1e-6  # of the longest move
+_KNOWN = 0.5  # of what is told of a combination, from which it was known beforehand
 _PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
 
 
@@ -102,8 +103,23 @@ def with_pushes(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted
         answers.append(sizes_of(scene, fitted, noises, index, moves, (place.residuals[index],))[0][0])
         pulled.append(problem.spread_out(index, slopes.T @ whitened(moves, fitted.noises)))
     covariance = inverse(fitted.normal)
-    answer = (covariance @ np.concatenate(pulled, axis=1))[: len(unknowns)]
+    answer = (_answering(fitted.normal, problem.tether) @ np.concatenate(pulled, axis=1))[: len(unknowns)]
     moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))
     told = np.sqrt(np.maximum(np.diag(covariance)[: len(unknowns)], 0.0))
     factors = np.where(told > 0.0, moved / np.where(told > 0.0, told, 1.0), 1.0)
     return widened(fitted, factors)
+
+
+def _answering(normal: Array, tether: Array) -> Array:
+    """Return the covariance of the combinations that recordings tell more of than was known before them.
+
+    The others cannot follow a push: what slopes by differences have of them is rounding. `tether` are the rows
+    [weights, aim] of what was known, in `normal` already.
+    """
+    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, axes = np.linalg.eigh(normal / np.outer(sizes, sizes))
+    live = values > 1e-12 * values[-1]
+    half = axes[:, live] / np.sqrt(values[live]) / sizes[:, None]
+    known, turned = np.linalg.eigh((before := tether[:, :-1] @ half[: tether.shape[1] - 1]).T @ before)
+    told = half @ turned[:, known < _KNOWN]
+    return np.asarray(told @ told.T)

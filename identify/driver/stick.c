@@ -30,7 +30,20 @@ static inline double dot(int n, const double *a, const double *x) {
     return sum;
 }
 
-/* The recorded angle at time t, straight between the rows. */
+/* The slope of the recorded angle in a row: that of the parabola through it and its neighbours. */
+static double turning(const problem_t *k, int row) {
+    const double *t = k->turn_time, *angle = k->turn;
+    if (row == 0 || row == k->turns - 1) {
+        const int first = row == 0 ? 0 : row - 1;
+        return (angle[first + 1] - angle[first]) / (t[first + 1] - t[first]);
+    }
+    const double before = t[row] - t[row - 1], after = t[row + 1] - t[row];
+    const double gone = (angle[row] - angle[row - 1]) / before, goes = (angle[row + 1] - angle[row]) / after;
+    return (gone * after + goes * before) / (before + after);
+}
+
+/* The recorded angle at time t, by a cubic between the rows and straight beyond them: a wave of many periods a turn
+ * sees how the shaft gathers speed from row to row. */
 static double turned(const run_t *run, double t) {
     const problem_t *k = run->k;
     memo_t *memo = run->memo;
@@ -46,10 +59,15 @@ static double turned(const run_t *run, double t) {
     while (row < k->turns - 2 && k->turn_time[row + 1] < t) {
         ++row;
     }
-    const double share = (t - k->turn_time[row]) / (k->turn_time[row + 1] - k->turn_time[row]);
+    const double step = k->turn_time[row + 1] - k->turn_time[row], whole = k->turn[row + 1] - k->turn[row];
+    const double share = (t - k->turn_time[row]) / step;
     memo->turned = 1;
     memo->moment = t;
-    memo->turn = k->turn[row] + share * (k->turn[row + 1] - k->turn[row]);
+    memo->turn = k->turn[row] + share * whole;
+    if (share > 0.0 && share < 1.0) {
+        const double first = step * turning(k, row) - whole, last = step * turning(k, row + 1) - whole;
+        memo->turn += share * (1.0 - share) * (first * (1.0 - share) - last * share);
+    }
     return memo->turn;
 }
 

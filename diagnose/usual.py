@@ -1,0 +1,80 @@
+"""Ask whether a richer effect of usual size would have shown: where not, nothing tells the simpler one from it.
+
+Evidence alone always prefers the simpler of two that recordings cannot tell apart: it pays for every parameter as if
+nothing were known of it. Held at usual values, what is richer has as many unknowns as what is simpler, and is a rival.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnose.hypothesis import Cause, Point, searched
+from diagnose.rank import Search, richer_of
+from diagnose.refit import fit
+from diagnose.rival import Rival, containing, rated, without
+
+Array = NDArray[np.float64]
+
+_STEPS = 8  # of a fit beside what is held
+
+
+def untold(search: Search, bar: float) -> tuple[Rival, ...]:
+    """Return the richer explanations with usual values of what they add whose BIC is less than `bar` above the best.
+
+    What they add is held. A moment has no usual value.
+    """
+    scene, best, found = search.scene, search.best, []
+    for gone in best.fitted.causes:
+        for come in scene.causes:
+            rich = come.effect.name in containing(gone.effect.name) and come not in best.fitted.causes
+            if rich and not searched(come) and _least(search, come) - best.score < bar:
+                one = min(_usual(search, gone, come), key=lambda each: each.score)
+                if one.score - best.score < bar:
+                    found.append(one)
+    return tuple(found)
+
+
+def _least(search: Search, come: Cause) -> float:
+    """Return the least BIC that usual values can have: that of the same explanation fitted freely, less its price."""
+    best = search.best.fitted
+    price = math.log(sum(part.size for part in best.residuals))
+    return min(
+        (
+            each.score - price * (len(each.fitted.coordinates) - len(best.coordinates))
+            for each in richer_of(search)
+            if come in each.fitted.causes
+        ),
+        default=-math.inf,
+    )
+
+
+def _usual(search: Search, gone: Cause, come: Cause) -> Iterator[Rival]:
+    """Fit one cause in the place of another that it contains, from each start, what it adds held there."""
+    scene, fitted = search.scene, search.best.fitted
+    own = {each.name: key for key, each in zip(gone.keys, gone.parameters, strict=True)}
+    same = {key: own[each.name] for key, each in zip(come.keys, come.parameters, strict=True) if each.name in own}
+    if not same:  # it has one parameter, which is the first of that unit
+        unit = gone.parameters[0].unit
+        same = {next(k for k, each in zip(come.keys, come.parameters, strict=True) if each.unit == unit): gone.keys[0]}
+    kept, rest = without(fitted, gone)
+    units = {key: each.unit for key, each in zip(come.keys, come.parameters, strict=True)}
+    first, shared = next(iter(same)), {key: fitted.point.values[theirs] for key, theirs in same.items()}
+    seen: list[Array] = []
+    for start in scene.starts[come.label]:
+        # What is added in proportion to a size is usual beside the size that was found.
+        ratio = shared[first] / start[first]
+        added = {
+            key: value * ratio if units[key].startswith(units[first]) else value
+            for key, value in start.items()
+            if key not in same
+        }
+        held = np.array(list(added.values()))
+        if not any(np.allclose(held, other) for other in seen):
+            seen.append(held)
+            begin = Point({**rest.values, **added, **shared}, rest.starts)
+            one = fit(scene, scene.train, (*kept, come), begin, search.best.noises, _STEPS, held=tuple(added))
+            yield rated(scene, one)
