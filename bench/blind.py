@@ -235,6 +235,8 @@ def table(results: Sequence[Scored]) -> list[str]:
     if errors:
         lines.append(f"parameter error: median {100 * float(np.median(errors)):.2f} %, {len(errors)} parameters")
         lines.append(_share("95 % interval covers", covers))
+        every = _parameters([r for r in results if _exact(r)])[1]
+        lines.append(_share("95 % interval covers, several and below the noise too", every))
     after = [r.said["fit"]["test"]["after"] for r in seen if r.said["fit"].get("test", {}).get("after")]
     if after:
         lines.append(

@@ -103,14 +103,14 @@ def with_pushes(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted
         answers.append(sizes_of(scene, fitted, noises, index, moves, (place.residuals[index],))[0][0])
         pulled.append(problem.spread_out(index, slopes.T @ whitened(moves, fitted.noises)))
     covariance = inverse(fitted.normal)
-    answer = (_answering(fitted.normal, problem.tether) @ np.concatenate(pulled, axis=1))[: len(unknowns)]
+    answer = (answering(fitted.normal, problem.tether) @ np.concatenate(pulled, axis=1))[: len(unknowns)]
     moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))
     told = np.sqrt(np.maximum(np.diag(covariance)[: len(unknowns)], 0.0))
     factors = np.where(told > 0.0, moved / np.where(told > 0.0, told, 1.0), 1.0)
     return widened(fitted, factors)
 
 
-def _answering(normal: Array, tether: Array) -> Array:
+def answering(normal: Array, tether: Array) -> Array:
     """Return the covariance of the combinations that recordings tell more of than was known before them.
 
     The others cannot follow a push: what slopes by differences have of them is rounding. `tether` are the rows

@@ -10,7 +10,7 @@ import pytest
 
 from bench.blind_cases import single_case
 from diagnose.hypothesis import Point, Scene, entered, first_point
-from diagnose.pushes import batches, doubtful, pushed, sizes_of, with_pushes
+from diagnose.pushes import answering, batches, doubtful, pushed, sizes_of, with_pushes
 from diagnose.refit import Fitted, deviations, ended
 from identify.noise import Noise, white
 from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
@@ -76,3 +76,14 @@ def test_a_push_that_moves_nothing_says_nothing(tmp_path: Path) -> None:
     seen = (found.residuals[0],)
     ((loads, left),), ((same, other),) = (sizes_of(scene, found, noises, 0, each, seen) for each in (moves, with_held))
     assert same == pytest.approx(loads) and other == pytest.approx(left)
+
+
+def test_what_only_the_given_values_tell_follows_no_push() -> None:
+    slopes = np.array([[1e5, -1e5, 0.0], [0.0, 0.0, 1e4]])  # the first two only show by their difference
+    tether = np.array([[3.0, 0.0, 0.0, 1.0], [0.0, 3.0, 0.0, 1.0]])
+    known = tether[:, :-1].T @ tether[:, :-1]
+    pushed_along = answering(slopes.T @ slopes + known, tether) @ np.array([1.0, 1.0, 1.0])
+    assert np.allclose(pushed_along, [0.0, 0.0, 1e-8], rtol=1e-6, atol=1e-12)
+    free = np.zeros((0, 4))
+    whole = slopes.T @ slopes + np.eye(3)
+    assert np.allclose(answering(whole, free), np.linalg.inv(whole), rtol=1e-6)

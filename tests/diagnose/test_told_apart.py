@@ -30,6 +30,7 @@ QUICK = (
     (790086, "explained", "sensor_quantization", "coarse steps over a way of thousands of them"),
     (660012, "explained", "sensor_quantization", "a current that shows one step and else nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
+    (886034, "ambiguous", "coulomb_friction stribeck_friction", "a rise at rest that would not show"),
     (870083, "no_mismatch", "", "a wave of a ten-millionth of the way"),
 )
 SLOW = (
@@ -110,6 +111,9 @@ SLOW = (
     (870034, "explained", "slew_rate_limit torque_ripple", "an angle that is turns away, and a rate of a second's way"),
     (883068, "explained", "load_torque stribeck_friction", "a friction of two sizes beside a drag"),
     (880102, "explained", "asymmetric_friction input_saturation", "a load and a friction of one size"),
+    (880108, "explained", "torque_ripple", "a shaft that gathers speed between two rows"),
+    (880005, "explained", "resistance_heating", "a step that may be none by its own interval"),
+    (885087, "explained", "load_dependent_friction load_torque", "a torque constant that only the given one tells"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )

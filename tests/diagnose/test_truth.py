@@ -68,6 +68,14 @@ def test_an_eccentric_encoder_shows_the_angle_with_its_own_error(recorded: bool,
     assert float(np.std(away)) < STEP[True] / np.sqrt(12.0)
 
 
+def test_a_wave_of_many_periods_a_turn_follows_a_recorded_angle_between_its_rows(tmp_path: Path) -> None:
+    plant, clean = made(tmp_path, "small_motor", "torque_ripple")
+    engine = superset(plant)
+    engine.follow(True)
+    away = clean.columns["position_rad"] - engine.simulate(clean, {}, np.zeros(len(engine.states)))[:, 0]
+    assert float(np.std(away)) < STEP[True] / np.sqrt(12.0)
+
+
 def test_the_truth_lags_behind_a_ramp_by_its_time_constant() -> None:
     step, rows, late = 1e-3, 200, 3e-3
     ramp = np.arange(rows * FINE) * step / FINE
