@@ -11,7 +11,7 @@ from diagnose.exhaust import exhausted
 from diagnose.hypothesis import Cause, Scene, meeting
 from diagnose.lasting import FEW, with_lasting
 from diagnose.pieces import in_pieces
-from diagnose.plain import believed, farther, independent, leap, nearer, slow_rivals, strays
+from diagnose.plain import believed, farther, independent, leap, nearer, needed, slow_rivals, strays
 from diagnose.polish import limits, polished
 from diagnose.profile import profiled
 from diagnose.pushes import doubtful, with_pushes
@@ -159,8 +159,8 @@ def _certain(scene: Scene, fitted: Fitted) -> Fitted:
     while len(fitted.causes) > 1 and (least := doubtful(fitted, noises)) is not None:
         causes, point = without(fitted, least)
         slim = fit(scene, scene.train, causes, point, flat(noises), _SLIM)  # whitened edges are traps
-        if not least.effect.lasting and nearer(scene, fitted, slim):
-            break  # a load soaks up what drifts, too
+        if needed(scene, fitted, slim, least):
+            break
         noises = noises_of(scene, slim.residuals)
         by = independent(slim.residuals) if plain else noises
         slim = fit(scene, scene.train, causes, slim.point, by, _STEPS)

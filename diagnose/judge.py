@@ -15,18 +15,20 @@ from diagnose.direct import Direct, coarse
 from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from diagnose.hypothesis import Cause, Scene
 from diagnose.locate import worst_spans
+from diagnose.plain import needed
 from diagnose.preflight import Preflight
 from diagnose.pushes import doubtful
 from diagnose.rank import Search, richer_of, rivals_of
-from diagnose.refit import deviations, fit_starts, noises_of, strength
-from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals
+from diagnose.refit import deviations, fit, fit_starts, noises_of, strength
+from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals, without
+from diagnose.round import LONG
 from diagnose.sentences import paragraph
 from diagnose.shape import Shape, best_shape, outweighs
 from diagnose.usual import untold
 from identify.attach import label_of, parameters_of, values_of, with_effects
 from identify.effect import EffectParameter
 from identify.effects import find_effect
-from identify.noise import Noise, whiteness
+from identify.noise import Noise, flat, whiteness
 from identify.normal import NORMAL_95
 from identify.plant import EffectUse, Parameter, Plant
 
@@ -97,7 +99,7 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     if outweighs(shape, search.best.noises, explained) or contradicted(search.scene, search.best, search.nominal):
         return "unknown_physics", ()
     least = doubtful(search.best.fitted, search.best.noises)
-    if least is not None and least.effect.lasting:
+    if least is not None and least.effect.lasting and not _needed(search, least):
         return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR * explained)
@@ -108,6 +110,13 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival,
     # What shows has to be met clearly better, for all its usual values; below the noise it is enough to be met as well.
     tied += [each for each in untold(search, -TIE if shows else _ALIKE) if each.fitted.causes[-1] not in known]
     return ("ambiguous" if tied else "explained"), tuple(tied)
+
+
+def _needed(search: Search, cause: Cause) -> bool:
+    """Tell whether simulations come far nearer by a cause of the best."""
+    scene, fitted = search.scene, search.best.fitted
+    slim = fit(scene, scene.train, *without(fitted, cause), flat(search.best.noises), LONG)
+    return needed(scene, fitted, slim, cause)
 
 
 def _hint(search: Search, rival: Rival, shows: bool) -> float:

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
 _CLEAR = 0.9  # ratio of unseen residual rms from which this search is believed instead of the one by innovations
+_HALF = 0.5  # such a ratio, by what lasts, that no slow disturbance has by chance on unseen recordings too
 _FARTHER = 1.1  # such a ratio from which what only whitens the rest is no explanation
 _LEAP = 0.6  # ratio of residual rms that weighs more than innovations which prefer another explanation
 _FAR = 0.8  # such a ratio on test, that does where train is clearly better too
@@ -73,9 +74,18 @@ def believed(found: Search, slow: Sequence[Rival], progress: Progress) -> Search
     return _simulated(found) if found.best.fitted.causes else found
 
 
-def nearer(scene: Scene, one: Fitted, other: Fitted) -> bool:
-    """Tell whether the simulations of one explanation come clearly nearer than those of another, unseen ones too."""
-    return max(_ratios(scene, one, other)) < _CLEAR
+def nearer(scene: Scene, one: Fitted, other: Fitted, share: float = _CLEAR) -> bool:
+    """Tell whether the simulations of one explanation leave less than a share of another's, of unseen ones too."""
+    return max(_ratios(scene, one, other)) < share
+
+
+def needed(scene: Scene, fitted: Fitted, slim: Fitted, gone: Cause) -> bool:
+    """Tell whether simulations come so much nearer by a cause than without, `slim`, that no disturbance is all it is.
+
+    What lasts soaks up what drifts, too, though hardly on unseen recordings as well.
+    """
+    lasting = gone.effect.lasting
+    return nearer(scene, fitted, slim, _HALF if lasting else _CLEAR) and (bool(scene.test) or not lasting)
 
 
 def farther(scene: Scene, one: Fitted, other: Fitted) -> bool:
