@@ -18,6 +18,7 @@ from diagnose.pushes import doubtful, with_pushes
 from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
 from diagnose.refit import Fitted, ended, evidence, fit, noises_of, strength, with_doubt
 from diagnose.rest import rested
+from diagnose.retime import retimed
 from diagnose.rival import MINOR, TIE, Rival, contradicted, rated, without
 from diagnose.round import LONG
 from diagnose.shape import Shape, best_shape, outweighs, weighed
@@ -88,7 +89,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             shape, alone, off = best_shape(found, found.best), _alone(found), _farther(found)
     if alone is not None or off:
         return replace(found, best=found.nominal), alone or best_shape(found, found.nominal)
-    sure = _confirmed(rested(levelled(found)))
+    sure = _confirmed(rested(levelled(retimed(found))))
     if doubtful(sure.best.fitted, sure.best.noises) is not None:
         other = exhausted(found)
         if other is not None:

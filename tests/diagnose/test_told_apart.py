@@ -114,6 +114,10 @@ SLOW = (
     (880108, "explained", "torque_ripple", "a shaft that gathers speed between two rows"),
     (880005, "explained", "resistance_heating", "a step that may be none by its own interval"),
     (885087, "explained", "load_dependent_friction load_torque", "a torque constant that only the given one tells"),
+    (887237, "explained", "hardening_spring load_step", "a step that slow pushes might have made, but not twice"),
+    (887347, "explained", "load_torque sensor_wrap", "a range a little off, that a drag had soaked up"),
+    (887212, "explained", "cogging_torque sensor_delay torque_ripple", "waves along an angle that is read late"),
+    (885035, "unknown_physics", "", "a shape beside nothing, once the name beside it was dropped"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
