@@ -120,6 +120,7 @@ def answering(normal: Array, tether: Array) -> Array:
     values, axes = np.linalg.eigh(normal / np.outer(sizes, sizes))
     live = values > 1e-12 * values[-1]
     half = axes[:, live] / np.sqrt(values[live]) / sizes[:, None]
-    known, turned = np.linalg.eigh((before := tether[:, :-1] @ half[: tether.shape[1] - 1]).T @ before)
+    before = tether[:, :-1] @ half[: tether.shape[1] - 1]
+    known, turned = np.linalg.eigh(before.T @ before)
     told = half @ turned[:, known < _KNOWN]
     return np.asarray(told @ told.T)

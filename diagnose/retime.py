@@ -24,7 +24,7 @@ def retimed(found: Search) -> Search:
         return found
     tried = []
     for gone, come in [
-        (one, other) for one in best.fitted.causes for other in scene.causes if _alike(best, one, other)
+        (one, other) for one in best.fitted.causes for other in scene.causes if _as_late(best, one, other)
     ]:
         held = scene.engine.strayed
         other = _in_place(scene, best, gone, come)
@@ -35,7 +35,7 @@ def retimed(found: Search) -> Search:
     return replace(found, rounds=(*found.rounds, tuple(tried))) if tried else found
 
 
-def _alike(best: Rival, gone: Cause, come: Cause) -> bool:
+def _as_late(best: Rival, gone: Cause, come: Cause) -> bool:
     """Tell whether one cause is late as another, which the best has not, and by as many seconds."""
     same = [each.unit for each in gone.parameters] == [each.unit for each in come.parameters]
     late = gone.effect.late and come.effect.name in gone.effect.confusable_with

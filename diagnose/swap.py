@@ -154,7 +154,7 @@ def relatives(scene: Scene, rival: Rival, known: Collection[tuple[Cause, ...]]) 
     ]
 
 
-def _alike(one: Cause, other: Cause) -> dict[str, str]:
+def alike(one: Cause, other: Cause) -> dict[str, str]:
     """Map parameters of the other to those of the first that have the same name.
 
     What contains an effect of one parameter has it as all its parameters of that unit.
@@ -175,7 +175,7 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
     A trial that is too far `behind` in evidence is not fitted to the end.
     """
     values = rival.fitted.point.values
-    shared = {key: values[own] for key, own in _alike(gone, come).items()}
+    shared = {key: values[own] for key, own in alike(gone, come).items()}
     kept, rest = without(rival.fitted, gone)
     starts = (
         scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])

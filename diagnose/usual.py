@@ -16,6 +16,7 @@ from diagnose.hypothesis import Cause, Point, searched
 from diagnose.rank import Search, richer_of
 from diagnose.refit import fit
 from diagnose.rival import Rival, containing, rated, without
+from diagnose.swap import alike
 
 Array = NDArray[np.float64]
 
@@ -55,11 +56,10 @@ def _least(search: Search, come: Cause) -> float:
 def _usual(search: Search, gone: Cause, come: Cause) -> Iterator[Rival]:
     """Fit one cause in the place of another that it contains, from each start, what it adds held there."""
     scene, fitted = search.scene, search.best.fitted
-    own = {each.name: key for key, each in zip(gone.keys, gone.parameters, strict=True)}
-    same = {key: own[each.name] for key, each in zip(come.keys, come.parameters, strict=True) if each.name in own}
-    if not same:  # it has one parameter, which is the first of that unit
-        unit = gone.parameters[0].unit
-        same = {next(k for k, each in zip(come.keys, come.parameters, strict=True) if each.unit == unit): gone.keys[0]}
+    same: dict[str, str] = {}
+    for key, own in alike(gone, come).items():
+        if own not in same.values():  # what contains an effect of one parameter has that as its first
+            same[key] = own
     kept, rest = without(fitted, gone)
     units = {key: each.unit for key, each in zip(come.keys, come.parameters, strict=True)}
     first, shared = next(iter(same)), {key: fitted.point.values[theirs] for key, theirs in same.items()}
