@@ -180,8 +180,11 @@ def extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tu
 
 
 def without(base: Fitted, gone: Cause) -> tuple[tuple[Cause, ...], Point]:
-    """Take a cause out of a hypothesis."""
+    """Take a cause out of a hypothesis; an inertia that it had taken goes back to the nominal one."""
     values = {key: value for key, value in base.point.values.items() if key not in gone.keys}
+    if gone.taken is not None:
+        load, held = gone.taken
+        values[held] += base.point.values[load]
     return tuple(cause for cause in base.causes if cause != gone), Point(values, base.point.starts)
 
 

@@ -169,6 +169,13 @@ def alike(one: Cause, other: Cause) -> dict[str, str]:
     return found
 
 
+def still_taken(come: Cause, shared: Collection[str], values: Mapping[str, float]) -> dict[str, float]:
+    """Return the nominal inertia as it was beside a cause that goes on with what another one had taken of it."""
+    if come.taken is None or come.taken[0] not in shared:
+        return {}
+    return {come.taken[1]: values[come.taken[1]]}
+
+
 def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: float = np.inf) -> Rival:
     """Put one cause in the place of another, and fit from the best of the starts of what they do not share.
 
@@ -177,24 +184,16 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
     values = rival.fitted.point.values
     shared = {key: values[own] for key, own in alike(gone, come).items()}
     kept, rest = without(rival.fitted, gone)
+    held = still_taken(come, shared, values)
     starts = (
         scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])
     )
     distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_STARTS]
     trials = []
     for start in distinct:
-        left = rest.values if shared else {**rest.values, **_returned(gone, values)}
-        begin = Point({**left, **start} if shared else entered(left, come, start), rest.starts)
+        begin = Point({**rest.values, **start, **held} if shared else entered(rest.values, come, start), rest.starts)
         trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT, _TRIAL))
     best = min(trials, key=lambda each: each.cost)
     if own_evidence(scene, best) - evidence(rival.fitted, rival.noises) > behind:
         return rated(scene, best)
     return rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
-
-
-def _returned(gone: Cause, values: Mapping[str, float]) -> dict[str, float]:
-    """Give the inertia that a cause had taken back to the nominal parameter."""
-    if gone.taken is None:
-        return {}
-    load, held = gone.taken
-    return {held: values[held] + values[load]}

@@ -16,7 +16,7 @@ from diagnose.hypothesis import Cause, Point, searched
 from diagnose.rank import Search, richer_of
 from diagnose.refit import fit
 from diagnose.rival import Rival, containing, rated, without
-from diagnose.swap import alike
+from diagnose.swap import alike, still_taken
 
 Array = NDArray[np.float64]
 
@@ -63,6 +63,7 @@ def _usual(search: Search, gone: Cause, come: Cause) -> Iterator[Rival]:
     kept, rest = without(fitted, gone)
     units = {key: each.unit for key, each in zip(come.keys, come.parameters, strict=True)}
     first, shared = next(iter(same)), {key: fitted.point.values[theirs] for key, theirs in same.items()}
+    others = {**rest.values, **still_taken(come, shared, fitted.point.values)}
     seen: list[Array] = []
     for start in scene.starts[come.label]:
         # What is added in proportion to a size is usual beside the size that was found.
@@ -75,6 +76,6 @@ def _usual(search: Search, gone: Cause, come: Cause) -> Iterator[Rival]:
         held = np.array(list(added.values()))
         if not any(np.allclose(held, other) for other in seen):
             seen.append(held)
-            begin = Point({**rest.values, **added, **shared}, rest.starts)
+            begin = Point({**others, **added, **shared}, rest.starts)
             one = fit(scene, scene.train, (*kept, come), begin, search.best.noises, _STEPS, held=tuple(added))
             yield rated(scene, one)
