@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from diagnose.hypothesis import MOMENT, Cause, Scene, searched
 from diagnose.pushes import batches, pushed, sizes_of
 from diagnose.refit import Fitted, deviations, widened
-from diagnose.rival import elsewhere
+from diagnose.rival import elsewhere, without
 from identify.noise import Noise, colored
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def _means(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) 
 def _times_pull(scene: Scene, fitted: Fitted, noises: Sequence[Noise], cause: Cause) -> float:
     """Return how many deviations an effect's loads by batches are; infinite where those are not what it does."""
     pulls, means = [], []
-    bare = {key: value for key, value in fitted.point.values.items() if key not in cause.keys}
+    bare = without(fitted, cause)[1].values
     for index, recording in enumerate(scene.train):
         start = fitted.point.starts[index]
         values = (fitted.point.values, bare)

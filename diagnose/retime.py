@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diagnose.angle import strayed
-from diagnose.hypothesis import Cause, Point, Scene, turning
+from diagnose.hypothesis import Cause, Scene, turning
 from diagnose.rank import Search
 from diagnose.refit import fit
-from diagnose.rival import TIE, Rival, rated, without
+from diagnose.rival import TIE, Rival, rated
 from diagnose.round import LONG
+from diagnose.swap import exchanged
 
 _TIMES = 8  # that the angle is amended, each by the last fit, as long as that explains more
 
@@ -44,10 +45,9 @@ def _as_late(best: Rival, gone: Cause, come: Cause) -> bool:
 
 def _in_place(scene: Scene, best: Rival, gone: Cause, come: Cause) -> Rival:
     """Fit one cause in the place of another, as late at first, beside the angle that it tells."""
-    kept, rest = without(best.fitted, gone)
     start = {**scene.starts[come.label][0], come.keys[0]: best.fitted.point.values[gone.keys[0]]}
-    point, noises = Point({**rest.values, **start}, rest.starts), best.noises
-    one = rated(scene, fit(scene, scene.train, (*kept, come), point, noises, 0))
+    noises = best.noises
+    one = rated(scene, fit(scene, scene.train, *exchanged(best.fitted, gone, come, start), noises, 0))
     for _ in range(_TIMES):
         held, before = scene.engine.strayed, one
         scene.engine.amend(strayed(scene, one))

@@ -165,12 +165,10 @@ def closer(scene: Scene, rival: Rival, base: Rival) -> bool:
     return bool(np.any((np.array(train) < _CLOSER[0]) & (powers[0] < _CLOSER[1] ** 2 * powers[1])))
 
 
-def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], dict[str, float]]:
+def joined(base: Fitted, cause: Cause) -> tuple[tuple[Cause, ...], Mapping[str, float]]:
     """Return the causes of a hypothesis with one more and the values they keep; a simpler one gives way."""
-    kept = tuple(each for each in base.causes if each.effect.name not in cause.effect.contains)
-    gone = {key for each in base.causes if each not in kept for key in each.keys}
-    values = {key: value for key, value in base.point.values.items() if key not in gone}
-    return (*kept, cause), values
+    kept, point = without(base, *(each for each in base.causes if each.effect.name in cause.effect.contains))
+    return (*kept, cause), point.values
 
 
 def extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
@@ -179,13 +177,13 @@ def extended(base: Fitted, cause: Cause, start: Mapping[str, float]) -> tuple[tu
     return causes, Point(entered(values, cause, start), base.point.starts)
 
 
-def without(base: Fitted, gone: Cause) -> tuple[tuple[Cause, ...], Point]:
-    """Take a cause out of a hypothesis; an inertia that it had taken goes back to the nominal one."""
-    values = {key: value for key, value in base.point.values.items() if key not in gone.keys}
-    if gone.taken is not None:
-        load, held = gone.taken
+def without(base: Fitted, *gone: Cause) -> tuple[tuple[Cause, ...], Point]:
+    """Take causes out of a hypothesis; an inertia that one had taken goes back to the nominal one."""
+    lost = {key for cause in gone for key in cause.keys}
+    values = {key: value for key, value in base.point.values.items() if key not in lost}
+    for load, held in (cause.taken for cause in gone if cause.taken is not None):
         values[held] += base.point.values[load]
-    return tuple(cause for cause in base.causes if cause != gone), Point(values, base.point.starts)
+    return tuple(cause for cause in base.causes if cause not in gone), Point(values, base.point.starts)
 
 
 def relieved(scene: Scene, base: Fitted, gone: Cause, noises: Sequence[Noise]) -> tuple[tuple[Cause, ...], Point]:

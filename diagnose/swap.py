@@ -106,11 +106,9 @@ def merged(scene: Scene, best: Rival, gain: float) -> Rival:
             key: min(max(float(value), each.low), each.high)
             for key, value, each in zip(come.keys, sums, come.parameters, strict=True)
         }
-        lost = {key for each in gone for key in each.keys}
-        rest = {key: value for key, value in values.items() if key not in lost}
-        causes = (*(cause for cause in best.fitted.causes if cause not in gone), come)
-        begin = Point({**rest, **start}, best.fitted.point.starts)
-        one = rated(scene, fit(scene, scene.train, causes, begin, best.noises, _LONG))
+        kept, rest = without(best.fitted, *gone)
+        begin = Point({**rest.values, **start}, rest.starts)
+        one = rated(scene, fit(scene, scene.train, (*kept, come), begin, best.noises, _LONG))
         if one.score - best.score < max(TIE, MINOR * gain):
             return one
     return best
@@ -169,11 +167,13 @@ def alike(one: Cause, other: Cause) -> dict[str, str]:
     return found
 
 
-def still_taken(come: Cause, shared: Collection[str], values: Mapping[str, float]) -> dict[str, float]:
-    """Return the nominal inertia as it was beside a cause that goes on with what another one had taken of it."""
-    if come.taken is None or come.taken[0] not in shared:
-        return {}
-    return {come.taken[1]: values[come.taken[1]]}
+def exchanged(base: Fitted, gone: Cause, come: Cause, start: Mapping[str, float]) -> tuple[tuple[Cause, ...], Point]:
+    """Put one cause at its start in the place of another; the nominal inertia stays beside a load that both have."""
+    kept, rest = without(base, gone)
+    values, before = dict(entered(rest.values, come, start)), base.point.values
+    if gone.taken is not None and come.taken is not None and start[come.taken[0]] == before[gone.taken[0]]:
+        values[come.taken[1]] = before[come.taken[1]]
+    return (*kept, come), Point(values, rest.starts)
 
 
 def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: float = np.inf) -> Rival:
@@ -183,16 +183,12 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
     """
     values = rival.fitted.point.values
     shared = {key: values[own] for key, own in alike(gone, come).items()}
-    kept, rest = without(rival.fitted, gone)
-    held = still_taken(come, shared, values)
-    starts = (
-        scene.starts[come.label] if not shared else tuple({**start, **shared} for start in scene.starts[come.label])
-    )
+    starts = [{**start, **shared} for start in scene.starts[come.label]]
     distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_STARTS]
     trials = []
     for start in distinct:
-        begin = Point({**rest.values, **start, **held} if shared else entered(rest.values, come, start), rest.starts)
-        trials.append(fit(scene, scene.train, (*kept, come), begin, rival.noises, _SHORT, _TRIAL))
+        begin = exchanged(rival.fitted, gone, come, start)
+        trials.append(fit(scene, scene.train, *begin, rival.noises, _SHORT, _TRIAL))
     best = min(trials, key=lambda each: each.cost)
     if own_evidence(scene, best) - evidence(rival.fitted, rival.noises) > behind:
         return rated(scene, best)

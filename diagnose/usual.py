@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, Point, searched
+from diagnose.hypothesis import Cause, searched
 from diagnose.rank import Search, richer_of
 from diagnose.refit import fit
-from diagnose.rival import Rival, containing, rated, without
-from diagnose.swap import alike, still_taken
+from diagnose.rival import Rival, containing, rated
+from diagnose.swap import alike, exchanged
 
 Array = NDArray[np.float64]
 
@@ -60,10 +60,8 @@ def _usual(search: Search, gone: Cause, come: Cause) -> Iterator[Rival]:
     for key, own in alike(gone, come).items():
         if own not in same.values():  # what contains an effect of one parameter has that as its first
             same[key] = own
-    kept, rest = without(fitted, gone)
     units = {key: each.unit for key, each in zip(come.keys, come.parameters, strict=True)}
     first, shared = next(iter(same)), {key: fitted.point.values[theirs] for key, theirs in same.items()}
-    others = {**rest.values, **still_taken(come, shared, fitted.point.values)}
     seen: list[Array] = []
     for start in scene.starts[come.label]:
         # What is added in proportion to a size is usual beside the size that was found.
@@ -76,6 +74,6 @@ def _usual(search: Search, gone: Cause, come: Cause) -> Iterator[Rival]:
         held = np.array(list(added.values()))
         if not any(np.allclose(held, other) for other in seen):
             seen.append(held)
-            begin = Point({**others, **added, **shared}, rest.starts)
-            one = fit(scene, scene.train, (*kept, come), begin, search.best.noises, _STEPS, held=tuple(added))
+            begin = exchanged(fitted, gone, come, {**added, **shared})
+            one = fit(scene, scene.train, *begin, search.best.noises, _STEPS, held=tuple(added))
             yield rated(scene, one)
