@@ -21,7 +21,7 @@ from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, creeps, extended, rated, relieved, rms_of, simplest, unseen_residuals
+from diagnose.rival import Rival, believable, creeps, extended, rated, relieved, rms_of, simplest, unseen_residuals
 from diagnose.screen import ground, screen
 from diagnose.swap import merged, plainer, swapped
 from identify.noise import Noise, colored, memory
@@ -330,7 +330,12 @@ def simulated_beside(
 
 
 def _rated(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Rival:
-    """Score by residual rms in independent samples, on train and test, with BIC's price of an unknown."""
+    """Score by residual rms in independent samples, on train and test, with BIC's price of an unknown.
+
+    Infinite after a divergence and where an effect has values that are not its own.
+    """
+    if not believable(fitted):
+        return Rival(fitted, tuple(noises), np.inf)
     score = 0.0
     for residuals in (fitted.residuals, _unseen(scene, fitted)):
         stacked = np.concatenate(residuals)

@@ -3,7 +3,7 @@
 A standard deviation tells of a cost that rises as a parabola: by 4 two deviations away. That of a moment, a limit or a
 gap has kinks, and rises as a random walk does. The interval is then where the cost has risen by 3.84, which is its
 95 % (the profile likelihood; Venzon & Moolgavkar, Applied Statistics 37 (1988) 87-94), the other unknowns following
-along the parabola's own path.
+along the parabola's own path, or fitted anew beside a contact: one that is elsewhere moves all that follow it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnose.hypothesis import MOMENT, Point, Scene
-from diagnose.refit import Fitted, cost_at, ended, inverse, moved, widened
+from diagnose.refit import Fitted, cost_at, ended, fit, inverse, moved, widened
 from identify.noise import Noise
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ _REACHES = (2.0, 4.0, 8.0, 16.0)  # deviations
 _FOUND = 0.5  # decrease of the cost that is worth fitting again from there
 _SCAN = np.arange(-40.0, 41.0, 2.0)  # deviations within which a moment may have a better place
 _TURNS = 3
+_STEPS = 12  # of a fit of the other unknowns
 
 
 def profiled(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -44,6 +45,7 @@ def _tried(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array
     here = cost_at(scene, fitted, fitted.point, noises)
     best, least = None, here - _FOUND
     own = {key for cause in fitted.causes for key in cause.keys}
+    met = {key for cause in fitted.causes if cause.effect.contact for key in cause.keys}
     for index, each in enumerate(fitted.coordinates):
         spread = float(np.sqrt(max(covariance[index, index], 0.0)))
         if each.name not in own or not 0.0 < spread < np.inf:
@@ -59,6 +61,8 @@ def _tried(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array
             for reach in _REACHES:
                 place = moved(scene, fitted, sign * reach * path)
                 cost = cost_at(scene, fitted, place, noises)
+                if each.name in met and cost - here >= _RISE:
+                    place, cost = _followed(scene, fitted, noises, each.name, place, cost)
                 if cost < least:
                     best, least = place, cost
                 rise = max(cost - here, risen)
@@ -72,3 +76,12 @@ def _tried(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array
             else:
                 factors[index] = max(factors[index], _REACHES[-1] / np.sqrt(_RISE))
     return factors, best
+
+
+def _followed(
+    scene: Scene, fitted: Fitted, noises: Sequence[Noise], held: str, place: Point, cost: float
+) -> tuple[Point, float]:
+    """Fit all unknowns but one anew from a place; return where that ends and its cost, or the same if it is no less."""
+    other = fit(scene, scene.train, fitted.causes, place, noises, _STEPS, held=(held,)).point
+    less = cost_at(scene, fitted, other, noises)
+    return (other, less) if less < cost else (place, cost)

@@ -17,7 +17,7 @@ from diagnose.direct import coarse
 from diagnose.given import from_given, runaways
 from diagnose.hypothesis import MOMENT, Cause, Point, Scene, first_point, meeting, turning
 from diagnose.lasting import accidental, by_chance, times_chance
-from diagnose.refit import fit, noises_of
+from diagnose.refit import evidence, fit, noises_of
 from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, faint, larger, rated, relieved, simplest, tells
 from diagnose.round import LONG, SHORT, screened, tried_beside
 from diagnose.screen import Screened
@@ -358,8 +358,13 @@ def pruned(scene: Scene, best: Rival) -> Rival:
 
 
 def _spared(scene: Scene, best: Rival, slim: Rival) -> bool:
-    """Tell whether the best can do without what a slimmer one has not, which may be the average of a disturbance."""
+    """Tell whether the best can do without what a slimmer one has not, which may be the average of a disturbance.
+
+    Unseen recordings only confirm what brings something on train, too.
+    """
     if any(one.rms > _FAR_MORE * other.rms for one, other in zip(slim.noises, best.noises, strict=True)):
         return False
     lost, gone = slim.score - best.score, set(best.fitted.causes) - set(slim.fitted.causes)
+    if evidence(slim.fitted, slim.noises) < evidence(best.fitted, best.noises):
+        return True
     return lost < THRESHOLD or by_chance(scene, best.fitted, best.noises, gone, lost)

@@ -46,12 +46,12 @@ def rated(scene: Scene, fitted: Fitted) -> Rival:
     Where an effect has values that are not its own, that is no explanation.
     """
     noises = noises_of(scene, fitted.residuals)
-    if not _believable(fitted):
+    if not believable(fitted):
         return Rival(fitted, noises, IMPOSSIBLE)
     return Rival(fitted, noises, evidence(fitted, noises) + unseen(scene, fitted, noises))
 
 
-def _believable(fitted: Fitted) -> bool:
+def believable(fitted: Fitted) -> bool:
     """Tell whether every effect has values that are its own."""
     return all(
         cause.effect.believable is None

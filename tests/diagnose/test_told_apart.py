@@ -118,6 +118,7 @@ SLOW = (
     (887347, "explained", "load_torque sensor_wrap", "a range a little off, that a drag had soaked up"),
     (887212, "explained", "cogging_torque sensor_delay torque_ripple", "waves along an angle that is read late"),
     (885035, "unknown_physics", "", "a shape beside nothing, once the name beside it was dropped"),
+    (891219, "ambiguous", "load_torque sensor_offset sensor_rectified", "a moment that is none by simulation error"),
     (891157, "explained", "quadratic_drag sensor_lag", "a coupling so stiff that its load belongs to the mass"),
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
