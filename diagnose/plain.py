@@ -21,7 +21,18 @@ from diagnose.orders import best_orders
 from diagnose.polish import polished
 from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
 from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import Rival, believable, creeps, extended, rated, relieved, rms_of, simplest, unseen_residuals
+from diagnose.rival import (
+    Rival,
+    believable,
+    by_luck,
+    creeps,
+    extended,
+    rated,
+    relieved,
+    rms_of,
+    simplest,
+    unseen_residuals,
+)
 from diagnose.screen import ground, screen
 from diagnose.swap import merged, plainer, swapped
 from identify.noise import Noise, colored, memory
@@ -230,11 +241,13 @@ def _drifts(fitted: Fitted, cause: Cause) -> bool:
 def _least_ratio(scene: Scene, one: Fitted, other: Fitted) -> float:
     """Return the ratio of residual rms, the larger of train and test, of the output that a further effect is about.
 
-    Infinite where another output is worse for it: on train, or on test by more than a slow disturbance makes of that.
+    Infinite where another output is worse for it: by more than a slow disturbance makes of that, on test at least by
+    a fifth.
     """
-    train = _sizes_of(one.residuals, other.residuals)
-    test = _sizes_of(_unseen(scene, one), _unseen(scene, other))
-    worse = np.max(train) > 1.0 / _BETTER or np.max(test) > _WORSE
+    left = _unseen(scene, one)
+    train, test = _sizes_of(one.residuals, other.residuals), _sizes_of(left, _unseen(scene, other))
+    worse = np.any(train > np.fmax(by_luck(one.residuals), 1.0 / _BETTER))
+    worse |= np.any(test > np.fmax(by_luck(left), _WORSE))
     return np.inf if worse else float(np.min(np.maximum(train, test)))
 
 

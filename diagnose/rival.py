@@ -27,6 +27,7 @@ _FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a distu
 _STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
 _CLOSER = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
 HELD = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
+_ABSURD = 1e3  # ratio of costs from which initial states are none
 _FAINT = 5e-7  # of what an output moves, rms: what simulations by other steps differ by
 _CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
@@ -92,18 +93,23 @@ def elsewhere(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Sc
     return replace(scene, train=scene.test, test=()), replace(fitted, point=point, residuals=residuals)
 
 
-def larger(rival: Rival, base: Rival) -> bool:
-    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output.
+def by_luck(residuals: Sequence[Array]) -> Array:
+    """Return the factor (r,) by which the rms of each output's residuals may be larger by chance.
 
-    The rms of n independent samples is known to 1 / sqrt(2 n) of itself.
+    That of n independent samples is known to 1 / sqrt(2 n) of itself.
     """
-    wider = False
-    for index, (mine, theirs) in enumerate(zip(rival.noises, base.noises, strict=True)):
+    rows, outputs = sum(map(len, residuals)), residuals[0].shape[1]
+    kept = [memory([part[:, index] for part in residuals]) for index in range(outputs)]
+    return np.asarray(1.0 + _CHANCE * np.sqrt(0.5 * np.array(kept) / rows))
+
+
+def larger(rival: Rival, base: Rival) -> bool:
+    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
+    wider, lucky = False, by_luck(rival.fitted.residuals)
+    for mine, theirs, luck in zip(rival.noises, base.noises, lucky, strict=True):
         if mine.scale <= _SHARPER * theirs.scale or mine.rms <= theirs.rms:
             return False
-        parts = [part[:, index] for part in rival.fitted.residuals]
-        samples = sum(len(part) for part in parts) / memory(parts)
-        wider |= mine.rms > max(_WIDER, 1.0 + _CHANCE / np.sqrt(2.0 * samples)) * theirs.rms
+        wider |= mine.rms > max(_WIDER, luck) * theirs.rms
     return wider
 
 
@@ -187,13 +193,17 @@ def without(base: Fitted, *gone: Cause) -> tuple[tuple[Cause, ...], Point]:
 
 
 def relieved(scene: Scene, base: Fitted, gone: Cause, noises: Sequence[Noise]) -> tuple[tuple[Cause, ...], Point]:
-    """Take a cause out; where initial states alone do what it did, as what an offset does, they have moved there."""
+    """Take a cause out; where initial states alone do what it did, as what an offset does, they have moved there.
+
+    So they have where it had hidden what they are: a current of a million amperes behind iron that saturates.
+    """
     causes, point = without(base, gone)
     taken = fit_starts(scene, scene.train, point.values, noises)
-    now, then = (
-        fit(scene, scene.train, *each, noises, 0).cost for each in ((base.causes, base.point), (causes, taken))
+    now, kept, then = (
+        fit(scene, scene.train, *each, noises, 0).cost
+        for each in ((base.causes, base.point), (causes, point), (causes, taken))
     )
-    return causes, taken if then - now < RICHER else point
+    return causes, taken if then - now < RICHER or not kept < _ABSURD * then else point
 
 
 def containing(name: str) -> tuple[str, ...]:

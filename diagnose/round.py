@@ -143,6 +143,7 @@ def _insisted(scene: Scene, best: Rival, picked: Sequence[Screened]) -> list[tup
 def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], without: float) -> list[Fitted]:
     """Return one fit of each of the best hypotheses, and of what promised most: of more where no trial gains.
 
+    Of the best limit a second one: a higher one beside a larger gain may do the same on train, and not elsewhere.
     `without` is the evidence that there is without any.
     """
     final: list[Fitted] = []
@@ -154,7 +155,13 @@ def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], 
         promised = next((fitted for _, fitted in trials if fitted.causes[-1] == each.cause), None)
         if promised is not None and all(promised.causes != other.causes for other in final):
             final.append(promised)
-    return final
+    known = [fitted.causes for fitted in final]
+    others = [
+        fitted
+        for score, fitted in trials
+        if score - trials[0][0] < CLEAR and limits(fitted.causes[-1:]) and fitted.causes in known
+    ]
+    return [*final, *[each for each in others if all(each is not one for one in final)][:1]]
 
 
 def _too_large(fitted: Fitted) -> bool:
