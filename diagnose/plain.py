@@ -27,6 +27,7 @@ from diagnose.rival import (
     by_luck,
     creeps,
     extended,
+    memories,
     rated,
     relieved,
     rms_of,
@@ -35,7 +36,7 @@ from diagnose.rival import (
 )
 from diagnose.screen import ground, screen
 from diagnose.swap import merged, plainer, swapped
-from identify.noise import Noise, colored, memory
+from identify.noise import Noise, colored
 
 Array = NDArray[np.float64]
 
@@ -385,10 +386,9 @@ def _sizes_of(one: Sequence[Array], other: Sequence[Array]) -> Array:
 def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
     """Return white noise whose scale is that of the mean of independent samples: rms times sqrt(1 + 2 sum rho^2)."""
     made = []
-    for index in range(residuals[0].shape[1]):
-        parts = [part[:, index] for part in residuals]
-        rms = max(float(np.sqrt(np.mean(np.concatenate(parts) ** 2))), 1e-30)
-        made.append(Noise(np.zeros(0), rms * float(np.sqrt(memory(parts))), rms))
+    for index, kept in enumerate(memories(residuals)):
+        rms = max(float(np.sqrt(np.mean(np.concatenate([part[:, index] for part in residuals]) ** 2))), 1e-30)
+        made.append(Noise(np.zeros(0), rms * float(np.sqrt(kept)), rms))
     return tuple(made)
 
 

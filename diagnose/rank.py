@@ -365,6 +365,5 @@ def _spared(scene: Scene, best: Rival, slim: Rival) -> bool:
     if any(one.rms > _FAR_MORE * other.rms for one, other in zip(slim.noises, best.noises, strict=True)):
         return False
     lost, gone = slim.score - best.score, set(best.fitted.causes) - set(slim.fitted.causes)
-    if evidence(slim.fitted, slim.noises) < evidence(best.fitted, best.noises):
-        return True
-    return lost < THRESHOLD or by_chance(scene, best.fitted, best.noises, gone, lost)
+    silent = evidence(slim.fitted, slim.noises) < evidence(best.fitted, best.noises)
+    return silent or lost < THRESHOLD or by_chance(scene, best.fitted, best.noises, gone, lost)

@@ -93,24 +93,27 @@ def elsewhere(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Sc
     return replace(scene, train=scene.test, test=()), replace(fitted, point=point, residuals=residuals)
 
 
+def memories(residuals: Sequence[Array]) -> Array:
+    """Return how many rows of each output's residuals (n, r) count as one sample (r,)."""
+    return np.array([memory([part[:, index] for part in residuals]) for index in range(residuals[0].shape[1])])
+
+
 def by_luck(residuals: Sequence[Array]) -> Array:
     """Return the factor (r,) by which the rms of each output's residuals may be larger by chance.
 
-    That of n independent samples is known to 1 / sqrt(2 n) of itself.
+    That of n independent samples is known to 1 / sqrt(2 n) of itself. NaN after a divergence.
     """
-    rows, outputs = sum(map(len, residuals)), residuals[0].shape[1]
-    kept = [memory([part[:, index] for part in residuals]) for index in range(outputs)]
-    return np.asarray(1.0 + _CHANCE * np.sqrt(0.5 * np.array(kept) / rows))
+    rows = sum(map(len, residuals))
+    return np.asarray(1.0 + _CHANCE * np.sqrt(0.5 * memories(residuals) / rows))
 
 
 def larger(rival: Rival, base: Rival) -> bool:
     """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
-    wider, lucky = False, by_luck(rival.fitted.residuals)
-    for mine, theirs, luck in zip(rival.noises, base.noises, lucky, strict=True):
-        if mine.scale <= _SHARPER * theirs.scale or mine.rms <= theirs.rms:
-            return False
-        wider |= mine.rms > max(_WIDER, luck) * theirs.rms
-    return wider
+    pairs = list(zip(rival.noises, base.noises, strict=True))
+    if any(mine.scale <= _SHARPER * theirs.scale or mine.rms <= theirs.rms for mine, theirs in pairs):
+        return False
+    lucky = by_luck(rival.fitted.residuals)
+    return any(mine.rms > max(_WIDER, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
 
 
 def tells(rival: Rival, base: Rival) -> bool:
@@ -199,11 +202,12 @@ def relieved(scene: Scene, base: Fitted, gone: Cause, noises: Sequence[Noise]) -
     """
     causes, point = without(base, gone)
     taken = fit_starts(scene, scene.train, point.values, noises)
-    now, kept, then = (
-        fit(scene, scene.train, *each, noises, 0).cost
-        for each in ((base.causes, base.point), (causes, point), (causes, taken))
+    now, then = (
+        fit(scene, scene.train, *each, noises, 0).cost for each in ((base.causes, base.point), (causes, taken))
     )
-    return causes, taken if then - now < RICHER or not kept < _ABSURD * then else point
+    if then - now < RICHER or not fit(scene, scene.train, causes, point, noises, 0).cost < _ABSURD * then:
+        return causes, taken
+    return causes, point
 
 
 def containing(name: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -155,13 +156,14 @@ def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], 
         promised = next((fitted for _, fitted in trials if fitted.causes[-1] == each.cause), None)
         if promised is not None and all(promised.causes != other.causes for other in final):
             final.append(promised)
-    known = [fitted.causes for fitted in final]
-    others = [
+    second = (
         fitted
         for score, fitted in trials
-        if score - trials[0][0] < CLEAR and limits(fitted.causes[-1:]) and fitted.causes in known
-    ]
-    return [*final, *[each for each in others if all(each is not one for one in final)][:1]]
+        if score - trials[0][0] < CLEAR
+        and limits(fitted.causes[-1:])
+        and any(one.causes == fitted.causes and one is not fitted for one in final)
+    )
+    return [*final, *islice(second, 1)]
 
 
 def _too_large(fitted: Fitted) -> bool:

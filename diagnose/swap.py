@@ -107,7 +107,7 @@ def merged(scene: Scene, best: Rival, gain: float) -> Rival:
             for key, value, each in zip(come.keys, sums, come.parameters, strict=True)
         }
         kept, rest = without(best.fitted, *gone)
-        begin = Point({**rest.values, **start}, rest.starts)
+        begin = Point(entered(rest.values, come, start), rest.starts)
         one = rated(scene, fit(scene, scene.train, (*kept, come), begin, best.noises, _LONG))
         if one.score - best.score < max(TIE, MINOR * gain):
             return one
