@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from codegen.bundle import Bundle, CodegenError
 from codegen.environment import render, text_of
 from codegen.target import Region, Target, board_parts
+from codegen.toolchain import is_source_name
 from quantize.program import Program, Value
 
 PROTOCOL_VERSION = 2
@@ -69,6 +70,11 @@ def live_firmware(program: Program, bundle: Bundle, target: Target, own: Mapping
     CodegenError
         when the target has no UART, or its clock cannot time the period.
     """
+    for name in own:
+        if not is_source_name(name):
+            raise CodegenError(
+                f"the file of yours is called {name!r}: rename it to letters, digits and '_', ending in .c"
+            )
     if "live.c" in own:
         raise CodegenError("the file of yours is called live.c, as the image's own is: give it another name")
     if "uart" not in target.links:

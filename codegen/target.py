@@ -11,6 +11,7 @@ from pathlib import Path
 
 from codegen.bundle import CodegenError
 from codegen.toml_table import TomlTable
+from codegen.toolchain import COMPILERS, SOURCE_RULE, is_source_name
 
 FLOAT_UNITS = ("float32", "float64")
 CYCLE_TIMERS = ("dwt", "systick")  # run at the processor's clock
@@ -175,7 +176,7 @@ def parse_target(text: str, file: str, folder: Traversable) -> Target:
         name=name,
         says=table.phrase("says"),
         core=table.word("core"),
-        compiler=table.word("compiler"),
+        compiler=table.choice("compiler", COMPILERS),
         flags=table.compiler_flags("flags"),
         float_units=table.choices("float_units", FLOAT_UNITS),
         links=links,
@@ -195,11 +196,14 @@ def parse_target(text: str, file: str, folder: Traversable) -> Target:
     )
     table.finish()
     _check_memory(target, table)
+    _check_semihosting(target, table)
     return target
 
 
 def _region(table: TomlTable) -> Region:
-    region = Region(table.word("name"), table.integer("start", 0, 2**32 - 1), table.integer("bytes", 64, 2**32 - 1))
+    region = Region(
+        table.identifier("name"), table.integer("start", 0, 2**32 - 1), table.integer("bytes", 64, 2**32 - 1)
+    )
     table.finish()
     return region
 
@@ -259,13 +263,20 @@ def _flash(table: TomlTable) -> Flash:
 
 
 def _sources(table: TomlTable, folder: Traversable) -> tuple[tuple[str, str], ...]:
-    names = table.places("sources")
+    own = {file.name for file in resources.files("templates_c").joinpath("board").iterdir()}
     texts = []
-    for name in names:
-        if "/" in name or not name.endswith(".c"):
-            raise table.wrong("sources", name, "names a .c file in the folder of the target's own")
+    for name in table.places("sources"):
+        file = folder.joinpath(name)
+        if not is_source_name(name):
+            raise table.wrong("sources", name, SOURCE_RULE)
+        if name in own:
+            raise table.wrong("sources", name, "is the name of a part of firmloop's own: give the file another name")
+        if isinstance(file, Path) and file.resolve().parent != file.parent.resolve():
+            raise table.wrong("sources", name, "is a link out of the target's folder: put the file itself there")
+        if isinstance(file, Path) and file.exists() and not file.is_file():
+            raise table.wrong("sources", name, "is no regular file: put the C text there")
         try:
-            texts.append((name, folder.joinpath(name).read_text(encoding="utf-8")))
+            texts.append((name, file.read_text(encoding="utf-8")))
         except (OSError, UnicodeDecodeError) as error:
             raise table.wrong("sources", name, f"cannot be read: {error}") from None
     return tuple(texts)
@@ -279,3 +290,14 @@ def _check_memory(target: Target, table: TomlTable) -> None:
         raise table.wrong("memory", [region.name for region in target.memory], "names 'flash' and 'ram', each once")
     if target.stack_bytes % 8 or target.stack_bytes >= regions["ram"].size:
         raise table.wrong("stack_bytes", target.stack_bytes, "is a multiple of 8 and smaller than the region 'ram'")
+
+
+def _check_semihosting(target: Target, table: TomlTable) -> None:
+    # Semihosting gives an image the files and the shell of this machine: nothing but our own code may run there.
+    if "semihosting" not in target.links:
+        return
+    for key, asked in (("sources", target.sources), ("setup", target.setup)):
+        if asked:
+            names = [link for link in target.links if link != "semihosting"] or ["uart"]
+            rule = f"semihosting lets an image reach this machine's files, so it goes without {key!r}; write {names}"
+            raise table.wrong("links", list(target.links), rule)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from codegen.bundle import CodegenError
+from codegen.toolchain import FLAG_RULE, is_flag
 
-PLACE = r"[A-Za-z0-9_][A-Za-z0-9_./-]*"
+PLACE = r"(?!(?:.*/)?\.\.(?:/|$))[A-Za-z0-9_][A-Za-z0-9_./-]*"
 
 
 class TomlTable:
@@ -37,12 +38,16 @@ class TomlTable:
         return value
 
     def word(self, key: str) -> str:
-        """Return a text that may stand in a file name, a command or a linker script."""
+        """Return a text that may stand in a file name or a command."""
         return self._text(key, r"[A-Za-z][A-Za-z0-9_.-]*", "must be letters, digits, '_', '-' or '.'")
 
+    def identifier(self, key: str) -> str:
+        """Return a text that may stand in a linker script, where '-' and '.' mean something else."""
+        return self._text(key, r"[A-Za-z][A-Za-z0-9_]{0,30}", "must be letters, digits or '_', at most 31")
+
     def places(self, key: str) -> tuple[str, ...]:
-        """Return a list of files' names."""
-        return self._texts(key, PLACE, "is not a file's name of letters, digits, '_', '-', '.' and '/'")
+        """Return a list of names of files that come with a tool, none of them outside its folder."""
+        return self._texts(key, PLACE, "is not a file's name of letters, digits, '_', '-', '.' and '/', without '..'")
 
     def usb_ids(self, key: str) -> tuple[str, ...]:
         """Return a list of USB vendor and product numbers."""
@@ -74,8 +79,8 @@ class TomlTable:
         return tuple(value)
 
     def compiler_flags(self, key: str) -> tuple[str, ...]:
-        """Return flags for a compiler's command line; they also stand in a Makefile, hence the plain characters."""
-        return self._texts(key, r"-[A-Za-z0-9_=+.,-]+", "is not a plain compiler flag such as '-mcpu=cortex-m4'")
+        """Return flags for a compiler's command line."""
+        return self._accepted(key, is_flag, FLAG_RULE)
 
     def table(self, key: str) -> TomlTable:
         """Return a table within this one."""
@@ -106,11 +111,14 @@ class TomlTable:
         return self._values[key]
 
     def _texts(self, key: str, pattern: str, rule: str) -> tuple[str, ...]:
+        return self._accepted(key, lambda text: re.fullmatch(pattern, text) is not None, rule)
+
+    def _accepted(self, key: str, accepts: Callable[[str], bool], rule: str) -> tuple[str, ...]:
         value = self._value(key)
         if not isinstance(value, list):
             raise self.wrong(key, value, "must be a list of texts")
         for entry in value:
-            if not isinstance(entry, str) or not re.fullmatch(pattern, entry):
+            if not isinstance(entry, str) or not accepts(entry):
                 raise self.wrong(key, entry, rule)
         return tuple(value)
 

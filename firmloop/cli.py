@@ -154,10 +154,11 @@ def _failed(error: Exception, console: Console) -> int:
     from verify.links import LinkError
 
     if _debugging():
-        traceback.print_exc()
+        complain(traceback.format_exc())
     message = str(error).strip()
     if isinstance(error, ProjectError | IdentifyError | DesignError | QuantizeError | CodegenError):
         status = WRONG_FILE
+        message = message.replace("\n", "\\n")  # of a name in it: the complaint is one line
     elif isinstance(error, ToolError | LinkError):
         status = NO_TOOL
     else:

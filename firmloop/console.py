@@ -38,7 +38,7 @@ class TextConsole:
     def lines(self, lines: Iterable[str]) -> None:
         """Print at once, so that a long walk shows where it is."""
         for line in lines:
-            print(line)
+            print(visible(line))
         sys.stdout.flush()
 
     def result(self, key: str, value: object) -> None:
@@ -67,7 +67,7 @@ class JsonConsole:
 
     def close(self) -> None:
         """Print the document."""
-        print(json.dumps(self._document, indent=1, default=_plain))
+        print(json.dumps(self._document, indent=1, default=_plain))  # ASCII: no control character leaves it raw
         sys.stdout.flush()
 
     def fail(self, message: str) -> None:
@@ -81,7 +81,7 @@ class Progress:
     """How far a piece of work is; call it with the share done (0 to 1) and what is being done, as often as you like."""
 
     def __init__(self, label: str) -> None:
-        self._label = label
+        self._label = visible(label)
         self._share: float | None = None
         self._doing = ""
         self._begun = time.monotonic()
@@ -94,7 +94,7 @@ class Progress:
     def __call__(self, share: float, doing: str) -> None:
         """Note the share done; the drawing is done elsewhere, at its own pace."""
         self._share = min(max(share, 0.0), 1.0)
-        self._doing = doing
+        self._doing = visible(doing)
 
     def start(self) -> None:
         """Draw from a thread of its own from now on, because the work may never call."""
@@ -139,7 +139,20 @@ def progress(label: str) -> Iterator[Progress]:
 
 def complain(message: str) -> None:
     """Say on stderr what is wrong."""
-    _error(f"firmloop: {message}\n")
+    _error(f"firmloop: {visible(message)}\n")
+
+
+def visible(text: str) -> str:
+    r"""Write what a terminal would obey or hide as an escape: of a stranger's file, it sees plain characters only.
+
+    Control characters, marks of writing direction, and separators of lines and paragraphs are meant; a newline stays.
+
+    >>> visible("gain\x1b[2J \u202e")
+    'gain\\x1b[2J \\u202e'
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
 
 
 def table(rows: Iterable[tuple[str, ...]]) -> list[str]:

@@ -58,7 +58,7 @@ def flash(project: Project, name: str, live: Path | None, out: Path, console: Co
     console.result("flashed_by", command[0] if command else None)
     if command is not None:
         with progress(f"flashing with {command[0]}"):
-            flash_board(command, Path.cwd())
+            flash_board(command)
         console.lines(
             [f"flashed with {command[0]}; then: firmloop verify {project.path.name} --target {name} --port ..."]
         )

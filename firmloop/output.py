@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -63,7 +63,8 @@ def _beside(place: Path, shown: Path) -> Iterator[Path]:
     partial: Path | None = None
     try:
         made = _make_folders(home)
-        partial = Path(tempfile.mkdtemp(dir=home, prefix=f".{place.name}."))
+        partial = home / f".{place.name}.{secrets.token_hex(4)}"
+        partial.mkdir()  # unlike mkdtemp, it follows the user's umask, as what becomes of the folder must
         yield partial
         made = []
     except OSError as error:
@@ -93,7 +94,6 @@ def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None
         if (place / relative).is_dir():
             raise ProjectError(f"--out {shown}: {relative} is a folder there; move it away or choose another folder")
     if not place.exists():
-        partial.chmod(0o755)  # mkdtemp makes folders that only their owner may read
         partial.rename(place)
         return
     for relative in files:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from codegen.bundle import write_files
+from codegen.target import load_target
 from design.kinds import Design
 from firmloop import documents, words
 from firmloop.baseline import check_baseline, growths
@@ -24,6 +25,7 @@ from firmloop.pipeline import (
     at_rest,
     available_data,
     command_of,
+    located,
     plant_of,
     predicted,
     read_data,
@@ -93,6 +95,7 @@ def design(project: Project, out: Path, console: Console) -> int:
 def verify(project: Project, campaign: Campaign, out: Path, console: Console) -> int:
     """Generate, build, run on every target against the reference; OUT/verdict.json."""
     require(project, "controller", "signals", "arithmetic")
+    _check_targets(project, campaign)
     if campaign.baseline is not None:
         check_baseline(campaign.baseline, campaign.targets)
     with results_folder(out, VERDICTS) as folder:
@@ -113,6 +116,7 @@ def verify(project: Project, campaign: Campaign, out: Path, console: Console) ->
 def run(project: Project, campaign: Campaign, out: Path, console: Console) -> int:
     """Walk from the recordings to the verdict and the report."""
     require(project, "recordings", "plant", "controller", "signals", "arithmetic")
+    _check_targets(project, campaign)
     with results_folder(out, VERDICTS) as folder:
         made = walk(project, campaign, console)
         with progress("writing the report"):
@@ -126,6 +130,13 @@ def run(project: Project, campaign: Campaign, out: Path, console: Console) -> in
         write_files(files, folder)
     written(console, out, files)
     return _status(made.outcomes)
+
+
+def _check_targets(project: Project, campaign: Campaign) -> None:
+    """Read every target's file before minutes of work, so that a wrong one is told at once."""
+    with located(project):
+        for name in campaign.targets:
+            load_target(name)
 
 
 def walk(project: Project, campaign: Campaign, console: Console) -> Walk:

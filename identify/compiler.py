@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import stat
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+
+from identify.own_folder import why_not_own
 
 
 class ToolError(Exception):
@@ -100,19 +101,18 @@ def compiler_version(name: str) -> str:
 
 def cache_folder() -> Path:
     """Return a folder that only this user can write: under $XDG_CACHE_HOME, else under the temporary folder."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    if base:
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    if os.path.isabs(base):  # the XDG Base Directory Specification has others ignored
         folder = Path(base) / "firmloop"
     else:
         folder = Path(tempfile.gettempdir()) / f"firmloop-{os.getuid()}"
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for missing in reversed([place for place in (folder, *folder.parents) if not os.path.lexists(place)]):
+            missing.mkdir(mode=0o700, exist_ok=True)
+        # Libraries in it are loaded and run: nobody else may have put them there.
+        fault = why_not_own(folder)
     except OSError as error:
-        raise ToolError(
-            f"{folder} cannot be made ({error.strerror}); set XDG_CACHE_HOME to a folder of yours"
-        ) from None
-    # Libraries in it are loaded and run: nobody else may have put them there.
-    state = folder.stat()
-    if state.st_uid != os.getuid() or stat.S_IMODE(state.st_mode) & 0o022:
-        raise ToolError(f"{folder} can be written by others; set XDG_CACHE_HOME to a folder of yours")
+        fault = f"{folder} cannot be made ({error.strerror})"
+    if fault:
+        raise ToolError(f"{fault}: nothing may be built in {folder}; set XDG_CACHE_HOME to a folder of yours")
     return folder

@@ -150,7 +150,8 @@ def stack_of(graph: str, suffix: str, run_time: int | None = None) -> int | None
 
 def _compile(compiler: str, flags: Sequence[str], source: str, folder: Path) -> str:
     output = f"{source.removesuffix('.c')}.o"
-    run_compiler([compiler, *flags, "-fcallgraph-info=su", "-c", source, "-o", output], folder)
+    # Whatever a file's name ends in or holds, it is C, and "./" keeps it from being an option.
+    run_compiler([compiler, *flags, "-fcallgraph-info=su", "-x", "c", "-c", f"./{source}", "-o", output], folder)
     return output
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 import struct
+import tempfile
 from pathlib import Path
 
 from codegen.target import Target
-from identify.compiler import run_compiler
+from identify.compiler import ToolError, run_compiler
 from verify.elf import Segment, flat, segments
 
 UF2_MAGIC = (0x0A324655, 0x9E5D5157, 0x0AB16F30)  # USB Flashing Format, its specification's first table
@@ -19,20 +20,33 @@ HEX_ROW = 16
 
 
 def flash_command(target: Target, elf: Path) -> tuple[str, ...] | None:
-    """Return the command that flashes `elf`, None where neither tool is installed or knows the board."""
+    """Return the command that flashes `elf`, None where neither tool is installed or knows the board.
+
+    Raises
+    ------
+    ToolError
+        when OpenOCD would take the path of `elf` for a part of its script.
+    """
     if target.flash is None:
         return None
+    elf = elf.resolve()
     if target.flash.pyocd and shutil.which("pyocd"):
         return ("pyocd", "flash", "--target", target.flash.pyocd, str(elf))
     if target.flash.openocd and shutil.which("openocd"):
+        if set(str(elf)) & set("{}\\\n"):
+            raise ToolError(f"openocd cannot take the path {str(elf)!r}: choose an --out without braces or backslashes")
         files = [part for name in target.flash.openocd for part in ("-f", name)]
         return ("openocd", *files, "-c", f"program {{{elf}}} verify reset exit")
     return None
 
 
-def flash(command: tuple[str, ...], folder: Path) -> str:
-    """Run it; return what the tool said, or raise ToolError with its first lines."""
-    return run_compiler(command, folder)
+def flash(command: tuple[str, ...]) -> str:
+    """Run it; return what the tool said, or raise ToolError with its first lines.
+
+    Both tools run scripts that lie where they are started (pyocd_user.py, board/*.cfg): that is an empty folder.
+    """
+    with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
+        return run_compiler(command, Path(folder))
 
 
 def drag_file(target: Target, elf: Path) -> Path | None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from codegen.bundle import write_files
 from firmloop.output import results_file, results_folder
 from firmloop.table import ProjectError
+from identify.recording import Recording, write_recording
 
 
 def _tree(folder: Path) -> dict[str, str]:
@@ -109,3 +112,22 @@ def test_a_file_after_a_failure_is_as_before(tmp_path: Path) -> None:
 def test_a_file_that_is_no_csv(name: str, tmp_path: Path) -> None:
     with pytest.raises(ProjectError, match="--out"), results_file(tmp_path / name):
         raise AssertionError
+
+
+@pytest.mark.parametrize(
+    ("mask", "file", "folder"), [(0o077, 0o600, 0o700), (0o022, 0o644, 0o755), (0o002, 0o664, 0o775)]
+)
+def test_what_the_user_gets_follows_the_umask(mask: int, file: int, folder: int, tmp_path: Path) -> None:
+    times = np.arange(3.0)
+    before = os.umask(mask)
+    try:
+        with results_folder(tmp_path / "out", ()) as place:
+            write_files({"a.c": "", "inner/b.c": ""}, place)
+        with results_file(tmp_path / "log" / "r.csv") as path:
+            write_recording(Recording(times, {"u_V": times}, (), "r.csv", ""), path)
+    finally:
+        os.umask(before)
+    for name in ("out/a.c", "out/inner/b.c", "log/r.csv"):
+        assert (tmp_path / name).stat().st_mode & 0o777 == file
+    for name in ("out", "out/inner"):
+        assert (tmp_path / name).stat().st_mode & 0o777 == folder

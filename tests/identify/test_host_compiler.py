@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -60,3 +61,73 @@ def test_cache_that_others_can_write_is_refused(fresh_cache: Path) -> None:
     fresh_cache.chmod(0o777)
     with pytest.raises(ToolError, match="can be written by others"):
         cache_folder()
+
+
+def test_a_cache_that_is_a_link_is_refused(fresh_cache: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    fresh_cache.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(ToolError, match=r"is a link.*set XDG_CACHE_HOME"):
+        shared_library(ANSWER, ["answer.c"], [])
+    fresh_cache.unlink()
+    fresh_cache.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(ToolError, match="is a link"):
+        cache_folder()
+
+
+def test_a_cache_that_is_a_file_is_refused(fresh_cache: Path) -> None:
+    fresh_cache.write_text("")
+    with pytest.raises(ToolError, match=r"firmloop is no folder: .*set XDG_CACHE_HOME"):
+        cache_folder()
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_cache_below_a_folder_open_to_all_is_refused(
+    linked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever can write a folder above can put another one in its place, but not where it is sticky, as /tmp is."""
+    wide = tmp_path / "wide"
+    wide.mkdir()
+    if linked:
+        (tmp_path / "home").symlink_to(wide)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" if linked else wide / "inner"))
+    wide.chmod(0o777)
+    with pytest.raises(ToolError, match="wide can be written by everybody"):
+        cache_folder()
+    wide.chmod(0o1777)
+    assert cache_folder().stat().st_mode & 0o777 == 0o700
+    wide.chmod(0o755)
+    assert cache_folder().is_dir()
+
+
+def test_a_link_above_that_turns_in_a_circle_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "one").symlink_to(tmp_path / "two")
+    (tmp_path / "two").symlink_to(tmp_path / "one")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "one"))
+    with pytest.raises(ToolError, match="set XDG_CACHE_HOME"):
+        cache_folder()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder to another user")
+@pytest.mark.parametrize("above", [False, True])
+def test_a_cache_of_another_user_is_refused(above: bool, fresh_cache: Path) -> None:
+    fresh_cache.mkdir(mode=0o700)
+    os.chown(fresh_cache.parent if above else fresh_cache, 12345, 12345)
+    with pytest.raises(ToolError, match="belongs to another user"):
+        cache_folder()
+
+
+def test_a_cache_that_is_not_absolute_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", "here")
+    assert not cache_folder().is_relative_to(tmp_path) and not (tmp_path / "here").exists()
+
+
+def test_a_cache_under_a_careless_umask_is_still_private(fresh_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(fresh_cache / "a" / "b"))
+    before = os.umask(0)
+    try:
+        made = cache_folder()
+    finally:
+        os.umask(before)
+    for folder in (made, made.parent, made.parent.parent):
+        assert folder.stat().st_mode & 0o777 == 0o700

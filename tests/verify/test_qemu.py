@@ -24,6 +24,7 @@ from verify.build import Image, build_image
 from verify.cost import instructions
 from verify.links import LinkError, semihosting, uart
 from verify.links.framed import FramedLink
+from verify.links.qemu import QemuProcess
 from verify.links.semihosting import open_semihosting
 from verify.links.uart import open_qemu_uart
 
@@ -319,3 +320,37 @@ def test_the_makefile_builds_the_same_image(images: dict[str, Image], tmp_path: 
     find_tool("make")
     run_compiler(["make"], tmp_path)
     assert (tmp_path / "image.elf").read_bytes() == images["uart"].elf.read_bytes()
+
+
+SHELL = """\
+static const char command[] = "COMMAND";
+void start(void);
+void start(void) {
+    struct { const char *text; unsigned length; } asked = { command, sizeof command - 1U };
+    register int function __asm__("r0") = 0x12; /* SYS_SYSTEM: Arm Semihosting specification */
+    register void *block __asm__("r1") = &asked;
+    __asm__ volatile("bkpt 0xAB" : "+r"(function) : "r"(block) : "memory");
+    for (;;) { }
+}
+__attribute__((section(".vectors"))) const void *const vectors[2] = { (void *)0x20010000, (void *)start };
+"""
+
+
+def test_an_image_cannot_run_a_command_of_this_machine(tmp_path: Path) -> None:
+    """As semihosting's SYSTEM would."""
+    (tmp_path / "shell.c").write_text(SHELL.replace("COMMAND", f"touch {tmp_path}/RAN"))
+    place = "-Wl,--section-start=.vectors=0,-Ttext=0x100,--entry=start,--undefined=vectors"
+    flags = ("-mcpu=cortex-m4", "-mthumb", "-nostdlib", "-O1", place)
+    run_compiler(["arm-none-eabi-gcc", *flags, "-o", "shell.elf", "shell.c"], tmp_path)
+    private = tmp_path / "private"
+    private.mkdir()
+    assert TARGET.qemu is not None
+    arguments = ("-serial", "none", "-semihosting-config", "enable=on,target=native")
+    process = QemuProcess(TARGET.qemu, tmp_path / "shell.elf", arguments, (), private)
+    deadline = time.monotonic() + PATIENCE
+    while process.running() and not (tmp_path / "RAN").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    ended = not process.running()
+    process.stop()
+    assert not (tmp_path / "RAN").exists()
+    assert ended, "the kernel ends an emulator that starts a program"

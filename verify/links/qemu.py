@@ -7,6 +7,7 @@ import subprocess
 import weakref
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from codegen.target import Qemu, Target
@@ -14,6 +15,7 @@ from identify.compiler import find_tool
 from verify.links import LinkError, fault_says
 
 PATIENCE = 1.0  # s for an emulator to end by itself before it is killed
+_PROBE = 20.0  # s; QEMU lists its machines in some 0.05 s
 QUOTED = 300  # characters of its words in a message; the first ones tell most
 
 
@@ -34,9 +36,11 @@ class QemuProcess:
         folder
             a private one; taken over
         """
+        program = find_tool("qemu-system-arm")
         command = [
             *_ended_with_parent(),
-            str(find_tool("qemu-system-arm")),
+            str(program),
+            *_without_programs(program),
             *("-machine", qemu.machine, "-display", "none", "-monitor", "none"),
             # Instructions are the clock: the same image counts the same ticks on any machine.
             *("-icount", f"shift={qemu.icount_shift}"),
@@ -104,6 +108,22 @@ def _ended_with_parent() -> tuple[str, ...]:
     """Return the prefix that has the kernel end QEMU when we are killed and cannot; util-linux has it on any Linux."""
     setpriv = shutil.which("setpriv")
     return (setpriv, "--pdeathsig", "KILL") if setpriv else ()
+
+
+@cache
+def _without_programs(program: Path) -> tuple[str, ...]:
+    """Return the options that keep QEMU from starting a program, as an image could ask for by semihosting's SYSTEM.
+
+    Empty where this QEMU was built without seccomp, or the kernel has none.
+    """
+    options = ("-sandbox", "on,spawn=deny")
+    try:
+        done = subprocess.run(
+            [str(program), *options, "-machine", "help"], capture_output=True, timeout=_PROBE, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ()
+    return options if done.returncode == 0 else ()
 
 
 def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
