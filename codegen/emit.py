@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 
 from codegen.bundle import Bundle, CodegenError
@@ -26,7 +26,7 @@ def emit(program: Program, command: str) -> Bundle:
     """
     _check_names(program)
     view = program_view(program, _version(), command)
-    supports = (str(view["support"]), *(name for table in program.tables for name in _supports(table.support)))
+    supports = with_included((str(view["support"]), *(table.support for table in program.tables)))
     files = {
         f"{program.name}.h": render("controller.h.j2", view),
         f"{program.name}.c": render("controller.c.j2", view),
@@ -37,10 +37,16 @@ def emit(program: Program, command: str) -> Bundle:
     return Bundle(program.name, program.id, files, (f"{program.name}.c",), headers, setters)
 
 
-def _supports(name: str) -> tuple[str, ...]:
-    """Return a support file and those of ours that it includes."""
-    included = re.findall(r'^#include "(.+)"$', text_of(f"support/{name}"), flags=re.MULTILINE)
-    return (name, *(further for other in included for further in _supports(other)))
+def with_included(names: Sequence[str]) -> tuple[str, ...]:
+    """Return support files, each with those of ours that it includes behind it."""
+    return tuple(
+        further
+        for name in names
+        for further in (
+            name,
+            *with_included(re.findall(r'^#include "(.+)"$', text_of(f"support/{name}"), flags=re.MULTILINE)),
+        )
+    )
 
 
 def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:

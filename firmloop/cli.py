@@ -68,6 +68,17 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
             return machine.doctor(console)
         return machine.ports(console) if arguments.ports else machine.targets(console)
 
+    if arguments.verb == "prove":
+        try:
+            from firmloop.prove import prove
+        except ModuleNotFoundError as error:
+            if error.name != "z3":
+                raise
+            from identify.compiler import ToolError
+
+            raise ToolError("z3, the second judge, is not installed; install it: pip install z3-solver") from None
+        return prove(arguments.folder, console)
+
     from firmloop.project import read_project
 
     project = read_project(arguments.project)
@@ -275,6 +286,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=VALUE[@S]",
         help="set a tunable parameter, S seconds after the first sample (default before it); may be repeated",
     )
+
+    says = "prove a delivered proof.json again, and that the C beside it states what it proves"
+    proving = verbs.add_parser("prove", help=says, description=says, allow_abbrev=False)
+    proving.add_argument("folder", type=_place, metavar="DIR", help="the folder that `firmloop generate` wrote")
+    _json(proving)
 
     for name, says in (
         ("targets", "what can be built for"),

@@ -34,21 +34,33 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
     `margin` is the factor by which a value could grow before it left its word; null in floating point. In fixed point
     `low` and `high` are raw. What holds in step k: if every state variable is in its range before the step, every
     operation is in its range, and every state variable is in its range after it; `unset` names the one that is at the
-    least value of its type instead until the first sample. Inputs may hold any value of their type.
+    least value of its type instead until the first sample. Inputs may hold any value of their type. It holds at first:
+    `start` is in the range of the state, or the least value of its type where the state is `unset` (null: no number).
+    Each of `parameters` is a state that a step keeps; its setter takes the values from `low` to `high`, no others.
     """
     return {
         "schema": 1,
         "program_id": program.id,
         "name": program.name,
         "arithmetic": program.arithmetic,
+        "period_s": program.period,
         "rounds": program.rounds,
         "inputs": [_value(v) for v in program.inputs],
         "tables": [_table(table) for table in program.tables],
-        "state": [_value(v) | {"why": why[v.name]} for v in program.state],
+        "routines": [_routine(routine) for routine in program.routines],
+        "state": [
+            _value(v) | {"start": _finite(x), "why": why[v.name]}
+            for v, x in zip(program.state, program.start, strict=True)
+        ],
         "unset": program.unset,
+        "parameters": [
+            {"name": v.name, "low": v.low, "high": v.high, "start": x}
+            for v, x in zip(program.parameters, program.start[len(program.start) - len(program.tunable) :], strict=True)
+        ],
         "operations": [_operation(op) for op in program.body],
         "next_state": [{"state": a.target, "value": a.source} for a in program.next_state],
         "outputs": [_value(v) | {"value": a.source} for v, a in zip(program.outputs, program.results, strict=True)],
+        "status": [{"name": b.name, "bit": b.bit, "value": b.source} for b in program.status],
         "rounding": [{"output": r.output, "bound": _finite(r.bound), "unit": r.unit} for r in program.rounding],
     }
 
@@ -66,7 +78,23 @@ def _value(value: Value) -> dict[str, object]:
 
 
 def _table(table: Table) -> dict[str, object]:
-    return {"name": table.name, "form": table.form, "sizes": dict(table.sizes), "numbers": dict(table.numbers)}
+    return {
+        "name": table.name,
+        "form": table.form,
+        "support": table.support,
+        "sizes": dict(table.sizes),
+        "numbers": dict(table.numbers),
+    }
+
+
+def _routine(routine: Program) -> dict[str, object]:
+    """Say what a routine computes; nothing is claimed of its ranges, for what calls it limits what comes out."""
+    return {
+        "name": routine.name,
+        "inputs": [v.name for v in routine.inputs],
+        "operations": [_operation(op) for op in routine.body],
+        "results": [a.source for a in routine.results],
+    }
 
 
 def _operation(op: Op) -> dict[str, object]:

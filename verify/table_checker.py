@@ -11,18 +11,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-INT32, INT64 = 2**31 - 1, 2**63 - 1
+INT16, INT32, INT64 = 2**15 - 1, 2**31 - 1, 2**63 - 1
+SWEEPS = ("FL_QP_ROWS", "FL_QP_WIDTH", "FL_QP_PARAMETERS", "FL_QP_MOVES", "FL_SWEEPS")
+SWEEPS_SHIFTS = ("FL_SHIFT_SLOPE", "FL_SHIFT_PUSH", "FL_SHIFT_MIX", "FL_SHIFT_SCALE")
+TREE = ("FL_QP_PARAMETERS", "FL_QP_MOVES", "FL_TREE_NODES", "FL_TREE_LAWS", "FL_TREE_DEPTH")
+TREE_SHIFTS = ("FL_SHIFT_LAW",)
 
 
 def check_sweeps(table: Mapping[str, Any], parameters: Sequence[tuple[int, int]], claimed: tuple[int, int]) -> str:
     """Return what is wrong, with the number; empty where every value fits and every move is within `claimed`."""
     sizes, numbers = table["sizes"], table["numbers"]
-    rows, count, reach = sizes["FL_QP_ROWS"], sizes["FL_QP_PARAMETERS"], numbers["reach"]
+    wrong = _sizes(sizes, SWEEPS, SWEEPS_SHIFTS)
+    if wrong:
+        return wrong
+    rows, count, moves = sizes["FL_QP_ROWS"], sizes["FL_QP_PARAMETERS"], sizes["FL_QP_MOVES"]
+    lengths = {"slope": rows * count, "push": rows * count, "mix": sizes["FL_QP_WIDTH"] * rows, "low": rows}
+    lengths |= {"high": rows, "scale": moves, "least": moves, "most": moves, "reach": None, "tolerance": None}
+    wrong = _numbers(numbers, lengths)
+    if wrong:
+        return wrong
+    if moves > rows or sizes["FL_QP_WIDTH"] < max(rows, 3) or sizes["FL_QP_WIDTH"] % 2:
+        return f"{moves} moves, {rows} rows and a width of {sizes['FL_QP_WIDTH']} do not belong together"
+    reach = numbers["reach"]
     largest = [max(abs(low), abs(high)) for low, high in parameters]
-    if len(largest) != count or len(numbers["mix"]) != sizes["FL_QP_WIDTH"] * rows:
-        return f"{len(largest)} parameters and a table of {len(numbers['mix'])} numbers do not belong together"
-    if any(abs(x) > INT32 for x in _all(numbers)) or not 0 < reach <= INT32:
-        return "a number of the table is not within 32 bits, or reach is not above 0"
+    if len(largest) != count:
+        return f"{len(largest)} parameters and a table for {count} do not belong together"
+    if reach <= 0:
+        return f"reach is {reach}, not above 0"
     found: list[tuple[str, int, int]] = []
     ends = [(max(low, -reach), min(high, reach)) for low, high in zip(numbers["low"], numbers["high"], strict=True)]
     # s <= low: c = low and 2 c - s is from low to 2 low + reach; s >= high: from 2 high - reach to high; else it is s
@@ -51,14 +66,20 @@ def check_sweeps(table: Mapping[str, Any], parameters: Sequence[tuple[int, int]]
 def check_tree(table: Mapping[str, Any], parameters: Sequence[tuple[int, int]], claimed: tuple[int, int]) -> str:
     """Return what is wrong, with the number; empty where every value fits, every way ends, and moves are `claimed`."""
     sizes, numbers = table["sizes"], table["numbers"]
-    width = sizes["FL_QP_PARAMETERS"] + 1
+    wrong = _sizes(sizes, TREE, TREE_SHIFTS)
+    if wrong:
+        return wrong
+    width, moves, nodes = sizes["FL_QP_PARAMETERS"] + 1, sizes["FL_QP_MOVES"], sizes["FL_TREE_NODES"]
+    lengths = {"plane": nodes * width, "law": sizes["FL_TREE_LAWS"] * moves * width}
+    wrong = _numbers(numbers, lengths | {"least": moves, "most": moves, "below": nodes, "above": nodes})
+    if wrong:
+        return wrong
     largest = [*(max(abs(low), abs(high)) for low, high in parameters), 1 << 30]
     plane, law = numbers["plane"], numbers["law"]
-    shape = (sizes["FL_TREE_NODES"] * width, sizes["FL_TREE_LAWS"] * sizes["FL_QP_MOVES"] * width)
-    if len(largest) != width or (len(plane), len(law)) != shape:
-        return f"{width - 1} parameters and a table of {len(plane)} and {len(law)} numbers do not belong together"
-    if any(abs(x) > INT32 for x in _all(numbers)):
-        return "a number of the table is not within 32 bits"
+    if max(nodes, sizes["FL_TREE_LAWS"]) > INT16:
+        return f"{nodes} nodes and {sizes['FL_TREE_LAWS']} laws; the C counts them in 16 bits"
+    if len(largest) != width:
+        return f"{len(largest) - 1} parameters and a table for {width - 1} do not belong together"
     longest = [1] * sizes["FL_TREE_NODES"]
     for k in reversed(range(len(longest))):
         for child in (numbers["below"][k], numbers["above"][k]):
@@ -73,6 +94,27 @@ def check_tree(table: Mapping[str, Any], parameters: Sequence[tuple[int, int]], 
     return _moves(numbers, claimed) or _first(found)
 
 
+def _sizes(sizes: Mapping[str, Any], names: Sequence[str], shifts: Sequence[str]) -> str:
+    """Return which size is missing or below 1, or which shift is none of a 64-bit sum."""
+    for name in (*names, *shifts):
+        most = 63 if name in shifts else INT32
+        if not 1 <= sizes.get(name, 0) <= most:
+            return f"{name} is {sizes.get(name, 'missing')}, it must be from 1 to {most}"
+    return ""
+
+
+def _numbers(numbers: Mapping[str, Any], lengths: Mapping[str, int | None]) -> str:
+    """Return which member is missing, has another length than its array, or is not whole; None is a single number."""
+    for name, length in lengths.items():
+        found = numbers.get(name)
+        values = found if isinstance(found, list) else [found]
+        if isinstance(found, list) != (length is not None) or len(values) != (1 if length is None else length):
+            return f"{name} has {len(values)} numbers where {length or 1} are read: they do not belong together"
+        if not all(isinstance(x, int) and abs(x) <= INT32 for x in values):
+            return f"a number of the table is not within 32 bits, in {name}"
+    return ""
+
+
 def _moves(numbers: Mapping[str, Any], claimed: tuple[int, int]) -> str:
     for k, (least, most) in enumerate(zip(numbers["least"], numbers["most"], strict=True)):
         if not claimed[0] <= least <= most <= claimed[1]:
@@ -82,10 +124,6 @@ def _moves(numbers: Mapping[str, Any], claimed: tuple[int, int]) -> str:
 
 def _first(found: Sequence[tuple[str, int, int]]) -> str:
     return next((f"{name} may reach {size}, beyond {most}" for name, size, most in found if size > most), "")
-
-
-def _all(numbers: Mapping[str, Any]) -> list[int]:
-    return [x for values in numbers.values() for x in (values if isinstance(values, list | tuple) else [values])]
 
 
 def _sum(row: Sequence[int], largest: Sequence[int]) -> int:

@@ -115,7 +115,11 @@ BROKEN: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "a circle": (lambda table: table["numbers"]["below"].__setitem__(3, 1), "node 3 leads to 1, which is no later"),
     "a law that is not there": (lambda table: table["numbers"]["above"].__setitem__(0, -99), "node 0 leads to -99"),
     "too few steps": (lambda table: table["sizes"].__setitem__("FL_TREE_DEPTH", 2), r"has \d+ nodes, more than 2"),
-    "a sum too large": (lambda table: table["sizes"].__setitem__("FL_SHIFT_LAW", 64), r"a law may reach \d+, beyond"),
+    "a sum too large": (
+        lambda table: table["numbers"]["law"].__setitem__(slice(None), [2**31 - 1] * len(table["numbers"]["law"])),
+        r"a law may reach \d+, beyond",
+    ),
+    "a shift of the whole word": (lambda table: table["sizes"].__setitem__("FL_SHIFT_LAW", 64), "FL_SHIFT_LAW is 64"),
     "a move beyond its range": (lambda table: table["numbers"]["most"].__setitem__(0, 2**31 - 1), "move 0 may be"),
 }  # fmt: skip
 

@@ -69,7 +69,7 @@ def test_a_missing_limit_is_refused() -> None:
 def test_a_rounding_constant_that_overflows_is_refused() -> None:
     found = document("fixed32")
     found["operations"].append(
-        {"name": "x", "function": "shr", "arguments": ["in.reference", 30], "low": -2, "high": 2, "fraction": 0}
+        named(found, "sub") | {"name": "x", "function": "shr", "arguments": ["in.reference", 30], "low": -2, "high": 2}
     )
     with pytest.raises(ProofError, match="x = shr"):
         check_proof(found)

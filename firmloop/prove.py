@@ -1,0 +1,135 @@
+"""The verb prove: judge a delivered proof.json, and hold the C beside it against what it claims."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from codegen.emit import with_included
+from codegen.environment import text_of
+from firmloop.console import Console, table
+from firmloop.table import ProjectError
+from verify.c_checker import check_header, check_source, support_files
+from verify.claims import Claims, ProofError, read_claims
+from verify.interval_checker import check_intervals
+from verify.z3_checker import check_with_z3, judge
+
+PROVEN, REFUTED = 0, 1
+MOST_BYTES = 64 * 2**20  # of a file; a generated controller has a thousandth of it
+INTERVALS, COMPARED = "interval rules", "compared with the proof, word by word"
+Judged = list[tuple[str, str]]  # claim, and who judged it
+NOT_JUDGED = (
+    "the rounding bounds and the search for limit cycles in proof.json: `firmloop verify` measures them",
+    "the program id by itself: that proof.json, header and manifest.json name the same one is compared",
+    "what only explains: units, margins, arguments in words, comments; the test, the vectors and the build files",
+)
+
+
+def prove(folder: Path, console: Console) -> int:
+    """Prove FOLDER/proof.json again, and that the C in FOLDER states what it proves."""
+    document = _document(folder / "proof.json")
+    try:
+        claims = read_claims(document)
+    except ProofError as error:
+        raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
+    judged: Judged = []
+    refuted = ""
+    try:
+        _judge_claims(claims, judged)
+        _judge_c(claims, folder, judged)
+    except ProofError as error:
+        refuted = str(error)
+    console.lines(
+        [
+            f"{folder}: {claims.name}, {claims.arithmetic}, program {claims.program_id}",
+            *table(judged),
+            *([f"refuted: {refuted}"] if refuted else [f"  not judged here: {what}" for what in NOT_JUDGED]),
+            *([] if refuted else ["proven"]),
+        ]
+    )
+    verdict = {"program_id": claims.program_id, "proven": not refuted, "refuted": refuted or None}
+    console.result("proof", verdict | {"judged": dict(judged), "not_judged": list(NOT_JUDGED)})
+    return REFUTED if refuted else PROVEN
+
+
+def _judge_claims(claims: Claims, judged: Judged) -> None:
+    """Let each judge say what it can by itself."""
+    check_intervals(claims)
+    judges = INTERVALS
+    if claims.fixed:
+        check_with_z3(claims)
+        judges = f"{INTERVALS}; {judge()}"
+        judged.append((f"{len(claims.operations)} operations: ranges, words, constants, shift counts", judges))
+        judged.append(
+            (f"{len(claims.state) + len(claims.outputs)} stores: within the ranges of state and output", judges)
+        )
+        judged += [
+            (f"table {one['name']}: every sum of its search fits", f"{INTERVALS} alone") for one in claims.tables
+        ]
+    else:
+        judged.append(
+            (f"{len(claims.operations)} operations: nothing is claimed of words in floating point", "no judge")
+        )
+    judged.append((f"{len(claims.state)} first values: within the range of their state", judges))
+    if claims.parameters:
+        names = ", ".join(name for name, *_ in claims.parameters)
+        judged.append((f"setters of {names}: within the range of their state, kept by a step", judges))
+
+
+def _judge_c(claims: Claims, folder: Path, judged: Judged) -> None:
+    """Compare the files beside the proof with it, and the support files with those of this firmloop."""
+    for name, check in ((f"{claims.name}.h", check_header), (f"{claims.name}.c", check_source)):
+        count = check(claims, _text(folder / name))
+        judged.append((f"{name}: {count} statements, no others", COMPARED))
+    try:
+        supports = with_included(support_files(claims))
+    except FileNotFoundError as error:
+        raise ProofError(f"{Path(str(error.filename)).name} is no file that this firmloop generates") from None
+    for name in supports:
+        if _text(folder / name) != text_of(f"support/{name}"):
+            raise ProofError(
+                f"{name} is not the file that this firmloop generates: its functions are not those proven of"
+            )
+        judged.append(
+            (f"{name}: its functions and loops", "the bytes of this firmloop's own file; not derived from the proof")
+        )
+    manifest = folder / "manifest.json"
+    if manifest.exists():
+        told = _document(manifest).get("program_id")
+        if told != claims.program_id:
+            raise ProofError(
+                f"manifest.json names program {told}, proof.json {claims.program_id}: one of them is stale"
+            )
+        judged.append(("manifest.json: the same program id", "compared"))
+
+
+def _document(path: Path) -> Mapping[str, Any]:
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) != len(pairs):
+            raise ValueError("a key stands twice in one place")
+        return found
+
+    def refuse(word: str) -> float:
+        raise ValueError(f"{word} is no number of JSON")
+
+    try:
+        found = json.loads(_text(path), object_pairs_hook=once, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise ProjectError(f"{path}: is no JSON document ({str(error)[:100]}); generate it again") from None
+    if not isinstance(found, dict):
+        raise ProjectError(f"{path}: holds no claims; generate it again")
+    return found
+
+
+def _text(path: Path) -> str:
+    if not path.is_file():
+        raise ProjectError(f"{path}: no such file; give the folder that `firmloop generate` wrote")
+    if path.stat().st_size > MOST_BYTES:
+        raise ProjectError(f"{path}: has {path.stat().st_size} bytes, no generated file has more than {MOST_BYTES}")
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ProjectError(f"{path}: cannot be read ({error})") from None
