@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from quantize.ops import EVERY, LIMITS, Interval
@@ -86,6 +87,16 @@ class Builder:
                 f"{value.number.bits}-bit word; "
                 "narrow the ranges in [signals] or scale the controller"
             )
+
+    def used(self, results: Iterable[str]) -> tuple[Op, ...]:
+        """Return the operations that these results need, in order: what was left out of a sum is computed for none."""
+        asked: set[str | int | float] = set(results)
+        kept = []
+        for op in reversed(self.body):
+            if op.result.name in asked:
+                kept.append(op)
+                asked.update(op.arguments)
+        return tuple(reversed(kept))
 
     def fresh(self, name: str) -> str:
         """Return `name`, or `name2`, `name3`, ... when taken; anonymous values are t1, t2, ..."""

@@ -18,12 +18,26 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from quantize.builder import Builder, Constant, Operand, Term
-from quantize.formats import FINEST, WIDENED, fit
-from quantize.places import HIGH, WORD, Part, bits, bits_alone, exactly, near, places, split
-from quantize.program import Number, QuantizeError, Value
+from quantize.formats import WIDENED, fit
+from quantize.places import (
+    HIGH,
+    WORD,
+    Part,
+    bits,
+    bits_alone,
+    coefficient,
+    exactly,
+    near,
+    nothing,
+    places,
+    seen,
+    size,
+    split,
+    vanishes,
+)
+from quantize.program import TOO_FAR, Number, QuantizeError, Value
 from quantize.rounds import ROUNDINGS, Dropping
 
-FEWEST_BITS = 20  # of a coefficient: a gain is then right to 5e-7
 FEWEST_IN_SUM = 18  # of a weight in a sum: a gain is then right to 4e-6, else it gets a product of its own
 
 
@@ -85,12 +99,19 @@ class FixedBuilder:
         return _up(low, number.fraction), _down(high, number.fraction)
 
     def widened(self, a: Term, q: int) -> Term:
-        """Return a value at fraction `q`; where that is coarser, it is rounded down."""
+        """Return a value at fraction `q`; where that is coarser, rounded down, or as a product if less than a unit."""
         shift = q - a.number.fraction
         if shift == 0:
             return a
+        if a.low == a.high == 0:
+            return self.ops.emit("copy", (0,), _number(q), a.error)
+        if vanishes(a, q):
+            raise nothing(size(a, 0), q)
         if shift > 0:
             return self.ops.emit("shl", (a, shift), _number(q), a.error)
+        if int(a.low) >> -shift >= -1 and int(a.high) >> -shift <= 0:  # less than a unit: down would be only down
+            error = a.error + self.rounding.error * 2.0**-q
+            return self.ops.emit(self.rounding.product, (a, 1, -shift), _number(q), error)
         return self.ops.emit("asr", (a, -shift), _number(q), a.error + 2.0**-q)
 
     # -- sums -----------------------------------------------------------------------------------------------------
@@ -109,12 +130,16 @@ class FixedBuilder:
                 f"a value in units of {2.0**-q:g} is to be moved by {float(constant):g}, which is nothing there: give "
                 "the limit or rate that asks for it a larger value, or use float32"
             )
+        gone = [p for p in parts if plain and vanishes(p[1], q)]
+        if gone:
+            return self._left_out([p for p in parts if p not in gone], [term for _, term in gone], constant, q)
         whole = [p for p in parts if abs(p[0]) == 1 and (plain or p[1].number.fraction == q)]
         products = [p for p in parts if p not in whole]
         if not parts:
             return Constant(float(constant))
         if not whole and not constant and len(products) == 1:
-            return self._product(products[0][1], Constant(float(products[0][0])), q)
+            return seen([self._product(products[0][1], Constant(float(products[0][0])), q)], products, 1, q)[0]
+        beside = len(whole) + (constant != 0)
         wish, self.ops.wish = self.ops.wish, ("", "")
         if all(exactly(weight, term, q) for weight, term in products):
             moved = [self._moved(term, abs(float(weight)), q) for weight, term in products]
@@ -125,8 +150,9 @@ class FixedBuilder:
         shift, left = self._shift(products, whole, q)
         weak = [p for p, k in zip(products, left, strict=True) if bits(p, shift, q, k) < FEWEST_IN_SUM]
         if weak and bits_alone(weak, q):
-            whole = [*whole, *((Fraction(1), self._product(term, Constant(float(w)), q)) for w, term in weak)]
+            alone = [self._product(term, Constant(float(w)), q) for w, term in weak]
             kept = [p for p in products if p not in weak]
+            whole = [*whole, *((Fraction(1), term) for term in (alone if kept else seen(alone, weak, beside, q)))]
             products, left = kept, [k for p, k in zip(products, left, strict=True) if p not in weak]
             if not products:
                 return self._plain(whole, constant, q, wish)
@@ -142,7 +168,7 @@ class FixedBuilder:
                     f"the coefficient {float(weight):g} cannot be held in fixed point beside the ranges it works on: "
                     "it is too small; rescale the signals' units or use float32"
                 )
-            error += _size(a, 0) * _literal_error(weight, factor, q + shift - a.number.fraction)
+            error += size(a, 0) * _literal_error(weight, factor, q + shift - a.number.fraction)
             error += abs(float(weight)) * a.error
             start = () if total is None else (total,)
             total = self.ops.emit("wide" if total is None else "mac", (*start, a, factor), wide, 0.0)
@@ -150,10 +176,19 @@ class FixedBuilder:
         if first is None:
             self.ops.wish = wish
         rounded = self.ops.emit(self.rounding.end, (total, shift), _number(q), error)
+        (rounded,) = seen([rounded], products, beside, q) if not weak else [rounded]
         if first is None:
             return rounded
         self.ops.wish = wish
         return self.ops.emit("add", (first, rounded), _number(q), first.error + error)
+
+    def _left_out(self, kept: Sequence[Part], gone: Sequence[Term], constant: Fraction, q: int) -> Operand:
+        """Return the sum of `kept` and `constant` beside values that are nothing at its fraction, if it still adds."""
+        if len(kept) + (constant != 0) < 2:
+            raise nothing(max(size(term, 0) for term in gone), q)
+        found = self._total(kept, constant, q)
+        assert isinstance(found, Term)
+        return replace(found, error=found.error + sum(size(term, 0) + term.error for term in gone))
 
     def _differences(self, parts: Sequence[Part]) -> list[list[Part]]:
         """Put two values of opposite weight together as one difference, where that fits a word; those come first."""
@@ -212,10 +247,7 @@ class FixedBuilder:
             return HIGH, [max(0, n) for n in needed]
         shift = min(HIGH - max(needed), 62)
         if shift < 1:
-            raise QuantizeError(
-                f"a product cannot be brought to Q{q}: the ranges in the law are too far apart for "
-                "fixed point; rescale the signals' units or use float32"
-            )
+            raise QuantizeError(f"a product cannot be brought to Q{q}: {TOO_FAR}")
         return shift, [0] * len(products)
 
     # -- operations of the law ------------------------------------------------------------------------------------
@@ -270,6 +302,9 @@ class FixedBuilder:
             return self.ops.emit("copy", (raw,), target, _literal_error(a.value, raw, number.fraction))
         shift = a.number.fraction - number.fraction
         assert shift >= 0, "a stored value is never finer than what is stored"
+        if shift and (a.low == a.high == 0 or vanishes(a, number.fraction)):
+            self.ops.wish = wish
+            return self.widened(a, number.fraction)
         if shift:
             down = self.rounding.shift == "asr"
             half = 0 if down else 1 << (shift - 1)
@@ -278,7 +313,7 @@ class FixedBuilder:
                 low, high = inner_low, inner_high
             inside = low <= (int(a.low) + half) >> shift and (int(a.high) + half) >> shift <= high
             self.ops.wish = wish if inside else ("", "")
-            if a.high + half <= WORD:
+            if a.high + half <= WORD and shift < 31:
                 rounded = a.error + self.rounding.error * 2.0**-number.fraction
                 a = self.ops.emit(self.rounding.shift, (a, shift), target, rounded)
             else:  # the rounding constant could overflow
@@ -298,12 +333,12 @@ class FixedBuilder:
             moved = self._moved(a, b.value, q)
             if moved is not None:
                 return moved
-            shift, factor = _coefficient(b.value, a.number.fraction, q)
-            error = _size(a, 0) * _literal_error(b.value, factor, q + shift - a.number.fraction)
+            shift, factor = coefficient(b.value, a.number.fraction, q)
+            error = size(a, 0) * _literal_error(b.value, factor, q + shift - a.number.fraction)
             error += abs(b.value) * a.error
             return self._scaled(a, factor, shift, q, error)
         shift = a.number.fraction + b.number.fraction - q
-        error = _size(a, 0) * b.error + (_size(b, 0) + b.error) * a.error
+        error = size(a, 0) * b.error + (size(b, 0) + b.error) * a.error
         return self._scaled(a, b, shift, q, error)
 
     def _moved(self, a: Term, value: float, q: int) -> Term | None:
@@ -332,31 +367,7 @@ class FixedBuilder:
             )
         if shift == 0:
             return self.ops.emit("mul", (a, b), _number(q), error)
-        raise QuantizeError(
-            f"a product cannot be brought from Q{q + shift} to Q{q}: the ranges in the law are too far apart for "
-            "fixed point; rescale the signals' units or use float32"
-        )
-
-
-def _coefficient(value: float, from_q: int, to_q: int) -> tuple[int, int]:
-    """Return (shift, raw) of a constant that takes a value from one format to another in `mul_shift`.
-
-    The shift is 32 where the constant then has 20 to 31 bits; its rounding is at most a quarter of the result's last
-    place there, whatever its size.
-    """
-    natural = fit(value, value, 32)  # fraction at which the constant fills 31 bits
-    shift = from_q + natural - to_q
-    bits_lost = shift - 32
-    if 0 <= bits_lost <= 31 - FEWEST_BITS:
-        shift = 32
-    shift = min(shift, 62)
-    raw = near(value, to_q + shift - from_q)
-    if raw == 0 or shift < 0 or natural >= FINEST:
-        raise QuantizeError(
-            f"the coefficient {value:g} cannot be held in fixed point beside the ranges it works on: it is too "
-            f"{'large' if shift < 0 else 'small'}; rescale the signals' units or use float32"
-        )
-    return shift, raw
+        raise QuantizeError(f"a product cannot be brought from Q{q + shift} to Q{q}: {TOO_FAR}")
 
 
 def _number(q: int) -> Number:
@@ -374,12 +385,6 @@ def _operand(operand: Operand, fraction: int, toward: Callable[[float, int], int
         raw = toward(operand.value, fraction)
     raw = min(max(raw, -WORD - 1), WORD)
     return raw, _literal_error(operand.value, raw, fraction)
-
-
-def _size(a: Term | int, q: int) -> float:
-    if isinstance(a, Term):
-        return max(abs(a.low), abs(a.high)) * 2.0**-a.number.fraction
-    return abs(a) * 2.0**-q
 
 
 def _ends(a: Term | int) -> tuple[float, float]:

@@ -106,6 +106,7 @@ class _Lowering:
                 stored = self.ops.emit("copy", (stored,), stored.number, stored.error)
             next_state.append(Assign(v.name, stored.name))
         results = [self._store(nodes[n], v, v.name) for v, n in zip(outputs, output_row, strict=True)]
+        status = self._status([nodes[n] for n in flag_row])
         return Program(
             name=law.name,
             says=law.says,
@@ -120,10 +121,10 @@ class _Lowering:
             ),
             unset=state[self.found.unset].name if self.found.unset is not None else None,
             tunable=law.tunable,
-            body=tuple(self.ops.body),
+            body=self.ops.used([a.source for a in next_state] + [t.name for t in results] + [b.source for b in status]),
             next_state=tuple(next_state),
             results=tuple(Assign(v.name, t.name) for v, t in zip(outputs, results, strict=True)),
-            status=self._status([nodes[n] for n in flag_row]),
+            status=status,
             rounding=tuple(Rounding(v.name, t.error, v.unit) for v, t in zip(outputs, results, strict=True)),
             tables=self.tables,
             routines=self._routines(),
@@ -176,21 +177,44 @@ class _Lowering:
         nodes: list[Operand] = []
         for k, node in enumerate(self.graph.nodes):
             self.ops.wish = names.get(k, ("", ""))
-            q = self.formats.nodes[k]
-            if node.function == "constant":
-                nodes.append(Constant(node.value, grids.get(k)))
-            elif node.function == "argument":
-                nodes.append(arguments[node.place[0]][node.place[1]])
-            elif k in self.sums:
-                parts = [(weight, _term(nodes[a])) for a, weight in self.sums[k].terms.items()]
-                nodes.append(self.builder.total(parts, self.sums[k].constant, q))
-            elif k not in computed or (self.sums and is_linear(self.graph, k)):
-                nodes.append(Constant(0.0))  # multiplied out, or nobody asks for it
-            else:
-                operands = [self._operand(nodes, a) for a in node.arguments]
-                nodes.append(self._node(node, operands, q))
+            try:
+                nodes.append(self._found(k, node, nodes, arguments, grids, k in computed))
+            except QuantizeError as error:
+                raise QuantizeError(f"for {self._fed(k)}: {error}") from error
             self.ops.wish = ("", "")
         return nodes
+
+    def _found(
+        self,
+        k: int,
+        node: Node,
+        nodes: list[Operand],
+        arguments: list[list[Term]],
+        grids: Mapping[int, int],
+        computed: bool,
+    ) -> Operand:
+        """Return node `k` from those before it."""
+        if node.function == "constant":
+            return Constant(node.value, grids.get(k))
+        if node.function == "argument":
+            return arguments[node.place[0]][node.place[1]]
+        if k in self.sums:
+            parts = [(weight, _term(nodes[a])) for a, weight in self.sums[k].terms.items()]
+            return self.builder.total(parts, self.sums[k].constant, self.formats.nodes[k])
+        if not computed or (self.sums and is_linear(self.graph, k)):
+            return Constant(0.0)  # multiplied out, or nobody asks for it
+        return self._node(node, [self._operand(nodes, a) for a in node.arguments], self.formats.nodes[k])
+
+    def _fed(self, k: int) -> str:
+        """Name the outputs and state variables that a node is computed for, in this step or a later one."""
+        fed, before = {k}, 0
+        held = {node.place: place for place, node in enumerate(self.graph.nodes) if node.function == "argument"}
+        while len(fed) > before:
+            before = len(fed)
+            fed |= {later for later, node in enumerate(self.graph.nodes) if fed.intersection(node.arguments)}
+            fed |= {held[0, j] for j, node in enumerate(self.graph.results[0]) if node in fed and (0, j) in held}
+        rows = zip((*self.graph.results[1], *self.graph.results[0]), (*self.law.outputs, *self.law.state), strict=True)
+        return ", ".join(signal.name for node, signal in rows if node in fed) or self.law.name
 
     def _operand(self, nodes: list[Operand], k: int) -> Operand:
         """Return a node as an operation other than a sum takes it: in the format of what it meets."""
@@ -280,7 +304,10 @@ class _Lowering:
 
     def _store(self, node: Operand, value: Value, name: str) -> Term:
         low, high = value.low, value.high
-        return self.builder.store(node, value.number, low, high, (name, value.unit))  # type: ignore[arg-type]
+        try:
+            return self.builder.store(node, value.number, low, high, (name, value.unit))  # type: ignore[arg-type]
+        except QuantizeError as error:
+            raise QuantizeError(f"for {value.name}: {error}") from error
 
     def _status(self, flags: list[Operand]) -> tuple[StatusBit, ...]:
         return tuple(

@@ -72,8 +72,8 @@ def _function(says: str, name: str, run: Callable[..., Any], bound: Callable[...
 
 
 def shift_right(a: Operand, s: int) -> Operand:
-    """Round a / 2**s to nearest, halves up."""
-    return (a + (1 << (s - 1))) >> s
+    """Round a / 2**s to nearest, halves up, as in C: half of 2**s added to a 64-bit sum could overflow."""
+    return (a >> s) + ((a >> (s - 1)) & 1)
 
 
 def _multiply_shift(a: Operand, b: Operand, s: int) -> Operand:

@@ -11,6 +11,10 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from quantize.shifts import wrong_count, wrong_sizes
+
+TOO_FAR = "the ranges of the law are too far apart for fixed point: rescale the signals' units or use float32"
+
 
 class QuantizeError(Exception):
     """The law does not fit the number format; the message names the value, its range and the way out."""
@@ -44,6 +48,12 @@ class Op:
     function: str
     arguments: tuple[str | int | float, ...]
 
+    def __post_init__(self) -> None:
+        """Refuse a shift that C leaves undefined, whoever makes the operation."""
+        wrong = wrong_count(self.function, self.arguments)
+        if wrong:
+            raise QuantizeError(f"{self.result.name}: {wrong}; {TOO_FAR}")
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -59,6 +69,12 @@ class Table:
     support: str
     sizes: tuple[tuple[str, int], ...]
     numbers: tuple[tuple[str, tuple[float, ...] | float], ...]
+
+    def __post_init__(self) -> None:
+        """Refuse a shift that C leaves undefined."""
+        wrong = wrong_sizes(self.sizes)
+        if wrong:
+            raise QuantizeError(f"{self.name}: {wrong}; {TOO_FAR}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -185,7 +185,7 @@ def _shift(rows: list[list[float]], largest: list[int]) -> int:
     weight = max(abs(x) for row in rows for x in row)
     total = max(sum(abs(x) * most for x, most in zip(row, largest, strict=True)) for row in rows)
     room = min(WORD / weight if weight else math.inf, LONG / 4 / total if total else math.inf)
-    return min(MOST_SHIFT, math.floor(math.log2(room)))
+    return min(MOST_SHIFT, math.floor(math.log2(room))) if math.isfinite(room) else MOST_SHIFT
 
 
 def _sum(row: list[int], largest: list[int]) -> int:
