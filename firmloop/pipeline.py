@@ -34,7 +34,8 @@ from quantize.word_length import lower_within
 from verify.closed_loop import PlantLoop
 from verify.links import LinkError
 from verify.replay import Controller
-from verify.run import verify
+from verify.run import verify_on
+from verify.trial import Trial, try_out
 from verify.verdict import Verdict
 
 __all__ = ["Generated", "command_of", "design", "generate", "located", "plant_of"]  # the first half of the walk
@@ -145,33 +146,33 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures), points)
 
 
-def verify_target(
+def try_here(
     project: Project,
     designed: Design,
     generated: Generated,
-    name: str,
     campaign: Campaign,
     recorded: Sequence[Mapping[str, Array]],
     report: Report,
+) -> Trial | tuple[Outcome, ...]:
+    """Try the C on this machine, once for all targets; where that cannot be done, no target has a verdict."""
+    with located(project):
+        targets = [load_target(name).name for name in campaign.targets]
+    program, bundle = generated.program, generated.bundle
+    try:
+        return try_out(designed.law, program, bundle, recorded, campaign.steps, campaign.seed, report)
+    except (ToolError, LinkError) as error:
+        return tuple(Outcome(target, None, str(error)) for target in targets)
+
+
+def verify_target(
+    project: Project, designed: Design, trial: Trial, name: str, campaign: Campaign, report: Report
 ) -> Outcome:
     """Run the C on one target against the reference; a target that is not there is an outcome too."""
     with located(project):
         target = load_target(name)
     port = campaign.port if "library" not in target.links else None
-    loop = loop_of(project, designed)
     try:
-        verdict = verify(
-            designed.law,
-            generated.program,
-            generated.bundle,
-            target,
-            recorded,
-            campaign.steps,
-            campaign.seed,
-            port,
-            report,
-            loop,
-        )
+        verdict = verify_on(trial, target, port, report, loop_of(project, designed))
     except (ToolError, LinkError) as error:
         return Outcome(target.name, None, str(error))
     return Outcome(target.name, verdict, "")

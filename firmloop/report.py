@@ -101,6 +101,7 @@ def _cards(outcomes: Sequence[Outcome]) -> str:
         else:
             kind = "agrees" if verdict.agrees else "differs"
             says = f"{verdict.steps:,} steps, {verdict.differences:,} differences"
+            says = verdict.undefined.sentence() if verdict.undefined else says
         cards.append(
             f'<div class="card {kind}"><b>{html.escape(outcome.target)}: '
             f"{kind if verdict else 'not run'}</b>{html.escape(says)}</div>"
@@ -257,6 +258,7 @@ def _targets(outcomes: Sequence[Outcome], design: Design) -> list[str]:
                 f"{verdict.steps:,}, of them {', '.join(f'{n:,} {name}' for name, n in verdict.stimuli.items())}",
             ),
             ("differences", f"{verdict.differences:,}"),
+            *words.sanitizer_rows(verdict),
             *words.rounding_rows(verdict),
             *words.cost_rows(verdict),
             *words.search_rows(verdict),

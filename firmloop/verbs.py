@@ -30,6 +30,7 @@ from firmloop.pipeline import (
     predicted,
     read_data,
     recorded_inputs,
+    try_here,
     verify_target,
 )
 from firmloop.pipeline import design as design_stage
@@ -44,6 +45,7 @@ from identify.compiler import ToolError
 from identify.fit import Fit
 from identify.plant import Plant
 from identify.recording import read_recording, write_recording
+from verify.trial import Trial
 
 __all__ = ["as_recorded", "at_rest", "design", "identify", "run", "simulate", "verify", "walk"]
 
@@ -190,10 +192,15 @@ def _verify(
     project: Project, designed: Design, generated: Generated, campaign: Campaign, data: Data, console: Console
 ) -> tuple[Outcome, ...]:
     recorded = recorded_inputs(project, data, campaign.steps)
-    outcomes = []
+    with progress("verifying on this machine") as bar:
+        trial = try_here(project, designed, generated, campaign, recorded, bar)
+    outcomes: list[Outcome] = []
     for name in campaign.targets:
-        with progress(f"verifying on {name}") as bar:
-            outcome = verify_target(project, designed, generated, name, campaign, recorded, bar)
+        if isinstance(trial, Trial):
+            with progress(f"verifying on {name}") as bar:
+                outcome = verify_target(project, designed, trial, name, campaign, bar)
+        else:
+            outcome = trial[len(outcomes)]
         console.lines(words.about_outcome(outcome))
         outcomes.append(outcome)
     console.result("verdicts", documents.outcomes_document(outcomes))
@@ -211,13 +218,16 @@ def _baseline(campaign: Campaign, outcomes: Sequence[Outcome], console: Console)
 
 
 def _status(outcomes: Sequence[Outcome]) -> int:
-    """Choose the exit status; a difference counts for more than a target that is not there."""
+    """Choose the exit status; a difference counts for more than a target or a sanitizer that is not there."""
     for outcome in outcomes:
         if outcome.not_run:
             complain(f"{outcome.target} was not run: {outcome.not_run}")
+    unchecked = {o.verdict.sanitizers_not_run for o in outcomes if o.verdict} - {""}
+    for why in unchecked:
+        complain(f"the sanitizers were not run: {why}")
     if any(outcome.verdict and not outcome.verdict.agrees for outcome in outcomes):
         return DIFFERS
-    return NO_TOOL if any(outcome.not_run for outcome in outcomes) else AGREES
+    return NO_TOOL if unchecked or any(outcome.not_run for outcome in outcomes) else AGREES
 
 
 def _verdict_files(outcomes: Sequence[Outcome]) -> dict[str, str]:

@@ -145,9 +145,12 @@ def about_outcome(outcome: Outcome) -> list[str]:
     if verdict is None:
         return [f"{outcome.target}: NOT RUN: {outcome.not_run}"]
     lines = [f"{verdict.target}: {verdict.steps:,} steps, {verdict.differences:,} differences: {verdict_word(verdict)}"]
-    lines += table(cost_rows(verdict) + search_rows(verdict) + loop_rows(verdict) + rounding_rows(verdict))
+    rows = sanitizer_rows(verdict) + cost_rows(verdict) + search_rows(verdict) + loop_rows(verdict)
+    lines += table(rows + rounding_rows(verdict))
     first = verdict.first
-    if first:
+    if verdict.undefined and first:
+        lines += [f"  at step {first.step} ({first.lane}) on this machine; such C is not run on any target"]
+    elif first:
         where = f"  first at step {first.step} ({first.lane}): {first.output}"
         lines += [
             f"{where} is {first.got:.9g}, expected {in_unit(f'{first.expected:.9g}', first.unit)}",
@@ -159,6 +162,15 @@ def about_outcome(outcome: Outcome) -> list[str]:
 def verdict_word(verdict: Verdict) -> str:
     """One word."""
     return "agrees" if verdict.agrees else "DIFFERS"
+
+
+def sanitizer_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """Say what the sanitizers made of the C on this machine."""
+    if verdict.undefined:
+        return [("sanitizers", verdict.undefined.sentence())]
+    if verdict.sanitizers_not_run:
+        return [("sanitizers", f"NOT RUN: {verdict.sanitizers_not_run.splitlines()[0]}")]
+    return [("sanitizers", f"{verdict.sanitized:,} steps on this machine, nothing found")]
 
 
 def cost_rows(verdict: Verdict) -> list[tuple[str, str]]:

@@ -59,7 +59,7 @@ def compare(
         for lane in range(block.inputs.shape[0]):
             got = _run_lane(program, link, block, lane, size)
             ticks.append(got["ticks"])
-            count, found = _differences(program, trace, lane, got)
+            count, found = differing(program, trace, lane, got)
             differences += count
             if found is not None and first is None:
                 step, output, expected, value = found
@@ -80,14 +80,13 @@ def _run_lane(program: Program, link: Link, block: Block, lane: int, size: int) 
     return np.frombuffer(b"".join(answers), dtype=record_type(program))
 
 
-def _differences(
-    program: Program, trace: Trace, lane: int, got: Any
-) -> tuple[int, tuple[int, str, float, float] | None]:
-    """Count differing words of one lane; the first one comes back as (step, output, expected, got)."""
+def differing(program: Program, trace: Trace, lane: int, got: Any) -> tuple[int, tuple[int, str, float, float] | None]:
+    """Count differing words in the steps that one lane got; the first comes back as (step, output, expected, got)."""
     count = 0
     first: tuple[int, str, float, float] | None = None
-    columns = [(v.name, trace.outputs[lane, :, j], got[f"out_{v.name}"]) for j, v in enumerate(program.outputs)]
-    columns.append(("status", trace.status[lane], got["status"]))
+    done = len(got)
+    columns = [(v.name, trace.outputs[lane, :done, j], got[f"out_{v.name}"]) for j, v in enumerate(program.outputs)]
+    columns.append(("status", trace.status[lane, :done], got["status"]))
     for name, expected, value in columns:
         bits = f"<u{expected.dtype.itemsize}"
         wrong = np.ascontiguousarray(expected).view(bits) != np.ascontiguousarray(value).view(bits)

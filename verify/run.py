@@ -1,10 +1,10 @@
-"""The whole proof for one target: stimuli, reference, build, link, comparison, explanation, cost."""
+"""The whole proof for one target, after the trial on this machine: build, link, comparison, explanation, cost."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,28 +16,27 @@ from codegen.target import Target, load_target
 from design.law import Law
 from identify.compiler import compiler_version
 from quantize.program import Program
-from verify.any_state import Departures, any_state, departures
 from verify.build import Image, build_image
 from verify.closed_loop import LoopCheck, PlantLoop, check_loop
 from verify.compare import Comparison, compare
 from verify.cost import instructions
-from verify.explain import explain
-from verify.host import FLAGS, build_host, run_sanitized, total_steps
+from verify.host import FLAGS, build_host, total_steps
 from verify.links.framed import FramedLink
 from verify.links.library import LibraryLink
 from verify.links.opener import openers
 from verify.links.uart import open_port
 from verify.reference import Trace
-from verify.rounding import measure_rounding
+from verify.sanitized import SANITIZED_FLAGS
 from verify.search import searches
 from verify.settings import records
-from verify.stimuli import Block, run_blocks, stimuli, to_physical
+from verify.stimuli import Block, to_physical
+from verify.trial import Loaded, Trial, try_out
 from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searches, Verdict, Worst
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-REFERENCE_SHARE = 0.4  # of the time, roughly: the rest is the target's
+TRIAL_SHARE = 0.5  # of the time, roughly: the rest is the target's
 
 
 def verify(
@@ -52,115 +51,134 @@ def verify(
     progress: Progress,
     loop: PlantLoop | None = None,
 ) -> Verdict:
+    """Try the C on this machine and on `target`: `try_out` and `verify_on`, whose parameters and errors these are."""
+    trial = try_out(
+        law, program, bundle, recorded, steps, seed, lambda share, doing: progress(TRIAL_SHARE * share, doing)
+    )
+
+    def later(share: float, doing: str) -> None:
+        progress(TRIAL_SHARE + (1.0 - TRIAL_SHARE) * share, doing)
+
+    return verify_on(trial, target, port, later, loop)
+
+
+def verify_on(
+    trial: Trial, target: Target, port: str | None, progress: Progress, loop: PlantLoop | None = None
+) -> Verdict:
     """Build the C for `target`, run it against the bit-exact reference and say whether every bit agreed.
+
+    No target agrees whose C differs on this machine. C in which a sanitizer found something has no one meaning that a
+    target could keep: it is not let onto one.
 
     Parameters
     ----------
-    recorded
-        physical signals by input name at the controller's period, played beside the generated stimuli
-    steps
-        generated stimuli, in controller steps
     port
         None for the target's usual link, the name of another of its links, or a port of a board that runs already
     loop
         what to close the loop with, on the host and then on the target; a step that is not the same counts as different
-
-    On the host steps from any state are compared besides (`verify/any_state.py`); what differs there counts as well.
 
     Raises
     ------
     ToolError, LinkError
         when a compiler, the emulator, a port or a board is not there or fails.
     """
-    blocks = stimuli(program, recorded, steps, seed)
-    traces = run_blocks(program, blocks, lambda share, doing: progress(REFERENCE_SHARE * share, doing))
-    proof = _Proof(program, bundle, target, blocks, traces, _later(progress), loop, (seed, steps // 10))
-    if "library" in target.links:
-        comparison, details = proof.on_host()
+    proof = _Proof(trial, target, progress, loop)
+    if trial.sanitized.undefined is not None:
+        ran = proof.stopped()
+    elif "library" in target.links:
+        ran = proof.on_host()
     elif port is None or port in openers():
-        comparison, details = proof.on_emulator(port or target.links[0])
+        ran = proof.on_emulator(port or target.links[0])
     else:
-        comparison, details = proof.on_port(port)
-    link, compiler, flags, cost, sanitized = details
+        ran = proof.on_port(port)
+    looped = ran.looped
+    own = ran.comparison.differences + (len(looped.different) if looped else 0)
+    if ran.loaded is None:
+        here = trial.first(trial.loaded)
+        first = (
+            trial.explained(ran.comparison.first)
+            or _first_in_loop(trial.program, looped)
+            or (here and replace(here, lane=f"on this machine, {here.lane}"))
+        )
+    else:
+        own += ran.loaded.apart.differences
+        first = trial.first(ran.loaded) or trial.first(trial.loaded)
     return Verdict(
-        program_id=program.id,
+        program_id=trial.program.id,
         target=target.name,
-        link=link,
-        compiler=compiler,
-        flags=flags,
-        steps=comparison.steps,
-        lanes=sum(b.inputs.shape[0] for b in blocks),
-        seed=seed,
-        stimuli=_count(blocks),
-        saturated=_status_share(traces),
-        differences=comparison.differences
-        + proof.apart.differences
-        + (len(proof.looped.different) if proof.looped else 0),
-        first=_first(program, bundle, blocks, comparison) or proof.apart.first or _first_in_loop(program, proof.looped),
-        rounding=measure_rounding(law, program, blocks, traces),
-        cost=cost,
-        sanitized=sanitized,
-        closed_loop=_closed_loop(proof.looped),
-        searches=proof.searches,
+        link=ran.link,
+        compiler=ran.compiler,
+        flags=ran.flags,
+        steps=ran.comparison.steps,
+        lanes=sum(b.inputs.shape[0] for b in trial.blocks),
+        seed=trial.seed,
+        stimuli=_count(trial.blocks),
+        saturated=_status_share(trial.traces),
+        differences=own or trial.host.differences,
+        first=first,
+        rounding=trial.rounding,
+        cost=ran.cost,
+        sanitized=trial.sanitized.steps,
+        closed_loop=_closed_loop(looped),
+        searches=ran.searches,
+        host=trial.host,
+        undefined=trial.sanitized.undefined,
+        sanitizers_not_run=trial.sanitized.not_run,
     )
 
 
-Details = tuple[str, str, tuple[str, ...], Cost, int]  # link, compiler, flags, cost, sanitized steps
+@dataclass(frozen=True, slots=True)
+class _Ran:
+    """What came of one link."""
+
+    comparison: Comparison
+    link: str
+    compiler: str
+    flags: tuple[str, ...]
+    cost: Cost = NO_COST
+    looped: LoopCheck | None = None
+    searches: Searches | None = None
+    loaded: Loaded | None = None  # where the link is a library in this process
 
 
 class _Proof:
-    """One program, its stimuli and what the reference made of them, ready for any link."""
+    """One trial, ready for any link of a target."""
 
-    def __init__(
-        self,
-        program: Program,
-        bundle: Bundle,
-        target: Target,
-        blocks: Sequence[Block],
-        traces: Sequence[Trace],
-        progress: Progress,
-        loop: PlantLoop | None,
-        drawn: tuple[int, int],
-    ) -> None:
-        self.program, self.bundle, self.target, self.loop, self.drawn = program, bundle, target, loop, drawn
-        self.apart = Departures(0, 0, None)
-        self.looped: LoopCheck | None = None
-        self.searches: Searches | None = None
-        self.blocks, self.traces, self.progress = blocks, traces, progress
+    def __init__(self, trial: Trial, target: Target, progress: Progress, loop: PlantLoop | None) -> None:
+        self.trial, self.target, self.progress, self.loop = trial, target, progress, loop
+        self.program, self.blocks, self.traces = trial.program, trial.blocks, trial.traces
 
-    def on_host(self) -> tuple[Comparison, Details]:
-        link = LibraryLink(build_host(self.bundle, self.target), self.program)
-        comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
-        self.apart = departures(self.program, link, any_state(self.program, *self.drawn))
-        sanitized = 0
-        if comparison.differences == 0:
-            pairs = zip(self.blocks, self.traces, strict=True)
-            sanitized = sum(run_sanitized(self.program, self.bundle, block, trace) for block, trace in pairs)
+    def on_host(self) -> _Ran:
+        loaded = self.trial.load(self.target, self.progress)
         flags = (*FLAGS, *self.target.flags)
-        return comparison, ("library", compiler_version("gcc"), flags, NO_COST, sanitized)
+        return _Ran(loaded.comparison, "library", compiler_version("gcc"), flags, loaded=loaded)
 
-    def on_emulator(self, name: str) -> tuple[Comparison, Details]:
+    def stopped(self) -> _Ran:
+        loaded = self.trial.loaded
+        return _Ran(loaded.comparison, "sanitizers", compiler_version("gcc"), SANITIZED_FLAGS, loaded=loaded)
+
+    def on_emulator(self, name: str) -> _Ran:
         opener = openers()[name]
-        files = firmware(self.program, self.bundle, self.target, opener.transport)
+        files = firmware(self.program, self.trial.bundle, self.target, opener.transport)
         with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
             image = build_image(files, self.target, Path(folder))
             with opener.open(self.target, image.elf, self.program.id) as link:
                 comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
-                cost = self._cost(image, comparison, link)
-                self._close_loop(link)
-        return comparison, (name, image.compiler, image.flags, cost, 0)
+                counts = instructions(comparison.ticks, link.hello().overhead_ticks, self.target)
+                cost = self._cost(image, counts, link)
+                found = searches(self.program, self.blocks, self.traces, counts)
+                looped = self._close_loop(link)
+        return _Ran(comparison, name, image.compiler, image.flags, cost, looped, found)
 
-    def on_port(self, port: str) -> tuple[Comparison, Details]:
+    def on_port(self, port: str) -> _Ran:
         with open_port(self.target, port, self.program.id) as link:
             comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
             cost = self._cycles(comparison, link) if self.target.counts_cycles else NO_COST
-            self._close_loop(link)
-        return comparison, (port, "unknown: the image ran already", (), cost, 0)
+            looped = self._close_loop(link)
+        return _Ran(comparison, port, "unknown: the image ran already", (), cost, looped)
 
-    def _cost(self, image: Image, comparison: Comparison, link: FramedLink) -> Cost:
-        counts = instructions(comparison.ticks, link.hello().overhead_ticks, self.target)
+    def _cost(self, image: Image, counts: NDArray[np.int64], link: FramedLink) -> Cost:
         painted = self._painted(link)
-        self.searches = searches(self.program, self.blocks, self.traces, counts)
         return Cost(
             instructions_max=int(counts.max()),
             instructions_mean=round(float(counts.mean()), 2),
@@ -186,10 +204,11 @@ class _Proof:
             worst=self._worst(int(counts.argmax())),
         )
 
-    def _close_loop(self, link: FramedLink) -> None:
-        if self.loop is not None:
-            host = LibraryLink(build_host(self.bundle, load_target("host")), self.program)
-            self.looped = check_loop(self.program, self.loop, host, link)
+    def _close_loop(self, link: FramedLink) -> LoopCheck | None:
+        if self.loop is None:
+            return None
+        host = LibraryLink(build_host(self.trial.bundle, load_target("host")), self.program)
+        return check_loop(self.program, self.loop, host, link)
 
     def _painted(self, link: FramedLink) -> int:
         block = self.blocks[0]
@@ -214,25 +233,6 @@ class _Proof:
         raise AssertionError("a step of no block")
 
 
-def _first(program: Program, bundle: Bundle, blocks: Sequence[Block], comparison: Comparison) -> Difference | None:
-    first = comparison.first
-    if first is None:
-        return None
-    before = total_steps(blocks[: first.block]) + first.lane * blocks[first.block].inputs.shape[1]
-    unit = next((v.unit for v in program.outputs if v.name == first.output), "status bits")
-    block = blocks[first.block]
-    lane, asked = block.inputs[first.lane], None if block.settings is None else block.settings[first.lane]
-    return Difference(
-        step=before + first.step,
-        lane=f"{blocks[first.block].name} {first.lane}, step {first.step}",
-        output=first.output,
-        expected=first.expected,
-        got=first.got,
-        unit=unit,
-        operation=explain(program, bundle, lane, first.step, first.output, asked),
-    )
-
-
 def _first_in_loop(program: Program, looped: LoopCheck | None) -> Difference | None:
     if looped is None or not looped.different:
         return None
@@ -254,13 +254,6 @@ def _closed_loop(looped: LoopCheck | None) -> ClosedLoop | None:
     run = looped.run
     columns = [tuple(column.tolist()) for column in (run.reference, run.measurement, run.command)]
     return ClosedLoop(len(run.reference), len(looped.different), *columns)
-
-
-def _later(progress: Progress) -> Progress:
-    def shown(fraction: float, label: str) -> None:
-        progress(REFERENCE_SHARE + (1.0 - REFERENCE_SHARE) * fraction, label)
-
-    return shown
 
 
 def _count(blocks: Sequence[Block]) -> Mapping[str, int]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from verify.build import Function
+from verify.sanitized import Undefined
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +98,17 @@ class Searches:
 
 
 @dataclass(frozen=True, slots=True)
+class HostRun:
+    """What this machine made of the same C over the same stimuli, whichever target the verdict is about."""
+
+    steps: int
+    differences: int
+    any_state_steps: int  # single steps from drawn states, compared besides
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
-    """One target's comparison against the bit-exact reference."""
+    """One target's comparison against the bit-exact reference, and what this machine found in the same C."""
 
     program_id: str
     target: str
@@ -110,13 +120,16 @@ class Verdict:
     seed: int
     stimuli: Mapping[str, int]  # steps of each kind
     saturated: float  # share of the steps with a status bit set
-    differences: int
+    differences: int  # on the target; where it has none, those of this machine
     first: Difference | None
     rounding: tuple[Rounded, ...]
     cost: Cost
-    sanitized: int  # steps repeated under the undefined-behavior and address sanitizers; 0 where not done
+    sanitized: int  # steps repeated on this machine under the undefined-behavior and address sanitizers
     closed_loop: ClosedLoop | None = None  # not run without a plant, nor on the host, which it is compared with
     searches: Searches | None = None  # where instructions are counted, of a controller that searches
+    host: HostRun | None = None
+    undefined: Undefined | None = None  # what a sanitizer found
+    sanitizers_not_run: str = ""  # why not all of these steps ran, where a sanitizer or time was missing
 
     @property
     def agrees(self) -> bool:
@@ -139,6 +152,22 @@ class Verdict:
             "stimuli": dict(self.stimuli),
             "status_share": self.saturated,
             "sanitized_steps": self.sanitized,
+            "sanitizers_not_run": self.sanitizers_not_run or None,
+            "undefined_behavior": None
+            if self.undefined is None
+            else {
+                "says": self.undefined.sentence(),
+                "file": self.undefined.file or None,
+                "line": self.undefined.line or None,
+                "operation": self.undefined.operation or None,
+            },
+            "host": None
+            if self.host is None
+            else {
+                "steps": self.host.steps,
+                "differences": self.host.differences,
+                "any_state_steps": self.host.any_state_steps,
+            },
             "differences": self.differences,
             "first_difference": None
             if first is None
