@@ -20,20 +20,20 @@ from numpy.typing import NDArray
 
 from bench.blind_cases import draw_case, write_case
 from bench.truth import folded
-from diagnose.contact import grown, past_contacts
-from diagnose.hypothesis import Cause, Point, Scene, entered, first_point, make_scene
-from diagnose.refit import Fitted
-from diagnose.refit import fit as refit
-from diagnose.rival import relative, unseen_residuals
-from diagnose.run import Diagnosis
+from firmloop.diagnose.contact import grown, past_contacts
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered, first_point, make_scene
+from firmloop.diagnose.refit import Fitted
+from firmloop.diagnose.refit import fit as refit
+from firmloop.diagnose.rival import relative, unseen_residuals
+from firmloop.diagnose.run import Diagnosis
 from firmloop.diagnosis import diagnosed
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
-from firmloop.table import ProjectError
-from identify.compiler import ToolError
-from identify.noise import white
-from identify.plant import IdentifyError, Plant
-from identify.recording import read_recording
+from firmloop.identify.fitting.noise import white
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import read_recording
+from firmloop.identify.simulation.compiler import ToolError
+from firmloop.project.project import read_project
+from firmloop.project.table import ProjectError
+from firmloop.stages.pipeline import plant_of, read_data
 
 Array = NDArray[np.float64]
 

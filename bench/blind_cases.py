@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bench.concealed import MACHINES, OUTSIDE, SIZES, Concealed, Machine, effects_for
 from bench.truth import folded, read, run
-from identify.recording import make_recording, write_recording
+from firmloop.identify.recordings.recording import make_recording, write_recording
 
 Array = NDArray[np.float64]
 STEP, ROWS = 1e-3, 5000

@@ -9,12 +9,12 @@ import tempfile
 from pathlib import Path
 
 from bench.live import TANK
-from codegen.emit import emit
-from codegen.firmware import firmware, live_firmware
-from codegen.target import load_target, target_names
-from quantize.lower import lower
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware, live_firmware
+from firmloop.codegen.target import load_target, target_names
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.build.image import build_image
 from tests.laws import FULL, pid
-from verify.build import build_image
 
 KINDS = ("verify", "monitor")
 

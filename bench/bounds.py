@@ -13,13 +13,13 @@ import sys
 import time
 
 from bench.proof import HOST_STEPS
-from design.kinds import kinds
-from design.law import Law
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import QuantizeError
-from verify.rounding import measure_rounding
-from verify.stimuli import adversarial, run_blocks, stimuli
-from verify.verdict import Rounded
+from firmloop.design.kinds import kinds
+from firmloop.design.law import Law
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.stimuli.stimuli import adversarial, run_blocks, stimuli
+from firmloop.verify.verdict import Rounded
 
 QUICK = 20
 BARS = {"pid": 3.0, "transfer_function": 10.0}  # bound over worst; the latter is of fourth order

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from quantize.builder import as_intervals
-from quantize.ops import EVERY, LARGE
-from quantize.program import Op, Program
+from firmloop.quantize.lower.builder import as_intervals
+from firmloop.quantize.ops import EVERY, LARGE
+from firmloop.quantize.program import Op, Program
 
 LEAVES = 2  # values that boxes are made of
 MOST = 200_000  # boxes looked at

@@ -12,18 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import load_target
-from identify.kinds import make_plant
-from identify.plant import Plant
-from quantize.lower import lower
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import Plant
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.build.host import build_host
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.links.opener import openers
+from firmloop.verify.proofs.closed_loop import PlantLoop, close_loop
 from tests.laws import FULL, pid
-from verify.build import build_image
-from verify.closed_loop import PlantLoop, close_loop
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.links.opener import openers
 
 ROLES = ("reference", "measurement")
 

@@ -19,20 +19,20 @@ from pathlib import Path
 import numpy as np
 
 from bench.mutants import example_law
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import load_target
-from design.kinds import kinds
-from design.law import Law
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program, QuantizeError
-from quantize.proof import proof
-from verify.build import build_image
-from verify.checker import check_proof
-from verify.compare import compare
-from verify.cost import instructions
-from verify.links.semihosting import open_semihosting
-from verify.stimuli import run_blocks, stimuli
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import kinds
+from firmloop.design.law import Law
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import Program, QuantizeError
+from firmloop.quantize.proof import proof
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.image import build_image
+from firmloop.verify.compare import compare
+from firmloop.verify.links.semihosting import open_semihosting
+from firmloop.verify.proofs.checker import check_proof
+from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
 
 STEPS = 20_000
 TARGET = "qemu_mps2_an386"

@@ -16,13 +16,13 @@ from collections.abc import Callable
 import numpy as np
 
 from bench.real_steps import FILE, OUTPUT, model, pieces
-from identify.condition import NONE
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.noise import fit_noise
-from identify.plant import Plant
-from identify.recording import Recording, make_recording, read_recording
-from identify.simulate import simulate
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.noise import fit_noise
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording, make_recording, read_recording
+from firmloop.identify.simulation.simulate import simulate
 
 FIXED = {"value": 0.0, "free": False}
 CASES = {  # kind, truth, step, noise, seconds, rows

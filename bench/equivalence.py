@@ -35,11 +35,11 @@ from bench.boxes import stays_within
 from bench.finite import only_asked_whether_finite
 from bench.meaning import EFFORT, Meaning, limited
 from bench.orbit import away_from_zero
-from codegen.view import statement
-from quantize.ops import LARGE
-from quantize.program import Op, Program
-from verify.reference import run
-from verify.stimuli import characters
+from firmloop.codegen.view import statement
+from firmloop.quantize.ops import LARGE
+from firmloop.quantize.program import Op, Program
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import characters
 
 if TYPE_CHECKING:
     from bench.mutants import Mutant

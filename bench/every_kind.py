@@ -12,12 +12,12 @@ import sys
 import time
 
 from bench.proof import HOST_STEPS, TARGET_STEPS
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import kinds
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import QuantizeError
-from verify.run import verify
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import kinds
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.verify.run import verify
 
 
 def main() -> int:

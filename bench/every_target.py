@@ -10,12 +10,12 @@ import argparse
 import time
 from collections.abc import Iterator
 
-from codegen.emit import emit
-from codegen.target import Target, load_target, target_names
-from quantize.lower import lower
-from quantize.program import QuantizeError
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import Target, load_target, target_names
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.verify.run import verify
 from tests.laws import TABLES, pid
-from verify.run import verify
 
 NUMBERS = ("float32", "fixed32", "fixed16", "float64")
 

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.frame import STEP, seal
+from firmloop.verify.links.framed import FramedLink
 from tests.verify.boards import PROGRAM, RESULT, expected, packed
 from tests.verify.wild import WildLine, build_image_library
-from verify.frame import STEP, seal
-from verify.links import LinkError
-from verify.links.framed import FramedLink
 
 TIMEOUT, ATTEMPTS = 2.0, 8  # as on a port, with more attempts: a share of the passages is damaged, not one in a million
 RESTART = 997  # exchanges after which the host is killed within a request, and another begins

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quantize.program import Program
-from verify.reference import working_type
+from firmloop.quantize.program import Program
+from firmloop.verify.reference import working_type
 
 SUMS = ("add", "sub", "neg", "copy")
 

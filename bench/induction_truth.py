@@ -1,7 +1,8 @@
 """A single-phase induction motor with what its nominal equations leave out, written apart from the simulator it judges.
 
-The same physics as `identify/kinds/single_phase_induction_motor.py` says in its docstring, in other words: the currents
-come from the magnetization curve solved to the last digit, and an adaptive integrator of SciPy moves the states.
+The same physics as `identify/plants/kinds/single_phase_induction_motor.py` says in its docstring, in other words: the
+currents come from the magnetization curve solved to the last digit, and an adaptive integrator of SciPy moves the
+states.
 """
 
 from __future__ import annotations

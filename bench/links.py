@@ -8,12 +8,12 @@ import tempfile
 import time
 from pathlib import Path
 
-from codegen.firmware import firmware
-from codegen.target import load_target
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.opener import openers
 from tests.verify.tiny import tiny
-from verify.build import build_image
-from verify.links.framed import FramedLink
-from verify.links.opener import openers
 
 TARGET = load_target("qemu_mps2_an386")
 ROUNDS = 5  # the best one is told beside the median: the others shared the machine with something else

@@ -13,16 +13,16 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from codegen.emit import emit
-from codegen.firmware import live_firmware
-from codegen.target import Qemu, load_target
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import live_firmware
+from firmloop.codegen.target import Qemu, load_target
 from firmloop.monitor import stream
-from quantize.lower import lower
-from quantize.program import Program
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.live import open_live_port
+from firmloop.verify.links.pty import start_on_terminal
 from tests.laws import FULL, pid
-from verify.build import build_image
-from verify.links.live import open_live_port
-from verify.links.pty import start_on_terminal
 
 # 32 ns an instruction: about what the emulated 25 MHz would give, where the counting of instructions takes 256 ns.
 TARGET = replace(load_target("qemu_mps2_an386"), qemu=Qemu("mps2-an386", 5))

@@ -10,9 +10,9 @@ import numpy as np
 import z3
 
 from bench.zeros import never_minus_zero
-from codegen.view import statement
-from quantize.ops import EVERY, LARGE
-from quantize.program import Op, Program
+from firmloop.codegen.view import statement
+from firmloop.quantize.ops import EVERY, LARGE
+from firmloop.quantize.program import Op, Program
 
 WIDE = 64
 EFFORT = 12_000_000  # z3's own count of its work, the same on a busy machine: some 10 s

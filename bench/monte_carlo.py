@@ -10,11 +10,11 @@ import time
 
 import numpy as np
 
-from identify.condition import NONE
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.recording import make_recording
-from identify.redraw import redraw, white
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.redraw import redraw, white
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import make_recording
 
 MOMENTS = np.arange(1000) * 1e-3
 DRIVE = np.where(MOMENTS >= 0.1, 115.0, 0.0)

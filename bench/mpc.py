@@ -30,26 +30,26 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from codegen.bundle import Bundle
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import load_target
-from design.active_set import Solution, solve
-from design.kinds import design
-from design.law import Law
-from design.outcome import COLUMN
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.program import Program
-from quantize.quadratic import rows_of
-from verify.build import build_image
-from verify.compare import compare
-from verify.cost import instructions
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.links.opener import openers
-from verify.reference import Trace, run
-from verify.stimuli import Block
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import design
+from firmloop.design.law import Law
+from firmloop.design.outcome import COLUMN
+from firmloop.design.quadratic.active_set import Solution, solve
+from firmloop.identify.signal import Signal
+from firmloop.quantize.formats.quadratic import rows_of
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.host import build_host
+from firmloop.verify.build.image import build_image
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.links.opener import openers
+from firmloop.verify.reference import Trace, run
+from firmloop.verify.stimuli.stimuli import Block
 
 STATES = ("p_m", "th_rad", "v_m_s", "w_rad_s")
 UNITS = ("m", "rad", "m/s", "rad/s")

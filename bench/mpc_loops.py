@@ -15,11 +15,11 @@ import sys
 import numpy as np
 import scipy.linalg
 
-from design.kinds import design
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.program import Program
-from verify.reference import Machine, start_state, working_type
+from firmloop.design.kinds import design
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.reference import Machine, start_state, working_type
 
 Array = np.ndarray
 ALLOWED = 0.1  # of a softened limit

@@ -13,13 +13,13 @@ import sys
 import numpy as np
 
 from bench.mpc import _on_target
-from codegen.emit import emit
-from design.active_set import exact, solve
-from design.kinds import design
-from identify.signal import Signal
-from quantize.lower import lower
-from verify.reference import run
-from verify.stimuli import Block
+from firmloop.codegen.emit import emit
+from firmloop.design.kinds import design
+from firmloop.design.quadratic.active_set import exact, solve
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import Block
 
 RANGES = (("angle", "rad", 3.0), ("speed", "rad/s", 40.0))
 LIMIT = 6.0  # V

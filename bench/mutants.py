@@ -19,21 +19,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bench.equivalence import equivalent
-from codegen.bundle import Bundle
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import design, kinds
-from design.law import Law
-from identify.compiler import ToolError
-from identify.signal import Signal
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program, QuantizeError
-from verify.any_state import AnyState, any_state, departures
-from verify.compare import compare
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.reference import Trace
-from verify.stimuli import Block, run_blocks, stimuli
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import design, kinds
+from firmloop.design.law import Law
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.compiler import ToolError
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import Program, QuantizeError
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.any_state import AnyState, any_state, departures
+from firmloop.verify.reference import Trace
+from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
 
 STEPS = 60_000  # of the first campaign
 SAMPLE = 16  # mutants of one kind and format

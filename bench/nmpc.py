@@ -28,24 +28,24 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from codegen.bundle import Bundle
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import load_target
-from design.kinds import design
-from design.law import Horizon, Law
-from firmloop.pipeline import plant_of
-from firmloop.project import read_project
-from quantize.lower import lower
-from quantize.program import Program
-from verify.build import build_image
-from verify.compare import compare
-from verify.cost import instructions
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.links.opener import openers
-from verify.reference import Machine, Trace, run, start_state
-from verify.stimuli import Block
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import design
+from firmloop.design.law import Horizon, Law
+from firmloop.project.project import read_project
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.stages.pipeline import plant_of
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.host import build_host
+from firmloop.verify.build.image import build_image
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.links.opener import openers
+from firmloop.verify.reference import Machine, Trace, run, start_state
+from firmloop.verify.stimuli.stimuli import Block
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TARGET = "qemu_mps2_an386"

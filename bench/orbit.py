@@ -15,8 +15,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from quantize.program import Assign, Op, Program
-from verify.reference import Machine, working_type
+from firmloop.quantize.program import Assign, Op, Program
+from firmloop.verify.reference import Machine, working_type
 
 SAMPLES = 500  # of the run
 MOST = 2**21  # numbers of a grid, beyond which it is given up

@@ -11,13 +11,13 @@ import time
 import numpy as np
 
 from bench.mutants import example_law
-from codegen.emit import emit
-from codegen.target import load_target
-from quantize.lower import ARITHMETICS, lower
-from verify.reference import run
-from verify.run import verify
-from verify.stimuli import to_raw
-from verify.verdict import Verdict
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.reference import run
+from firmloop.verify.run import verify
+from firmloop.verify.stimuli.stimuli import to_raw
+from firmloop.verify.verdict import Verdict
 
 HOST_STEPS = 1_000_000
 TARGET_STEPS = 100_000

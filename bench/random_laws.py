@@ -18,13 +18,13 @@ from itertools import chain
 
 import numpy as np
 
-from design.kinds import design, kinds
-from design.law import DesignError, Law
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.program import QuantizeError
-from quantize.proof import proof
-from verify.checker import ProofError, check_proof
+from firmloop.design.kinds import design, kinds
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import ProofError, check_proof
 
 LAWS = 200
 SEED = 4

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.recording import Recording, make_recording, read_recording, write_recording
+from firmloop.identify.recordings.recording import Recording, make_recording, read_recording, write_recording
 
 Array = NDArray[np.float64]
 

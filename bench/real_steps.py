@@ -18,14 +18,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from bench.real import ROOT
-from identify.attach import parameters_of
-from identify.condition import NONE
-from identify.fit import fit
-from identify.kinds import make_plant
-from identify.normal import NORMAL_95
-from identify.plant import IdentifyError, Plant
-from identify.plant_table import plant_from_table
-from identify.recording import Recording, make_recording, read_recording
+from firmloop.identify.fitting.fit import fit
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.attach import parameters_of
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording, make_recording, read_recording
 
 FILE = ROOT / "ball_and_hoop_dc_motor" / "randomStepSequence.csv"
 DRIVE, OUTPUT, HOLD = "motor_cmd_norm", "tacho_V", 50  # rows that a level is held

@@ -19,11 +19,11 @@ import scipy.optimize
 import scipy.signal
 from numpy.typing import NDArray
 
-from identify.blackbox import STRUCTURES, Record, continuous, redrawn
-from identify.condition import NONE
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.recording import make_recording
+from firmloop.identify.bench_tests.blackbox import STRUCTURES, Record, continuous, redrawn
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import make_recording
 
 Array = NDArray[np.float64]
 

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.induction_truth import L3510
-from design.kinds import kinds
-from identify.kinds import make_plant
-from identify.recording import make_recording
-from identify.simulate import simulate
-from quantize.lower import ARITHMETICS, lower
-from verify.reference import run
-from verify.stimuli import to_physical, to_raw
+from firmloop.design.kinds import kinds
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import to_physical, to_raw
 
 Array = NDArray[np.float64]
 

@@ -22,20 +22,20 @@ from pathlib import Path
 import numpy as np
 
 from bench.mutants import example_law
-from codegen.bundle import Bundle, write_files
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import load_target
-from design.kinds import kinds
-from design.law import Law
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program, QuantizeError
-from verify.build import Image, build_image
-from verify.compare import record_type
-from verify.host import WARNINGS, build_host
-from verify.links.library import LibraryLink
-from verify.settings import records
-from verify.stimuli import characters
+from firmloop.codegen.bundle import Bundle, write_files
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import kinds
+from firmloop.design.law import Law
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import Program, QuantizeError
+from firmloop.verify.build.host import WARNINGS, build_host
+from firmloop.verify.build.image import Image, build_image
+from firmloop.verify.compare import record_type
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.stimuli.settings import records
+from firmloop.verify.stimuli.stimuli import characters
 
 TARGET = "qemu_mps2_an386"
 LOST_AT = 7  # sample in which an input is no number

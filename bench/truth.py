@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from identify.compiler import shared_library
+from firmloop.identify.simulation.compiler import shared_library
 
 Array = NDArray[np.float64]
 FINE = 100  # substeps per row

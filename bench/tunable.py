@@ -10,14 +10,14 @@ import sys
 import time
 
 from bench.proof import HOST_STEPS, TARGET_STEPS, row
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import design
-from identify.signal import Signal
-from quantize.lower import ARITHMETICS, lower
-from quantize.proof import proof
-from verify.checker import check_proof
-from verify.run import verify
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import design
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import check_proof
+from firmloop.verify.run import verify
 
 RANGES = {"kp": [0.0, 0.2], "ki": [0.0, 5.0], "kd": [0.0, 0.001], "b": [0.0, 1.0], "c": [0.0, 1.0]}
 TABLE = {

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 import control
 import numpy as np
 
-from design.contest import Entry, contest
-from design.kinds import Request
-from design.tuning import rules
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.plant import Plant
-from identify.signal import Signal
+from firmloop.design.analysis.contest import Entry, contest
+from firmloop.design.kinds import Request
+from firmloop.design.tuning import rules
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import linearize
 
 SEARCHING, PEAKS, USUAL = ("ise", "iae", "itae"), (1.3, 1.6, 2.0), 1.6
 MOTOR = {"R_ohm": 8.0, "L_H": 1e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.02, "J_kg_m2": 3e-6, "b_N_m_s_rad": 3e-6}

@@ -16,14 +16,14 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from codegen.firmware import firmware
-from codegen.target import load_target
-from firmloop.pipeline import Generated, design, generate
-from firmloop.project import read_project
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import Generated, design, generate
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.pty import start_on_terminal
+from firmloop.verify.links.qemu import QemuProcess
 from tests.verify.test_faults import PROJECT, garbage
-from verify.build import build_image
-from verify.links.pty import start_on_terminal
-from verify.links.qemu import QemuProcess
 
 TARGET = load_target("qemu_mps2_an386")
 LONG, SHORT = 1_000_000, 500  # steps: not done before something happens; done at once

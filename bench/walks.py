@@ -21,9 +21,9 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
-from design.kinds import Request, kinds
 from firmloop.cli import main as firmloop
-from verify.checker import check_proof
+from firmloop.design.kinds import Request, kinds
+from firmloop.verify.proofs.checker import check_proof
 
 KINDS = ("fuzzy_pid", "sliding_mode", "self_tuning", "sensorless_speed", "gain_schedule", "start_monitor")
 FORMATS = {

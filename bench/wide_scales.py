@@ -21,19 +21,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bench.random_laws import KINDS, Draw, Random, Table
-from codegen.emit import emit
-from design.kinds import Kind, Request, design, kinds
-from design.law import DesignError, Law
-from identify.compiler import ToolError
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.program import Program, QuantizeError
-from quantize.proof import proof
-from verify.checker import ProofError, check_proof
-from verify.host import run_sanitized
-from verify.reference import run
-from verify.rounding import measure_rounding
-from verify.stimuli import Block, side_by_side, stimuli
+from firmloop.codegen.emit import emit
+from firmloop.design.kinds import Kind, Request, design, kinds
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.compiler import ToolError
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program, QuantizeError
+from firmloop.quantize.proof import proof
+from firmloop.verify.build.host import run_sanitized
+from firmloop.verify.proofs.checker import ProofError, check_proof
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import Block, side_by_side, stimuli
 
 LAWS = 500
 SEED = 12

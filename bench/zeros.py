@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from quantize.program import Op, Program
+from firmloop.quantize.program import Op, Program
 
 
 def never_minus_zero(program: Program) -> frozenset[str]:

@@ -7,11 +7,11 @@ import re
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 
-from codegen.bundle import Bundle, CodegenError
-from codegen.environment import render, text_of
-from codegen.names import check_identifier
-from codegen.view import c_type, physical, program_view, setter_name
-from quantize.program import Program, Value
+from firmloop.codegen.bundle import Bundle, CodegenError
+from firmloop.codegen.environment import render, text_of
+from firmloop.codegen.names import check_identifier
+from firmloop.codegen.view import c_type, physical, program_view, setter_name
+from firmloop.quantize.program import Program, Value
 
 
 def emit(program: Program, command: str) -> Bundle:

@@ -25,7 +25,7 @@ def c_comment(text: object) -> str:
 
 def text_of(name: str) -> str:
     """Return the text of a file that travels with firmloop, by its path under templates_c/."""
-    return files("templates_c").joinpath(name).read_text(encoding="utf-8")
+    return files("firmloop").joinpath("templates_c").joinpath(name).read_text(encoding="utf-8")
 
 
 def _environment() -> jinja2.Environment:

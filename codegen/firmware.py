@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from codegen.bundle import Bundle, CodegenError
-from codegen.environment import render, text_of
-from codegen.target import Region, Target, board_parts
-from codegen.toolchain import is_source_name
-from quantize.program import Program, Value
+from firmloop.codegen.bundle import Bundle, CodegenError
+from firmloop.codegen.environment import render, text_of
+from firmloop.codegen.target import Region, Target, board_parts
+from firmloop.codegen.toolchain import is_source_name
+from firmloop.quantize.program import Program, Value
 
 PROTOCOL_VERSION = 2
 STEPS_MOST = 64  # per frame; more gains little and delays the answer to a repeated request

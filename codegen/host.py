@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from codegen.bundle import Bundle
-from codegen.environment import render
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.environment import render
 
 
 def host_files(bundle: Bundle) -> Mapping[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from codegen.bundle import CodegenError
+from firmloop.codegen.bundle import CodegenError
 
 LONGEST = 31  # significant initial characters of an external identifier, C99 5.2.4.1
 

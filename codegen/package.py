@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.bundle import Bundle
-from codegen.environment import render
-from codegen.view import c_type, setter_name
-from quantize.program import Program, Value
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.environment import render
+from firmloop.codegen.view import c_type, setter_name
+from firmloop.quantize.program import Program, Value
 
 Raw = NDArray[Any]
 

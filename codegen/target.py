@@ -9,9 +9,9 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from codegen.bundle import CodegenError
-from codegen.toml_table import TomlTable
-from codegen.toolchain import COMPILERS, SOURCE_RULE, is_source_name
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.toml_table import TomlTable
+from firmloop.codegen.toolchain import COMPILERS, SOURCE_RULE, is_source_name
 
 FLOAT_UNITS = ("float32", "float64")
 CYCLE_TIMERS = ("dwt", "systick")  # run at the processor's clock
@@ -119,7 +119,7 @@ class Target:
 
 def target_names() -> tuple[str, ...]:
     """Names of the targets that come with firmloop, sorted."""
-    files = resources.files("targets").iterdir()
+    files = resources.files("firmloop").joinpath("targets").iterdir()
     return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
 
 
@@ -142,13 +142,13 @@ def load_target(name: str) -> Target:
         raise CodegenError(
             f"target {name!r} is unknown; known: {', '.join(target_names())}; or give the path of a .toml file"
         )
-    folder = resources.files("targets")
+    folder = resources.files("firmloop").joinpath("targets")
     return parse_target(folder.joinpath(f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml", folder)
 
 
 def board_parts(kind: str) -> tuple[str, ...]:
     """Names for which a C file templates_c/board/<kind>_<name>.c exists, sorted."""
-    files = [file.name for file in resources.files("templates_c").joinpath("board").iterdir()]
+    files = [file.name for file in resources.files("firmloop").joinpath("templates_c").joinpath("board").iterdir()]
     found = (re.fullmatch(rf"{kind}_(\w+)\.c", file) for file in files)
     return tuple(sorted(match.group(1) for match in found if match))
 
@@ -263,7 +263,7 @@ def _flash(table: TomlTable) -> Flash:
 
 
 def _sources(table: TomlTable, folder: Traversable) -> tuple[tuple[str, str], ...]:
-    own = {file.name for file in resources.files("templates_c").joinpath("board").iterdir()}
+    own = {file.name for file in resources.files("firmloop").joinpath("templates_c").joinpath("board").iterdir()}
     texts = []
     for name in table.places("sources"):
         file = folder.joinpath(name)

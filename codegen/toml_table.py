@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from codegen.bundle import CodegenError
-from codegen.toolchain import FLAG_RULE, is_flag
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.toolchain import FLAG_RULE, is_flag
 
 PLACE = r"(?!(?:.*/)?\.\.(?:/|$))[A-Za-z0-9_][A-Za-z0-9_./-]*"
 

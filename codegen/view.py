@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from quantize.ops import EVERY
-from quantize.program import Number, Op, Program, Table, Value
+from firmloop.quantize.ops import EVERY
+from firmloop.quantize.program import Number, Op, Program, Table, Value
 
 View = dict[str, object]
 

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from identify.signal import Signal
+from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 

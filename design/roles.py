@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from design.law import DesignError
-from identify.signal import Signal
+from firmloop.design.law import DesignError
+from firmloop.identify.signal import Signal
 
 
 def reference_and_measurement(inputs: tuple[Signal, ...]) -> tuple[int, int]:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from design.law import DesignError
-from identify.signal import Signal
+from firmloop.design.law import DesignError
+from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from design.kinds import Request
-from design.law import DesignError, Law, Scalar
-from design.table import choice, numbers
-from identify.signal import Signal
+from firmloop.design.kinds import Request
+from firmloop.design.law import DesignError, Law, Scalar
+from firmloop.design.table import choice, numbers
+from firmloop.identify.signal import Signal
 
 KEYS = ("tunable", "ranges")
 WHY = "set from outside, refused beyond its declared range; a step leaves it alone"

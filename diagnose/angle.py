@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from diagnose.hypothesis import Scene, turning
-from diagnose.refit import evidence, fit, fit_starts, own_evidence
-from diagnose.rival import Rival
-from diagnose.round import LONG
+from firmloop.diagnose.hypothesis import Scene, turning
+from firmloop.diagnose.refit import evidence, fit, fit_starts, own_evidence
+from firmloop.diagnose.rival import Rival
+from firmloop.diagnose.round import LONG
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from diagnose.hypothesis import Cause, Point, Scene, meeting
-from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
-from identify.noise import Noise, flat
-from identify.recording import Recording
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, meeting
+from firmloop.diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
+from firmloop.identify.fitting.noise import Noise, flat
+from firmloop.identify.recordings.recording import Recording
 
 _NUDGES = (  # factors on where a contact is, how stiff it is, and how damped: as much of critical as it was
     (1.0, 1.0, 1.0),

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.fault import Fault, Guess, as_given, faults, gains, played
-from diagnose.loop import Loop, loop_of
-from diagnose.replayed import TURNS, Match, felt, match, spread_of
-from identify.plant import Plant
-from identify.recording import Recording
-from verify.replay import Controller, play_exactly
+from firmloop.diagnose.fault import Fault, Guess, as_given, faults, gains, played
+from firmloop.diagnose.loop import Loop, loop_of
+from firmloop.diagnose.replayed import TURNS, Match, felt, match, spread_of
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.verify.replay import Controller, play_exactly
 
 Array = NDArray[np.float64]
 

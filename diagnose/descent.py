@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Coordinate, Point, Scene, full_start, outputs_of
-from identify.noise import Noise
-from identify.recording import Recording
+from firmloop.diagnose.hypothesis import Coordinate, Point, Scene, full_start, outputs_of
+from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.plant import Plant
-from identify.recording import Recording
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diagnose.finding import Finding
-from diagnose.rival import HELD
+from firmloop.diagnose.finding import Finding
+from firmloop.diagnose.rival import HELD
 
 FAR = 20.0  # residual over noise on unseen recordings from which nothing that was fitted holds there
 WORSE = 10.0  # times the residual on those that were fitted

@@ -6,13 +6,13 @@ import time
 from dataclasses import replace
 from itertools import product
 
-from diagnose.hypothesis import first_point
-from diagnose.rank import Search, accepted
-from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
-from diagnose.rival import TIE, extended, larger, rated, tells
-from diagnose.round import LAST, LONG, SHORT, every_start
-from diagnose.screen import Screened
-from identify.noise import flat
+from firmloop.diagnose.hypothesis import first_point
+from firmloop.diagnose.rank import Search, accepted
+from firmloop.diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
+from firmloop.diagnose.rival import TIE, extended, larger, rated, tells
+from firmloop.diagnose.round import LAST, LONG, SHORT, every_start
+from firmloop.diagnose.screen import Screened
+from firmloop.identify.fitting.noise import flat
 
 _FINAL = 3  # causes fitted to the end
 _SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps

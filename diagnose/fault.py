@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.loop import Loop
-from identify.units import unit_of
-from verify.replay import Controller, play, play_unlimited
+from firmloop.diagnose.loop import Loop
+from firmloop.identify.units import unit_of
+from firmloop.verify.replay import Controller, play, play_unlimited
 
 Array = NDArray[np.float64]
 Path = tuple[str | int, ...]

@@ -6,26 +6,26 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from diagnose.contact import met
-from diagnose.exhaust import exhausted
-from diagnose.hypothesis import Cause, Scene, meeting
-from diagnose.lasting import FEW, with_lasting
-from diagnose.pieces import in_pieces
-from diagnose.plain import believed, farther, independent, leap, nearer, needed, slow_rivals, strays
-from diagnose.polish import limits, polished
-from diagnose.profile import profiled
-from diagnose.pushes import doubtful, with_pushes
-from diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
-from diagnose.refit import Fitted, ended, evidence, fit, noises_of, strength, with_doubt
-from diagnose.rest import rested
-from diagnose.retime import retimed
-from diagnose.rival import MINOR, TIE, Rival, contradicted, rated, without
-from diagnose.round import LONG
-from diagnose.shape import Shape, best_shape, outweighs, weighed
-from diagnose.split import split
-from identify.course import LONGEST_CHANGE
-from identify.noise import colored, flat
-from identify.normal import NORMAL_95
+from firmloop.diagnose.contact import met
+from firmloop.diagnose.exhaust import exhausted
+from firmloop.diagnose.hypothesis import Cause, Scene, meeting
+from firmloop.diagnose.lasting import FEW, with_lasting
+from firmloop.diagnose.pieces import in_pieces
+from firmloop.diagnose.plain import believed, farther, independent, leap, nearer, needed, slow_rivals, strays
+from firmloop.diagnose.polish import limits, polished
+from firmloop.diagnose.profile import profiled
+from firmloop.diagnose.pushes import doubtful, with_pushes
+from firmloop.diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
+from firmloop.diagnose.refit import Fitted, ended, evidence, fit, noises_of, strength, with_doubt
+from firmloop.diagnose.rest import rested
+from firmloop.diagnose.retime import retimed
+from firmloop.diagnose.rival import MINOR, TIE, Rival, contradicted, rated, without
+from firmloop.diagnose.round import LONG
+from firmloop.diagnose.shape import Shape, best_shape, outweighs, weighed
+from firmloop.diagnose.split import split
+from firmloop.identify.fitting.noise import colored, flat
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _LITTLE = 150.0  # drop of BIC up to which a name says little

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diagnose.descent import residual_of
-from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
-from diagnose.orders import best_orders
-from diagnose.refit import Fitted, fit
-from diagnose.rival import Rival, extended, joined
-from diagnose.screen import Screened, ground, screen
-from diagnose.unfold import from_unfolded
-from identify.noise import colored, flat
+from firmloop.diagnose.descent import residual_of
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered, first_point
+from firmloop.diagnose.orders import best_orders
+from firmloop.diagnose.refit import Fitted, fit
+from firmloop.diagnose.rival import Rival, extended, joined
+from firmloop.diagnose.screen import Screened, ground, screen
+from firmloop.diagnose.unfold import from_unfolded
+from firmloop.identify.fitting.noise import colored, flat
 
 _STEPS = 6  # of a trial
 _MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diagnose.cut import Blame, Cut
-from diagnose.finding import Alternative, Estimate, Finding, Location, Named
-from identify.normal import NORMAL_95
+from firmloop.diagnose.cut import Blame, Cut
+from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named
+from firmloop.identify.normal import NORMAL_95
 
 _TIED = 0.5  # probability of a fault that another explains as well
 _SURE = 0.99

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.screen import outside, with_starts
-from identify.attach import all_uses, with_effects
-from identify.clock import evened
-from identify.condition import NONE
-from identify.effects import find_effect
-from identify.experiment import Experiment, best_start, experiments
-from identify.hold import HOLDS
-from identify.noise import fit_noise
-from identify.plant import IdentifyError, Plant
-from identify.problem import Point, Problem, make_problem, solve, weighted
-from identify.recording import Recording
-from identify.simulate import constants_of, rest_start, simulator
+from firmloop.diagnose.screen import outside, with_starts
+from firmloop.identify.fitting.experiment import Experiment, best_start, experiments
+from firmloop.identify.fitting.noise import fit_noise
+from firmloop.identify.fitting.problem import Point, Problem, make_problem, solve, weighted
+from firmloop.identify.plants.attach import all_uses, with_effects
+from firmloop.identify.plants.effects import find_effect
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.clock import evened
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.hold import HOLDS
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import constants_of, rest_start, simulator
 
 Array = NDArray[np.float64]
 

@@ -10,15 +10,15 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.direct import DIRECT, Direct
-from diagnose.wrap import unwrapped
-from identify.attach import all_uses, label_of, parameters_of, site_of
-from identify.effect import Effect, EffectParameter, Scales
-from identify.effects import find_effect
-from identify.plant import Plant
-from identify.recording import Recording
-from identify.simulate import measured, rest_start
-from identify.superset import Superset, inertia_parameter, scales_of, superset
+from firmloop.diagnose.direct import DIRECT, Direct
+from firmloop.diagnose.wrap import unwrapped
+from firmloop.identify.plants.attach import all_uses, label_of, parameters_of, site_of
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
+from firmloop.identify.plants.effects import find_effect
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import measured, rest_start
+from firmloop.identify.simulation.superset import Superset, inertia_parameter, scales_of, superset
 
 Array = NDArray[np.float64]
 

@@ -10,27 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from diagnose.descent import residual_of
-from diagnose.direct import Direct, coarse
-from diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
-from diagnose.hypothesis import Cause, Scene
-from diagnose.locate import worst_spans
-from diagnose.plain import needed
-from diagnose.preflight import Preflight
-from diagnose.pushes import doubtful
-from diagnose.rank import Search, richer_of, rivals_of
-from diagnose.refit import deviations, fit, fit_starts, noises_of, strength
-from diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals, without
-from diagnose.round import LONG
-from diagnose.sentences import paragraph
-from diagnose.shape import Shape, best_shape, outweighs
-from diagnose.usual import untold
-from identify.attach import label_of, parameters_of, values_of, with_effects
-from identify.effect import EffectParameter
-from identify.effects import find_effect
-from identify.noise import Noise, flat, whiteness
-from identify.normal import NORMAL_95
-from identify.plant import EffectUse, Parameter, Plant
+from firmloop.diagnose.descent import residual_of
+from firmloop.diagnose.direct import Direct, coarse
+from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
+from firmloop.diagnose.hypothesis import Cause, Scene
+from firmloop.diagnose.locate import worst_spans
+from firmloop.diagnose.plain import needed
+from firmloop.diagnose.preflight import Preflight
+from firmloop.diagnose.pushes import doubtful
+from firmloop.diagnose.rank import Search, richer_of, rivals_of
+from firmloop.diagnose.refit import deviations, fit, fit_starts, noises_of, strength
+from firmloop.diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals, without
+from firmloop.diagnose.round import LONG
+from firmloop.diagnose.sentences import paragraph
+from firmloop.diagnose.shape import Shape, best_shape, outweighs
+from firmloop.diagnose.usual import untold
+from firmloop.identify.fitting.noise import Noise, flat, whiteness
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.attach import label_of, parameters_of, values_of, with_effects
+from firmloop.identify.plants.effect import EffectParameter
+from firmloop.identify.plants.effects import find_effect
+from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import MOMENT, Cause, Scene, searched
-from diagnose.pushes import batches, pushed, sizes_of
-from diagnose.refit import Fitted, deviations, widened
-from diagnose.rival import elsewhere, without
-from identify.noise import Noise, colored
+from firmloop.diagnose.hypothesis import MOMENT, Cause, Scene, searched
+from firmloop.diagnose.pushes import batches, pushed, sizes_of
+from firmloop.diagnose.refit import Fitted, deviations, widened
+from firmloop.diagnose.rival import elsewhere, without
+from firmloop.identify.fitting.noise import Noise, colored
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 from scipy.ndimage import uniform_filter1d
 
-from diagnose.rank import Search
-from diagnose.rival import Rival
-from identify.linear import linearize
-from identify.noise import Noise
-from identify.plant import Plant
-from identify.recording import Recording
-from identify.simulate import course_of, measured
+from firmloop.diagnose.rank import Search
+from firmloop.diagnose.rival import Rival
+from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import course_of, measured
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.plant import Plant
-from identify.recording import Recording
-from identify.units import ending_of
-from verify.replay import Controller
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.units import ending_of
+from firmloop.verify.replay import Controller
 
 Array = NDArray[np.float64]
 

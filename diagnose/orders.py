@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import whitened
-from diagnose.hypothesis import Scene
-from diagnose.refit import Fitted
-from diagnose.response import effort_of, response
-from diagnose.screen import Ground, outside
-from identify.linear import linearize
-from identify.superset import travelled
+from firmloop.diagnose.descent import whitened
+from firmloop.diagnose.hypothesis import Scene
+from firmloop.diagnose.refit import Fitted
+from firmloop.diagnose.response import effort_of, response
+from firmloop.diagnose.screen import Ground, outside
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.superset import travelled
 
 Array = NDArray[np.float64]
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from diagnose.hypothesis import Cause, Point, Scene
-from diagnose.plain import strays
-from diagnose.rank import Progress, Search, accepted, search
-from diagnose.refit import fit, noises_of
-from diagnose.rival import Rival, larger, rated, tells
-from diagnose.round import CLEAR, LONG
-from identify.noise import Noise, flat
-from identify.recording import Recording
+from firmloop.diagnose.hypothesis import Cause, Point, Scene
+from firmloop.diagnose.plain import strays
+from firmloop.diagnose.rank import Progress, Search, accepted, search
+from firmloop.diagnose.refit import fit, noises_of
+from firmloop.diagnose.rival import Rival, larger, rated, tells
+from firmloop.diagnose.round import CLEAR, LONG
+from firmloop.identify.fitting.noise import Noise, flat
+from firmloop.identify.recordings.recording import Recording
 
 _PIECES, _LEAST = 8, 200  # pieces of a recording, and rows of one
 

@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.given import from_given
-from diagnose.hypothesis import Cause, Scene, first_point, searched
-from diagnose.lasting import by_chance
-from diagnose.orders import best_orders
-from diagnose.polish import polished
-from diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
-from diagnose.refit import Fitted, fit, noises_of
-from diagnose.rival import (
+from firmloop.diagnose.given import from_given
+from firmloop.diagnose.hypothesis import Cause, Scene, first_point, searched
+from firmloop.diagnose.lasting import by_chance
+from firmloop.diagnose.orders import best_orders
+from firmloop.diagnose.polish import polished
+from firmloop.diagnose.rank import MOST_EFFECTS, SLOW_THRESHOLD, THRESHOLD, Progress, Search, pruned
+from firmloop.diagnose.refit import Fitted, fit, noises_of
+from firmloop.diagnose.rival import (
     Rival,
     believable,
     by_luck,
@@ -34,9 +34,9 @@ from diagnose.rival import (
     simplest,
     unseen_residuals,
 )
-from diagnose.screen import ground, screen
-from diagnose.swap import merged, plainer, swapped
-from identify.noise import Noise, colored
+from firmloop.diagnose.screen import ground, screen
+from firmloop.diagnose.swap import merged, plainer, swapped
+from firmloop.identify.fitting.noise import Noise, colored
 
 Array = NDArray[np.float64]
 

@@ -13,16 +13,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnose.hypothesis import Cause, Point, Scene
-from diagnose.refit import Fitted, fit
-from identify.attach import with_effects
-from identify.condition import NONE
-from identify.experiment import experiments
-from identify.noise import Noise
-from identify.plant import EffectUse
-from identify.problem import Point as Place
-from identify.problem import Problem, make_problem, solve
-from identify.simulate import constants_of, simulator
+from firmloop.diagnose.hypothesis import Cause, Point, Scene
+from firmloop.diagnose.refit import Fitted, fit
+from firmloop.identify.fitting.experiment import experiments
+from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.fitting.problem import Point as Place
+from firmloop.identify.fitting.problem import Problem, make_problem, solve
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import EffectUse
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.simulation.simulate import constants_of, simulator
 
 _STEPS, _AT_ONCE = 60, 4
 _GAIN = 1e-7  # of the cost, by which a few steps have to lower it

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from identify.plant import IdentifyError, Plant
-from identify.recording import Recording
-from identify.simulate import course_of, measured, rest_start, simulator
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.held import believed_hold, fitted_nominal
-from diagnose.response import disturbed
-from identify.clipped import gathering
-from identify.condition import Conditioning, check_conditioning, condition_input
-from identify.forms import form_writer
-from identify.hold import FINER, HOLDS
-from identify.plant import IdentifyError, Plant
-from identify.recording import Recording, make_recording
-from identify.simulate import simulate
+from firmloop.diagnose.held import believed_hold, fitted_nominal
+from firmloop.diagnose.response import disturbed
+from firmloop.identify.plants.linear_forms import form_writer
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.clipping import gathering
+from firmloop.identify.recordings.conditioning import Conditioning, check_conditioning, condition_input
+from firmloop.identify.recordings.hold import FINER, HOLDS
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import MOMENT, Point, Scene
-from diagnose.refit import Fitted, cost_at, ended, fit, inverse, moved, widened
-from identify.noise import Noise
+from firmloop.diagnose.hypothesis import MOMENT, Point, Scene
+from firmloop.diagnose.refit import Fitted, cost_at, ended, fit, inverse, moved, widened
+from firmloop.identify.fitting.noise import Noise
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import Problem, start_slopes, whitened
-from diagnose.hypothesis import Cause, Scene, searched
-from diagnose.refit import Fitted, inverse, strength, tethers, widened
-from identify.noise import Noise, colored, flat
-from identify.recording import Recording
+from firmloop.diagnose.descent import Problem, start_slopes, whitened
+from firmloop.diagnose.hypothesis import Cause, Scene, searched
+from firmloop.diagnose.refit import Fitted, inverse, strength, tethers, widened
+from firmloop.identify.fitting.noise import Noise, colored, flat
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -10,20 +10,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.angle import follows_record, lost_count, strayed
-from diagnose.contact import past_contacts
-from diagnose.descent import whitened
-from diagnose.direct import coarse
-from diagnose.given import from_given, runaways
-from diagnose.hypothesis import MOMENT, Cause, Point, Scene, first_point, meeting, turning
-from diagnose.lasting import accidental, by_chance, times_chance
-from diagnose.refit import evidence, fit, noises_of
-from diagnose.rival import MINOR, TIE, Rival, closer, contain, creeps, faint, larger, rated, relieved, simplest, tells
-from diagnose.round import LONG, SHORT, screened, tried_beside
-from diagnose.screen import Screened
-from diagnose.swap import amounting, amounts_to, merged, parted, swapped
-from identify.course import LONGEST_CHANGE
-from identify.noise import colored, flat, white
+from firmloop.diagnose.angle import follows_record, lost_count, strayed
+from firmloop.diagnose.contact import past_contacts
+from firmloop.diagnose.descent import whitened
+from firmloop.diagnose.direct import coarse
+from firmloop.diagnose.given import from_given, runaways
+from firmloop.diagnose.hypothesis import MOMENT, Cause, Point, Scene, first_point, meeting, turning
+from firmloop.diagnose.lasting import accidental, by_chance, times_chance
+from firmloop.diagnose.refit import evidence, fit, noises_of
+from firmloop.diagnose.rival import (
+    MINOR,
+    TIE,
+    Rival,
+    closer,
+    contain,
+    creeps,
+    faint,
+    larger,
+    rated,
+    relieved,
+    simplest,
+    tells,
+)
+from firmloop.diagnose.round import LONG, SHORT, screened, tried_beside
+from firmloop.diagnose.screen import Screened
+from firmloop.diagnose.swap import amounting, amounts_to, merged, parted, swapped
+from firmloop.identify.fitting.noise import colored, flat, white
+from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import PATIENCE, Problem, descended, solved
-from diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start
-from diagnose.torque_scale import near_given
-from identify.noise import Noise, fit_noise
-from identify.recording import Recording
+from firmloop.diagnose.descent import PATIENCE, Problem, descended, solved
+from firmloop.diagnose.hypothesis import Cause, Coordinate, Point, Scene, coordinates, full_start
+from firmloop.diagnose.torque_scale import near_given
+from firmloop.identify.fitting.noise import Noise, fit_noise
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import slopes_of
-from diagnose.hypothesis import Scene
-from diagnose.rank import Search
-from diagnose.refit import fit, noises_of
-from diagnose.rival import Rival, unseen_residuals
-from diagnose.round import LONG
-from diagnose.wrap import shifted, turns_between
-from identify.noise import flat
-from identify.recording import Recording
+from firmloop.diagnose.descent import slopes_of
+from firmloop.diagnose.hypothesis import Scene
+from firmloop.diagnose.rank import Search
+from firmloop.diagnose.refit import fit, noises_of
+from firmloop.diagnose.rival import Rival, unseen_residuals
+from firmloop.diagnose.round import LONG
+from firmloop.diagnose.wrap import shifted, turns_between
+from firmloop.identify.fitting.noise import flat
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.fault import Guess, played
-from diagnose.loop import Loop
-from diagnose.refit import inverse
-from verify.replay import Controller
+from firmloop.diagnose.fault import Guess, played
+from firmloop.diagnose.loop import Loop
+from firmloop.diagnose.refit import inverse
+from firmloop.verify.replay import Controller
 
 Array = NDArray[np.float64]
 

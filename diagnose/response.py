@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
-from identify.attach import with_effects
-from identify.engine import effect_simulator
-from identify.linear import linearize
-from identify.plant import Plant
-from identify.recording import Recording
-from identify.simulate import course_of, rest_start
-from identify.superset import efforts
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.engine import effect_simulator
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import course_of, rest_start
+from firmloop.identify.simulation.superset import efforts
 
 Array = NDArray[np.float64]
 

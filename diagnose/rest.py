@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import Problem
-from diagnose.hypothesis import Point, Scene
-from diagnose.rank import Search, rivals_of
-from diagnose.refit import fit_starts, inverse
-from diagnose.rival import TIE, Rival
+from firmloop.diagnose.descent import Problem
+from firmloop.diagnose.hypothesis import Point, Scene
+from firmloop.diagnose.rank import Search, rivals_of
+from firmloop.diagnose.refit import fit_starts, inverse
+from firmloop.diagnose.rival import TIE, Rival
 
 Array = NDArray[np.float64]
 

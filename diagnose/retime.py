@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diagnose.angle import strayed
-from diagnose.hypothesis import Cause, Scene, turning
-from diagnose.rank import Search
-from diagnose.refit import fit
-from diagnose.rival import TIE, Rival, rated
-from diagnose.round import LONG
-from diagnose.swap import exchanged
+from firmloop.diagnose.angle import strayed
+from firmloop.diagnose.hypothesis import Cause, Scene, turning
+from firmloop.diagnose.rank import Search
+from firmloop.diagnose.refit import fit
+from firmloop.diagnose.rival import TIE, Rival, rated
+from firmloop.diagnose.round import LONG
+from firmloop.diagnose.swap import exchanged
 
 _TIMES = 8  # that the angle is amended, each by the last fit, as long as that explains more
 

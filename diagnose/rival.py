@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import residual_of
-from diagnose.hypothesis import Cause, Point, Scene, entered, outputs_of
-from diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of
-from identify.effects import effects, find_effect
-from identify.noise import Noise, colored, memory
+from firmloop.diagnose.descent import residual_of
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered, outputs_of
+from firmloop.diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of
+from firmloop.identify.fitting.noise import Noise, colored, memory
+from firmloop.identify.plants.effects import effects, find_effect
 
 Array = NDArray[np.float64]
 

@@ -9,16 +9,16 @@ from itertools import islice
 
 import numpy as np
 
-from diagnose.contact import PATIENCE, met, past_contacts
-from diagnose.given import afresh, runaways
-from diagnose.hypothesis import Scene
-from diagnose.orders import best_orders
-from diagnose.polish import limits
-from diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
-from diagnose.rival import IMPOSSIBLE, Rival, extended, rated, related
-from diagnose.screen import Screened, ground, screen
-from diagnose.swap import relatives
-from identify.noise import Noise, colored, flat, white
+from firmloop.diagnose.contact import PATIENCE, met, past_contacts
+from firmloop.diagnose.given import afresh, runaways
+from firmloop.diagnose.hypothesis import Scene
+from firmloop.diagnose.orders import best_orders
+from firmloop.diagnose.polish import limits
+from firmloop.diagnose.refit import Fitted, evidence, fit, noises_of, own_evidence
+from firmloop.diagnose.rival import IMPOSSIBLE, Rival, extended, rated, related
+from firmloop.diagnose.screen import Screened, ground, screen
+from firmloop.diagnose.swap import relatives
+from firmloop.identify.fitting.noise import Noise, colored, flat, white
 
 CLEAR = 150.0  # BIC by which a short fit is too far behind to catch up, or has clearly gained
 SHORT, LONG, LAST = 3, 24, 4  # steps of a trial, of a final fit, and of one that only follows a new noise model

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from diagnose.finding import Finding
-from diagnose.further import completed
-from diagnose.held import HOLD_WORTH
-from diagnose.hypothesis import make_scene
-from diagnose.judge import improved_plant, judge
-from diagnose.preflight import Preflight, preflight
-from diagnose.prepare import prepared
-from diagnose.rank import Progress, Search, search
-from diagnose.regauge import regauged
-from diagnose.rival import Rival, rated
-from diagnose.shape import Shape
-from diagnose.sound import check_sound
-from identify.plant import Plant
-from identify.recording import Recording
+from firmloop.diagnose.finding import Finding
+from firmloop.diagnose.further import completed
+from firmloop.diagnose.held import HOLD_WORTH
+from firmloop.diagnose.hypothesis import make_scene
+from firmloop.diagnose.judge import improved_plant, judge
+from firmloop.diagnose.preflight import Preflight, preflight
+from firmloop.diagnose.prepare import prepared
+from firmloop.diagnose.rank import Progress, Search, search
+from firmloop.diagnose.regauge import regauged
+from firmloop.diagnose.rival import Rival, rated
+from firmloop.diagnose.shape import Shape
+from firmloop.diagnose.sound import check_sound
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)

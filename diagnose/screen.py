@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import slopes_of, whitened
-from diagnose.hypothesis import Cause, Scene, entered, outputs_of
-from diagnose.refit import Fitted
-from identify.least_squares import triangle
-from identify.noise import Noise, fit_noise
-from identify.recording import Recording
+from firmloop.diagnose.descent import slopes_of, whitened
+from firmloop.diagnose.hypothesis import Cause, Scene, entered, outputs_of
+from firmloop.diagnose.refit import Fitted
+from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.noise import Noise, fit_noise
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from diagnose.finding import Finding, Shift
-from diagnose.rank import THRESHOLD, Search
-from diagnose.shape import Shape
+from firmloop.diagnose.finding import Finding, Shift
+from firmloop.diagnose.rank import THRESHOLD, Search
+from firmloop.diagnose.shape import Shape
 
 
 def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[str, ...]:

@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.descent import residual_of, slopes_of, whitened
-from diagnose.direct import coarse
-from diagnose.hypothesis import Cause, Point, outputs_of
-from diagnose.locate import latent, nominal_plant
-from diagnose.rank import LONG_MEMORY, Search
-from diagnose.refit import fit_starts, noises_of
-from diagnose.rival import Rival, rms_of, unlikely
-from diagnose.round import screened
-from diagnose.screen import Screened, orthogonal, outside, secants, with_starts
-from diagnose.terms import SENSOR, Term, terms
-from identify.least_squares import triangle
-from identify.noise import Noise, flat
-from identify.plant import Plant
-from identify.recording import Recording
+from firmloop.diagnose.descent import residual_of, slopes_of, whitened
+from firmloop.diagnose.direct import coarse
+from firmloop.diagnose.hypothesis import Cause, Point, outputs_of
+from firmloop.diagnose.locate import latent, nominal_plant
+from firmloop.diagnose.rank import LONG_MEMORY, Search
+from firmloop.diagnose.refit import fit_starts, noises_of
+from firmloop.diagnose.rival import Rival, rms_of, unlikely
+from firmloop.diagnose.round import screened
+from firmloop.diagnose.screen import Screened, orthogonal, outside, secants, with_starts
+from firmloop.diagnose.terms import SENSOR, Term, terms
+from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.noise import Noise, flat
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.preflight import check_rows
-from identify.plant import IdentifyError, Plant
-from identify.recording import Recording
-from identify.simulate import course_of, measured, rest_start, simulator
+from firmloop.diagnose.preflight import check_rows
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
 
 Array = NDArray[np.float64]
 

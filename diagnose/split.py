@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diagnose.hypothesis import Cause
-from diagnose.plain import independent, leap, simulated_beside
-from diagnose.rank import Search, accepted
-from diagnose.rival import RICHER, Rival, larger
-from identify.noise import colored
+from firmloop.diagnose.hypothesis import Cause
+from firmloop.diagnose.plain import independent, leap, simulated_beside
+from firmloop.diagnose.rank import Search, accepted
+from firmloop.diagnose.rival import RICHER, Rival, larger
+from firmloop.identify.fitting.noise import colored
 
 _MOST = 0.5  # of what the best explains, that a simpler one has to explain
 _MEMORY = 1.5  # ratio of residual and innovation rms, from which something is left to explain

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnose.hypothesis import Cause, Point, Scene, entered
-from diagnose.refit import Fitted, evidence, fit, own_evidence
-from diagnose.rival import (
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered
+from firmloop.diagnose.refit import Fitted, evidence, fit, own_evidence
+from firmloop.diagnose.rival import (
     MINOR,
     RICHER,
     TIE,

@@ -11,13 +11,13 @@ from scipy.linalg import expm
 from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
-from diagnose.locate import Latent
-from diagnose.response import disturbed
-from identify.linear import linearize
-from identify.plant import Plant
-from identify.recording import Recording
-from identify.simulate import course_of
-from identify.superset import travelled
+from firmloop.diagnose.locate import Latent
+from firmloop.diagnose.response import disturbed
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import course_of
+from firmloop.identify.simulation.superset import travelled
 
 Array = NDArray[np.float64]
 

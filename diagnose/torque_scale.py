@@ -11,8 +11,8 @@ import re
 
 from scipy.optimize import minimize_scalar
 
-from diagnose.descent import Place, Problem
-from diagnose.hypothesis import Point
+from firmloop.diagnose.descent import Place, Problem
+from firmloop.diagnose.hypothesis import Point
 
 _CONSTANT = "kt_N_m_A"
 _TORQUE = re.compile(r"_(N|kg)(_|$)")  # in a name: its unit has a force in it

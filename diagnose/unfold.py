@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.cheapest import cheapest
-from diagnose.descent import residual_of
-from diagnose.hypothesis import Cause, Point, Scene, entered, first_point, outputs_of
-from diagnose.refit import Fitted, fit, noises_of
-from diagnose.wrap import with_column
-from identify.noise import Noise, flat, white
+from firmloop.diagnose.cheapest import cheapest
+from firmloop.diagnose.descent import residual_of
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered, first_point, outputs_of
+from firmloop.diagnose.refit import Fitted, fit, noises_of
+from firmloop.diagnose.wrap import with_column
+from firmloop.identify.fitting.noise import Noise, flat, white
 
 Array = NDArray[np.float64]
 

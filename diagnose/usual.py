@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.hypothesis import Cause, searched
-from diagnose.rank import Search, richer_of
-from diagnose.refit import fit
-from diagnose.rival import Rival, containing, rated
-from diagnose.swap import alike, exchanged
+from firmloop.diagnose.hypothesis import Cause, searched
+from firmloop.diagnose.rank import Search, richer_of
+from firmloop.diagnose.refit import fit
+from firmloop.diagnose.rival import Rival, containing, rated
+from firmloop.diagnose.swap import alike, exchanged
 
 Array = NDArray[np.float64]
 

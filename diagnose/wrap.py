@@ -10,11 +10,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnose.cheapest import cheapest
-from diagnose.direct import Direct
-from identify.plant import IdentifyError, Plant
-from identify.recording import Recording
-from identify.simulate import measured, simulate
+from firmloop.diagnose.cheapest import cheapest
+from firmloop.diagnose.direct import Direct
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import measured, simulate
 
 Array = NDArray[np.float64]
 

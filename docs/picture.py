@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from firmloop.console import TextConsole
-from firmloop.project import Campaign, read_project
-from firmloop.report import picture
+from firmloop.presentation.report import picture
+from firmloop.project.project import Campaign, read_project
 from firmloop.verbs import walk
 
 ROOT = Path(__file__).parents[1]

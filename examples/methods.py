@@ -52,7 +52,10 @@ L3510 = (
     ("double revolving field", "python -m examples.baldor_l3510.audit: steady state with both windings"),
     ("d-q model of the single-phase motor", 'firmloop simulate, plant.kind = "single_phase_induction_motor"'),
     ("three-phase d-q model for comparison", 'firmloop simulate, plant.kind = "three_phase_induction_motor"'),
-    ("no-load, locked-rotor and direct-current tests", "identify/induction_tests.py, each formula with its source"),
+    (
+        "no-load, locked-rotor and direct-current tests",
+        "identify/bench_tests/induction_tests.py, each formula with its source",
+    ),
     ("spectral filtering of line harmonics", "[recordings.conditioning] line_Hz; firmloop examine tells its effect"),
     ("capacitor ageing", 'firmloop diagnose: "capacitor_ageing"'),
     ("sliding mode", 'firmloop generate, controller.kind = "sliding_mode" with boundary layer'),

@@ -24,7 +24,7 @@ from types import FrameType
 from typing import NoReturn
 
 from firmloop.console import Console, JsonConsole, TextConsole, complain
-from firmloop.table import ProjectError
+from firmloop.project.table import ProjectError
 
 WRONG_FILE, NO_TOOL, OUR_FAULT, STOPPED, NO_READER = 2, 3, 70, 130, 141
 STEPS, MOST_STEPS = 100_000, 1_000_000_000
@@ -74,16 +74,16 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
         except ModuleNotFoundError as error:
             if error.name != "z3":
                 raise
-            from identify.compiler import ToolError
+            from firmloop.identify.simulation.compiler import ToolError
 
             raise ToolError("z3, the second judge, is not installed; install it: pip install z3-solver") from None
         return prove(arguments.folder, console)
 
-    from firmloop.project import read_project
+    from firmloop.project.project import read_project
 
     project = read_project(arguments.project)
     if arguments.verb in ("verify", "run"):
-        from firmloop.project import Campaign, campaign_targets
+        from firmloop.project.project import Campaign, campaign_targets
 
         targets = campaign_targets(project, arguments.target or ())
         campaign = Campaign(targets, arguments.steps, arguments.seed, arguments.port)
@@ -97,13 +97,13 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
 
     if arguments.verb == "flash":
         from firmloop.flash import flash
-        from firmloop.project import campaign_targets
+        from firmloop.project.project import campaign_targets
 
         name = campaign_targets(project, (arguments.target,))[0]
         return flash(project, name, arguments.live, arguments.out, console)
     if arguments.verb == "monitor":
         from firmloop.monitor import Watch, monitor
-        from firmloop.project import campaign_targets
+        from firmloop.project.project import campaign_targets
 
         name = campaign_targets(project, (arguments.target,))[0]
         names = tuple(part.strip() for part in arguments.signals.split(",") if part.strip())
@@ -157,12 +157,12 @@ def _run(arguments: argparse.Namespace, console: Console) -> int:
 def _failed(error: Exception, console: Console) -> int:
     """Say what went wrong in one message; return the exit status."""
     # Only now: a command that went well need not load every package.
-    from codegen.bundle import CodegenError
-    from design.law import DesignError
-    from identify.compiler import ToolError
-    from identify.plant import IdentifyError
-    from quantize.program import QuantizeError
-    from verify.links import LinkError
+    from firmloop.codegen.bundle import CodegenError
+    from firmloop.design.law import DesignError
+    from firmloop.identify.plants.plant import IdentifyError
+    from firmloop.identify.simulation.compiler import ToolError
+    from firmloop.quantize.program import QuantizeError
+    from firmloop.verify.links import LinkError
 
     if _debugging():
         complain(traceback.format_exc())

@@ -9,24 +9,31 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.bundle import write_files
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, table
+from firmloop.identify.bench_tests.datasheets import Contradiction, Reading, Sheet, read_sheet, sheets
+from firmloop.identify.bench_tests.graphical import one_point
+from firmloop.identify.bench_tests.motor_forms import MotorForm, motor_forms
+from firmloop.identify.bench_tests.quantity import in_si
+from firmloop.identify.bench_tests.standard_tests import (
+    Measured,
+    coast_down,
+    locked_rotor_ac,
+    locked_rotor_dc,
+    no_load,
+    step_test,
+)
+from firmloop.identify.bench_tests.step_response import step_response
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.recording import Recording, column, read_recording
+from firmloop.identify.units import unit_of
 from firmloop.output import results_folder
-from firmloop.pipeline import located
-from firmloop.project import Project
-from firmloop.project_text import made_text
-from firmloop.table import ProjectError, Table
-from firmloop.words import in_unit, rounded_to
-from identify.datasheets import Contradiction, Reading, Sheet, read_sheet, sheets
-from identify.graphical import one_point
-from identify.motor_forms import MotorForm, motor_forms
-from identify.normal import NORMAL_95
-from identify.plant import IdentifyError
-from identify.quantity import in_si
-from identify.recording import Recording, column, read_recording
-from identify.standard_tests import Measured, coast_down, locked_rotor_ac, locked_rotor_dc, no_load, step_test
-from identify.step_response import step_response
-from identify.units import unit_of
+from firmloop.presentation.words import in_unit, rounded_to
+from firmloop.project.project import Project
+from firmloop.project.project_text import made_text
+from firmloop.project.table import ProjectError, Table
+from firmloop.stages.pipeline import located
 
 AGREES, CONTRADICTS = 0, 1
 TOLERANCE = 0.05  # share by which printed figures may miss each other: makers round, and allow for their spread

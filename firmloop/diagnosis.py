@@ -9,16 +9,18 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from codegen.bundle import write_files
-from diagnose.cut import Cut, cut
-from diagnose.doubt import with_doubt
-from diagnose.halves import with_controller
-from diagnose.prepare import as_conditioned
-from diagnose.run import Diagnosis, diagnose
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress
-from firmloop.diagnosis_report import diagnosis_report
+from firmloop.diagnose.cut import Cut, cut
+from firmloop.diagnose.doubt import with_doubt
+from firmloop.diagnose.halves import with_controller
+from firmloop.diagnose.prepare import as_conditioned
+from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.output import results_folder
-from firmloop.pipeline import (
+from firmloop.presentation.diagnosis_report import diagnosis_report
+from firmloop.project.project import Project, require
+from firmloop.project.project_text import diagnosed_text
+from firmloop.stages.pipeline import (
     Data,
     Report,
     command_of,
@@ -29,8 +31,6 @@ from firmloop.pipeline import (
     plant_of,
     read_data,
 )
-from firmloop.project import Project, require
-from firmloop.project_text import diagnosed_text
 
 NOTHING, FOUND = 0, 1
 FILES = ("diagnosis.json", "project.toml", "report.html")

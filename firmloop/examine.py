@@ -9,24 +9,24 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.bundle import write_files
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table
-from firmloop.documents import fields_document, finite, fit_document
+from firmloop.identify.bench_tests.sensitivity import FIGURES, Sensitivity, sensitivity
+from firmloop.identify.fitting.fit import Fit, fit, interval95
+from firmloop.identify.fitting.redraw import Redrawn, blocks, left_over, redraw, white
+from firmloop.identify.fitting.residual_tests import ResidualTests, residual_tests
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.plant import IdentifyError, Parameter
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import column
 from firmloop.output import results_folder
-from firmloop.pipeline import Data, conditioning_of, located, plant_of, read_data
-from firmloop.pipeline import identify as identify_stage
-from firmloop.project import Project, require
-from firmloop.project_text import fitted_text
-from firmloop.saturation import refuse_saturated
-from firmloop.words import about_fit, in_unit, rounded_to
-from identify.condition import NONE
-from identify.fit import Fit, fit, interval95
-from identify.normal import NORMAL_95
-from identify.plant import IdentifyError, Parameter
-from identify.recording import column
-from identify.redraw import Redrawn, blocks, left_over, redraw, white
-from identify.residual_tests import ResidualTests, residual_tests
-from identify.sensitivity import FIGURES, Sensitivity, sensitivity
+from firmloop.presentation.documents import fields_document, finite, fit_document
+from firmloop.presentation.words import about_fit, in_unit, rounded_to
+from firmloop.project.project import Project, require
+from firmloop.project.project_text import fitted_text
+from firmloop.stages.pipeline import Data, conditioning_of, located, plant_of, read_data
+from firmloop.stages.pipeline import identify as identify_stage
+from firmloop.stages.saturation import refuse_saturated
 
 MOST_BOOTSTRAPS = 2000  # more change the third digit of an interval's end only
 TITLES = {

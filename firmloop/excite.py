@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.bundle import write_files
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console
+from firmloop.identify.bench_tests.excitations import excitation
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.recording import make_recording, write_recording
+from firmloop.identify.units import unit_of
 from firmloop.output import results_folder
-from firmloop.pipeline import command_of
-from firmloop.project import Project
-from firmloop.saturation import refuse_saturated
-from firmloop.table import ProjectError
-from identify.excitations import excitation
-from identify.plant import IdentifyError
-from identify.recording import make_recording, write_recording
-from identify.units import unit_of
+from firmloop.project.project import Project
+from firmloop.project.table import ProjectError
+from firmloop.stages.pipeline import command_of
+from firmloop.stages.saturation import refuse_saturated
 
 Array = NDArray[np.float64]
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from codegen.bundle import CodegenError
-from codegen.firmware import firmware, live_firmware
-from codegen.target import load_target
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.firmware import firmware, live_firmware
+from firmloop.codegen.target import load_target
 from firmloop.console import Console, progress
+from firmloop.identify.simulation.compiler import ToolError
 from firmloop.output import results_folder
-from firmloop.pipeline import command_of, design, generate, located, plant_of
-from firmloop.project import Project, require
-from firmloop.table import ProjectError
-from identify.compiler import ToolError
-from verify.build import ELF, build_image
-from verify.flash import drag_file, flash_command
-from verify.flash import flash as flash_board
+from firmloop.project.project import Project, require
+from firmloop.project.table import ProjectError
+from firmloop.stages.pipeline import command_of, design, generate, located, plant_of
+from firmloop.verify.build.flash import drag_file, flash_command
+from firmloop.verify.build.flash import flash as flash_board
+from firmloop.verify.build.image import ELF, build_image
 
 TRANSPORT = "uart"
 

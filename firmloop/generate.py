@@ -6,14 +6,14 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from codegen.bundle import write_files
-from design.kinds import Design
-from firmloop.code_words import about_code
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress
-from firmloop.making import Generated, command_of, design, plant_of
-from firmloop.making import generate as generate_code
+from firmloop.design.kinds import Design
 from firmloop.output import results_folder
-from firmloop.project import Project, require
+from firmloop.presentation.code_words import about_code
+from firmloop.project.project import Project, require
+from firmloop.stages.making import Generated, command_of, design, plant_of
+from firmloop.stages.making import generate as generate_code
 
 AGREES = 0
 

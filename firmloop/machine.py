@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from codegen.target import load_target, target_names
+from firmloop.codegen.target import load_target, target_names
 from firmloop.console import Console, table
-from verify.links.ports import boards_at, find_ports
+from firmloop.verify.links.ports import boards_at, find_ports
 
 NO_TOOL = 3
 PACKAGES = (

@@ -9,17 +9,9 @@ from pathlib import Path
 import numpy as np
 import scipy.stats
 
-from codegen.bundle import write_files
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table
-from firmloop.documents import finite
-from firmloop.output import results_folder
-from firmloop.pipeline import conditioning_of, located, read_data
-from firmloop.project import Project, require
-from firmloop.project_text import made_text
-from firmloop.saturation import cut_input, refuse_saturated
-from firmloop.table import Table
-from firmloop.words import rounded_to
-from identify.blackbox import (
+from firmloop.identify.bench_tests.blackbox import (
     EVEN,
     STRUCTURES,
     Continuous,
@@ -30,14 +22,22 @@ from identify.blackbox import (
     continuous,
     redrawn,
 )
-from identify.condition import NONE, condition_input, condition_output
-from identify.fit import fit_start
-from identify.plant import IdentifyError
-from identify.plant_table import plant_from_table
-from identify.recording import Recording, column
-from identify.residual_tests import residual_tests
-from identify.scores import scores
-from identify.simulate import simulate
+from firmloop.identify.fitting.fit import fit_start
+from firmloop.identify.fitting.residual_tests import residual_tests
+from firmloop.identify.fitting.scores import scores
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.conditioning import NONE, condition_input, condition_output
+from firmloop.identify.recordings.recording import Recording, column
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.output import results_folder
+from firmloop.presentation.documents import finite
+from firmloop.presentation.words import rounded_to
+from firmloop.project.project import Project, require
+from firmloop.project.project_text import made_text
+from firmloop.project.table import Table
+from firmloop.stages.pipeline import conditioning_of, located, read_data
+from firmloop.stages.saturation import cut_input, refuse_saturated
 
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals

@@ -15,18 +15,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.target import Target, load_target
+from firmloop.codegen.target import Target, load_target
 from firmloop.console import Console, progress
+from firmloop.identify.recordings.recording import make_recording, write_recording
 from firmloop.output import results_file
-from firmloop.pipeline import command_of, design, generate, plant_of
-from firmloop.project import Project, require
-from firmloop.table import ProjectError
-from identify.recording import make_recording, write_recording
-from quantize.program import Program
-from verify.links import LinkError
-from verify.links.live import STATUS, LiveLink, Samples, open_live_port, watchable
-from verify.reference import Raw
-from verify.stimuli import to_physical, to_raw
+from firmloop.project.project import Project, require
+from firmloop.project.table import ProjectError
+from firmloop.quantize.program import Program
+from firmloop.stages.pipeline import command_of, design, generate, plant_of
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.live import STATUS, LiveLink, Samples, open_live_port, watchable
+from firmloop.verify.reference import Raw
+from firmloop.verify.stimuli.stimuli import to_physical, to_raw
 
 WAIT = 0.5  # s for samples before the clock is looked at again
 SILENCE = 10.0  # s without a sample, beside the time of two, after which the controller has stopped

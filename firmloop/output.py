@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from firmloop.table import ProjectError
+from firmloop.project.table import ProjectError
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # writing fails with these without saying where
 

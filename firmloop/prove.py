@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from codegen.emit import with_included
-from codegen.environment import text_of
+from firmloop.codegen.emit import with_included
+from firmloop.codegen.environment import text_of
 from firmloop.console import Console, table
-from firmloop.table import ProjectError
-from verify.c_checker import check_header, check_source, support_files
-from verify.claims import Claims, ProofError, read_claims
-from verify.interval_checker import check_intervals
-from verify.z3_checker import check_with_z3, judge
+from firmloop.project.table import ProjectError
+from firmloop.verify.proofs.c_checker import check_header, check_source, support_files
+from firmloop.verify.proofs.claims import Claims, ProofError, read_claims
+from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.proofs.z3_checker import check_with_z3, judge
 
 PROVEN, REFUTED = 0, 1
 MOST_BYTES = 64 * 2**20  # of a file; a generated controller has a thousandth of it

@@ -7,20 +7,20 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from codegen.bundle import write_files
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, table
-from firmloop.documents import fields_document, finite
+from firmloop.identify.bench_tests.graphical import METHODS
+from firmloop.identify.bench_tests.step_noise import DRAWS, noise_halves
+from firmloop.identify.bench_tests.step_response import StepFigures, StepResponse, step_figures, step_response
+from firmloop.identify.bench_tests.trials import FEWEST, Repeated, repeated
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.units import unit_of
 from firmloop.output import results_folder
-from firmloop.pipeline import read_data
-from firmloop.project import Project, require
-from firmloop.saturation import refuse_saturated
-from firmloop.words import in_unit, quantity, rounded_to
-from identify.graphical import METHODS
-from identify.plant import IdentifyError
-from identify.step_noise import DRAWS, noise_halves
-from identify.step_response import StepFigures, StepResponse, step_figures, step_response
-from identify.trials import FEWEST, Repeated, repeated
-from identify.units import unit_of
+from firmloop.presentation.documents import fields_document, finite
+from firmloop.presentation.words import in_unit, quantity, rounded_to
+from firmloop.project.project import Project, require
+from firmloop.stages.pipeline import read_data
+from firmloop.stages.saturation import refuse_saturated
 
 Halves = Mapping[str, Mapping[str, float]]  # of 95 % intervals, by what is read and figure
 

@@ -8,17 +8,17 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from codegen.bundle import write_files
-from design.contest import Entry, contest
-from design.kinds import Design, Request
-from design.tuning import rules
+from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table
-from firmloop.documents import fields_document, finite
+from firmloop.design.analysis.contest import Entry, contest
+from firmloop.design.kinds import Design, Request
+from firmloop.design.tuning import rules
+from firmloop.identify.plants.plant import Plant
 from firmloop.output import results_folder
-from firmloop.pipeline import located, plant_of
-from firmloop.project import Project, require
-from firmloop.words import no_finer
-from identify.plant import Plant
+from firmloop.presentation.documents import fields_document, finite
+from firmloop.presentation.words import no_finer
+from firmloop.project.project import Project, require
+from firmloop.stages.pipeline import located, plant_of
 
 HEAD = (
     *("", "kp", "ki", "kd", "Ms", "gain margin", "phase margin", "rise", "settling 2 %", "overshoot"),

@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from codegen.bundle import write_files
-from codegen.target import load_target
-from design.kinds import Design
-from firmloop import documents, words
-from firmloop.baseline import check_baseline, growths
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.target import load_target
 from firmloop.console import Console, complain, progress, table
-from firmloop.figures import LIMIT, search_figure
+from firmloop.design.kinds import Design
 from firmloop.generate import as_json, c_files, generate_files, written
+from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import read_recording, write_recording
+from firmloop.identify.simulation.compiler import ToolError
 from firmloop.output import results_file, results_folder
-from firmloop.pipeline import (
+from firmloop.presentation import documents, words
+from firmloop.presentation.figures import LIMIT, search_figure
+from firmloop.presentation.report import Walk, report
+from firmloop.project.project import Campaign, Project, require
+from firmloop.project.project_text import designed_text, fitted_text
+from firmloop.project.table import ProjectError
+from firmloop.stages.baseline import check_baseline, growths
+from firmloop.stages.pipeline import (
     Data,
     Generated,
     Loop,
@@ -33,19 +41,11 @@ from firmloop.pipeline import (
     try_here,
     verify_target,
 )
-from firmloop.pipeline import design as design_stage
-from firmloop.pipeline import identify as identify_stage
-from firmloop.project import Campaign, Project, require
-from firmloop.project_text import designed_text, fitted_text
-from firmloop.report import Walk, report
-from firmloop.table import ProjectError
-from firmloop.tracking import Tracking, tracking
+from firmloop.stages.pipeline import design as design_stage
+from firmloop.stages.pipeline import identify as identify_stage
+from firmloop.stages.tracking import Tracking, tracking
 from firmloop.tuning import about_contest, beside, contest_document
-from identify.compiler import ToolError
-from identify.fit import Fit
-from identify.plant import Plant
-from identify.recording import read_recording, write_recording
-from verify.trial import Trial
+from firmloop.verify.build.trial import Trial
 
 __all__ = ["as_recorded", "at_rest", "design", "identify", "run", "simulate", "verify", "walk"]
 

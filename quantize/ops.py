@@ -18,13 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.active_set import Rows, solve
-from design.course import Course
-from design.outcome import CAPPED, INFEASIBLE
-from design.real_time import Model, improve
-from quantize import sweeps, trees
-from quantize.course import course_from
-from quantize.elementary import (
+from firmloop.design.outcome import CAPPED, INFEASIBLE
+from firmloop.design.quadratic.active_set import Rows, solve
+from firmloop.design.quadratic.course import Course
+from firmloop.design.quadratic.real_time import Model, improve
+from firmloop.quantize.formats.quadratic import rows_of
+from firmloop.quantize.formats.rti import course_from
+from firmloop.quantize.program import Table
+from firmloop.quantize.twins import sweeps, trees
+from firmloop.quantize.twins.elementary import (
     BEYOND_ONE,
     cosine,
     exponential,
@@ -34,8 +36,6 @@ from quantize.elementary import (
     quotient_bound,
     sine,
 )
-from quantize.program import Table
-from quantize.quadratic import rows_of
 
 Operand = Any  # numpy array, or a literal of the same element type
 Interval = tuple[float, float]

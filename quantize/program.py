@@ -11,7 +11,7 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-from quantize.shifts import wrong_count, wrong_sizes
+from firmloop.quantize.shifts import wrong_count, wrong_sizes
 
 TOO_FAR = "the ranges of the law are too far apart for fixed point: rescale the signals' units or use float32"
 

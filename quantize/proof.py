@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from quantize.program import Op, Program, Table, Value
+from firmloop.quantize.program import Op, Program, Table, Value
 
 ARGUMENTS = {
     "clamp": "saturates: the result is limited to this range whatever comes in",

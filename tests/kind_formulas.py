@@ -16,8 +16,8 @@ import numpy as np
 import scipy.linalg
 import scipy.signal
 
-from design.kinds import Request
-from identify.signal import Signal
+from firmloop.design.kinds import Request
+from firmloop.identify.signal import Signal
 from tests import motor_formulas
 from tests.pid_formula import pid_steps
 

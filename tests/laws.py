@@ -5,9 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from design.kinds import design
-from design.law import Flag, Law, Scalar
-from identify.signal import Signal
+from firmloop.design.kinds import design
+from firmloop.design.law import Flag, Law, Scalar
+from firmloop.identify.signal import Signal
 
 SPEED = (Signal("reference", "rad/s", -400.0, 400.0), Signal("measurement", "rad/s", -400.0, 400.0))
 VOLTS = (Signal("output", "V", -12.0, 12.0),)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from identify.signal import Signal
+from firmloop.identify.signal import Signal
 
 
 def pid_steps(table, h, rows, output: Signal, manual=None, automatic=None, tracking=None):

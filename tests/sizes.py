@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from identify.attach import parameters_of
-from identify.effects import candidates
-from identify.kinds import make_plant
-from identify.plant import EffectUse, Plant
+from firmloop.identify.plants.attach import parameters_of
+from firmloop.identify.plants.effects import candidates
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import EffectUse, Plant
 
 MOTOR = {
     "R_ohm": 8.0, "L_H": 1e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.02, "J_kg_m2": 3e-6, "b_N_m_s_rad": 3e-6,

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quantize.program import Program
-from verify.links import Link
-from verify.reference import Trace, element_type
-from verify.settings import records
-from verify.stimuli import Block
+from firmloop.quantize.program import Program
+from firmloop.verify.links import Link
+from firmloop.verify.reference import Trace, element_type
+from firmloop.verify.stimuli.settings import records
+from firmloop.verify.stimuli.stimuli import Block
 
 Progress = Callable[[float, str], None]
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from codegen.bundle import Bundle
-from codegen.host import trace_files
-from codegen.view import physical, statement
-from identify.compiler import ToolError, shared_library
-from quantize.ops import EVERY
-from quantize.program import Op, Program
-from verify.reference import Machine, Raw, element_type, set_parameter, start_state, working_type
-from verify.settings import records
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.host import trace_files
+from firmloop.codegen.view import physical, statement
+from firmloop.identify.simulation.compiler import ToolError, shared_library
+from firmloop.quantize.ops import EVERY
+from firmloop.quantize.program import Op, Program
+from firmloop.verify.reference import Machine, Raw, element_type, set_parameter, start_state, working_type
+from firmloop.verify.stimuli.settings import records
 
 TRACE_FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-w")
 

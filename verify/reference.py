@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quantize.ops import EVERY
-from quantize.program import Number, Program, Value
+from firmloop.quantize.ops import EVERY
+from firmloop.quantize.program import Number, Program, Value
 
 Raw = NDArray[Any]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.law import Law
-from identify.signal import Signal
-from quantize.program import Program
-from verify.reference import run
-from verify.stimuli import to_physical, to_raw
+from firmloop.design.law import Law
+from firmloop.identify.signal import Signal
+from firmloop.quantize.program import Program
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import to_physical, to_raw
 
 Array = NDArray[np.float64]
 Table = Mapping[str, object]

@@ -10,28 +10,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.bundle import Bundle
-from codegen.firmware import firmware
-from codegen.target import Target, load_target
-from design.law import Law
-from identify.compiler import compiler_version
-from quantize.program import Program
-from verify.build import Image, build_image
-from verify.closed_loop import LoopCheck, PlantLoop, check_loop
-from verify.compare import Comparison, compare
-from verify.cost import instructions
-from verify.host import FLAGS, build_host, total_steps
-from verify.links.framed import FramedLink
-from verify.links.library import LibraryLink
-from verify.links.opener import openers
-from verify.links.uart import open_port
-from verify.reference import Trace
-from verify.sanitized import SANITIZED_FLAGS
-from verify.search import searches
-from verify.settings import records
-from verify.stimuli import Block, to_physical
-from verify.trial import Loaded, Trial, try_out
-from verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searches, Verdict, Worst
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import Target, load_target
+from firmloop.design.law import Law
+from firmloop.identify.simulation.compiler import compiler_version
+from firmloop.quantize.program import Program
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.host import FLAGS, build_host, total_steps
+from firmloop.verify.build.image import Image, build_image
+from firmloop.verify.build.sanitized import SANITIZED_FLAGS
+from firmloop.verify.build.trial import Loaded, Trial, try_out
+from firmloop.verify.compare import Comparison, compare
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.links.opener import openers
+from firmloop.verify.links.uart import open_port
+from firmloop.verify.proofs.closed_loop import LoopCheck, PlantLoop, check_loop
+from firmloop.verify.reference import Trace
+from firmloop.verify.stimuli.search import searches
+from firmloop.verify.stimuli.settings import records
+from firmloop.verify.stimuli.stimuli import Block, to_physical
+from firmloop.verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searches, Verdict, Worst
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from verify.build import Function
-from verify.sanitized import Undefined
+from firmloop.verify.build.image import Function
+from firmloop.verify.build.sanitized import Undefined
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,9 @@ class Searches:
     """What the searches of a predictive controller did around the step that took longest, and what bounds them.
 
     `side` has a row a step and a place a limit: -1 where the low one is active, 1 the high one, else 0. `work` and
-    `budget` are counted as `design/active_set.py` says; `capped` and `infeasible` are steps of the whole run, `within`
-    are those of both that read nothing beyond its range. No search takes more work than its budget, by construction;
-    `instructions_bound` takes it at the most that a unit of work was seen to take.
+    `budget` are counted as `design/quadratic/active_set.py` says; `capped` and `infeasible` are steps of the whole run,
+    `within` are those of both that read nothing beyond its range. No search takes more work than its budget, by
+    construction; `instructions_bound` takes it at the most that a unit of work was seen to take.
     """
 
     begins: int  # step of the run that the first row is of

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.target import load_target
-from verify.build import DOUBLE_HELPER
+from firmloop.codegen.target import load_target
+from firmloop.verify.build.image import DOUBLE_HELPER
 
 HERE = Path(__file__).parent
 TARGET = "qemu_mps2_an386"

@@ -8,10 +8,10 @@ from pathlib import Path
 from bench.mpc import law_of
 from bench.peers.image import Parts
 from bench.peers.problem import Problem
-from codegen.bundle import write_files
-from codegen.emit import emit
-from codegen.firmware import IMAGE_FLAGS
-from quantize.lower import lower
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import IMAGE_FLAGS
+from firmloop.quantize.lower.lower import lower
 
 ADAPTER = """
 #include "{name}.h"

@@ -10,10 +10,10 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from design.draft import Draft
-from design.law import DesignError, Law
-from identify.plant import Plant
-from identify.signal import Signal
+from firmloop.design.draft import Draft
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.signal import Signal
 
 SHARED_KEYS = ("kind", "period_s", "outputs")  # of [controller], read before a kind is asked
 

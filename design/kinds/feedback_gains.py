@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from design.kinds import Request
-from design.law import DesignError
-from design.model import Model, weights
-from design.regulator import check_stable, kalman, lqr, luenberger, reference_gain
-from design.table import choice, each, matrix, numbers, real
+from firmloop.design.kinds import Request
+from firmloop.design.law import DesignError
+from firmloop.design.models.model import Model, weights
+from firmloop.design.models.regulator import check_stable, kalman, lqr, luenberger, reference_gain
+from firmloop.design.table import choice, each, matrix, numbers, real
 
 Array = npt.NDArray[np.float64]
 

@@ -24,13 +24,13 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from design.kinds import Design, Kind, Request
-from design.law import DesignError
-from design.linear_law import check_names, symbols, write
-from design.roles import reference_and_measurement
-from design.sectioned_law import one_output
-from design.table import check_keys, limits, matrix, positive, real
-from identify.signal import Signal
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError
+from firmloop.design.linear.linear_law import check_names, symbols, write
+from firmloop.design.linear.sectioned_law import one_output
+from firmloop.design.roles import reference_and_measurement
+from firmloop.design.table import check_keys, limits, matrix, positive, real
+from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 

@@ -30,15 +30,15 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from design.blend import Schedule, blended
-from design.draft import Draft
-from design.feedforward import position_of
-from design.kinds import Design, Kind, Operating, Request, kind_of, kinds
-from design.kinds.pid_schedule import scheduled_pid
-from design.law import DesignError, Law
-from design.table import check_keys, choice, limits, numbers, real
-from identify.plant import Plant
-from identify.signal import Signal
+from firmloop.design.draft import Draft
+from firmloop.design.kinds import Design, Kind, Operating, Request, kind_of, kinds
+from firmloop.design.kinds.pid.schedule import scheduled_pid
+from firmloop.design.law import DesignError, Law
+from firmloop.design.linear.blend import Schedule, blended
+from firmloop.design.models.feedforward import position_of
+from firmloop.design.table import check_keys, choice, limits, numbers, real
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.signal import Signal
 
 KEYS = ("schedule_on", "points", "controllers", "feedforward")
 PID = "pid"

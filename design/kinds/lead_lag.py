@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 
-from design.draft import Draft
-from design.kinds import Design, Kind, Request
-from design.law import DesignError
-from design.linear_law import designed
-from design.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, below_nyquist, sampled, sectioned
-from design.table import check_keys, positive, real
-from identify.signal import Signal
+from firmloop.design.draft import Draft
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError
+from firmloop.design.linear.linear_law import designed
+from firmloop.design.linear.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, below_nyquist, sampled, sectioned
+from firmloop.design.table import check_keys, positive, real
+from firmloop.identify.signal import Signal
 
 KEYS = ("gain", "zero_rad_s", "pole_rad_s", "frequency_rad_s", "phase_deg", *METHOD_KEYS, *OUTPUT_KEYS)
 

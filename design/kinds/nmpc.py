@@ -2,8 +2,9 @@
 
     min 1/2 sum (x - t)'Q(x - t) + u'Ru + d'R_change d + 1/2 (x[N] - t)'P(x[N] - t),   u_min <= u <= u_max
 
-for x[k+1] the plant one period later, from [plant] with the effects that can be made smooth (`design/smooth.py`), and
-d the change of u from sample to sample. `design/real_time.py` says how a step is taken. Keys beside those:
+for x[k+1] the plant one period later, from [plant] with the effects that can be made smooth
+(`design/models/smooth.py`), and d the change of u from sample to sample. `design/quadratic/real_time.py` says how a
+step is taken. Keys beside those:
 
 - `states` names the inputs that carry x[0], in the plant's order; without it they are all inputs but the reference.
 - `target`: t, one number a state; without it zero. `u_target`: what u is weighed from; without it zero.
@@ -30,16 +31,16 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from design.kinds import Design, Kind, Request
-from design.kinds.mpc_read import whole
-from design.law import DesignError, Flag, Horizon, Law, Scalar, Solve
-from design.linear_law import check_names, symbols
-from design.model import weights
-from design.smooth import Smooth, parts_of, sampled, smooth_rate
-from design.table import check_keys, each, limits, numbers, positive
-from identify.ode import make_ode
-from identify.plant import Plant
-from identify.signal import Signal
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.kinds.mpc.read import whole
+from firmloop.design.law import DesignError, Flag, Horizon, Law, Scalar, Solve
+from firmloop.design.linear.linear_law import check_names, symbols
+from firmloop.design.models.model import weights
+from firmloop.design.models.smooth import Smooth, parts_of, sampled, smooth_rate
+from firmloop.design.table import check_keys, each, limits, numbers, positive
+from firmloop.identify.plants.ode import make_ode
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 r"""Speed of a brushed DC motor without a speed sensor: an observer from voltage and current.
 
-The motor of `identify/kinds/dc_motor.py` with a constant load torque T as third state, sampled exactly for a voltage
-that is held, and corrected by what the current says beyond the model (Luenberger, IEEE Trans. AC 16(6), 1971)::
+The motor of `identify/plants/kinds/dc_motor.py` with a constant load torque T as third state, sampled exactly for a
+voltage that is held, and corrected by what the current says beyond the model (Luenberger, IEEE Trans. AC 16(6), 1971)::
 
     x = (i, w, T),   x[k+1] = A x + B u + K (i_measured - i),   speed = w
 
@@ -21,12 +21,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from design.draft import Draft, Element
-from design.kinds import Design, Kind, Request
-from design.law import DesignError
-from design.linear_law import limited_law, symbols, weighted_sum
-from design.table import check_keys, limits, positive, real
-from identify.signal import Signal
+from firmloop.design.draft import Draft, Element
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError
+from firmloop.design.linear.linear_law import limited_law, symbols, weighted_sum
+from firmloop.design.table import check_keys, limits, positive, real
+from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 

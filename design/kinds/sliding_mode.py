@@ -19,13 +19,13 @@ import math
 
 import casadi as ca
 
-from design.kinds import Design, Kind, Request
-from design.law import DesignError
-from design.linear_law import check_names, symbols, weighted_sum, write
-from design.roles import reference_and_measurement
-from design.sectioned_law import one_output
-from design.table import check_keys, limits, positive, real
-from identify.signal import Signal
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError
+from firmloop.design.linear.linear_law import check_names, symbols, weighted_sum, write
+from firmloop.design.linear.sectioned_law import one_output
+from firmloop.design.roles import reference_and_measurement
+from firmloop.design.table import check_keys, limits, positive, real
+from firmloop.identify.signal import Signal
 
 KEYS = ("gain", "layer", "integral_rad_s", "feedforward", "u_min", "u_max")
 

@@ -12,7 +12,7 @@ mains' angular frequency and 2 L z n = R::
 
 and g is 1 while the speed is below `speed_limit_rad_s`, where the rotor's part of the circuit is still nearly that of
 standstill, else 0: what was found then stands until the next start. R and L are those of the whole branch, rotor
-included, at about that speed (`identify/revolving_field.py` gives them as voltage over current).
+included, at about that speed (`identify/bench_tests/revolving_field.py` gives them as voltage over current).
 
 Interval: one Monte Carlo draw a sample in place of thousands at once. A twin estimate takes every step of n with a
 random weight of 0 or 2, as a half-sample bootstrap does; its distance d from n and the mean of that are all that has to
@@ -43,11 +43,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from design.kinds import Design, Kind, Request
-from design.law import DesignError, Flag, Law, Scalar
-from design.linear_law import check_names, symbols
-from design.table import check_keys, positive, real
-from identify.signal import Signal
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError, Flag, Law, Scalar
+from firmloop.design.linear.linear_law import check_names, symbols
+from firmloop.design.table import check_keys, positive, real
+from firmloop.identify.signal import Signal
 
 KEYS = (
     *("frequency_hz", "voltage_rms_V", "resistance_ohm", "inductance_H", "capacitance_F"),

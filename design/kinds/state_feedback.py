@@ -25,15 +25,15 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from design.draft import Draft, Element
-from design.kinds import Design, Kind, Request
-from design.kinds.feedback_gains import OBSERVERS, Gains, find_gains
-from design.law import DesignError, Law
-from design.linear_law import INTEGRAL_WHY, check_names, symbols, weighted_sum, write
-from design.model import Model, model_of
-from design.reach import reach, widened
-from design.table import check_keys, choice, limits
-from identify.signal import Signal
+from firmloop.design.draft import Draft, Element
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.kinds.feedback_gains import OBSERVERS, Gains, find_gains
+from firmloop.design.law import DesignError, Law
+from firmloop.design.linear.linear_law import INTEGRAL_WHY, check_names, symbols, weighted_sum, write
+from firmloop.design.linear.reach import reach, widened
+from firmloop.design.models.model import Model, model_of
+from firmloop.design.table import check_keys, choice, limits
+from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 

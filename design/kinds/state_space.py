@@ -14,12 +14,12 @@ import math
 
 import numpy as np
 
-from design.draft import Draft, Element
-from design.kinds import Design, Kind, Request
-from design.law import DesignError
-from design.linear_law import designed, symbols, weighted_sum
-from design.table import check_keys, each, matrix
-from identify.signal import Signal
+from firmloop.design.draft import Draft, Element
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError
+from firmloop.design.linear.linear_law import designed, symbols, weighted_sum
+from firmloop.design.table import check_keys, each, matrix
+from firmloop.identify.signal import Signal
 
 KEYS = ("A", "B", "C", "D", "u_min", "u_max", "x_min", "x_max")
 

@@ -13,14 +13,14 @@ which only floating point can hold.
 
 from __future__ import annotations
 
-from design.draft import Draft
-from design.kinds import Design, Kind, Request
-from design.law import DesignError
-from design.linear_law import designed
-from design.rational import from_z
-from design.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, sampled, sectioned
-from design.table import check_keys, choice, numbers
-from identify.signal import Signal
+from firmloop.design.discretize.rational import from_z
+from firmloop.design.draft import Draft
+from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.law import DesignError
+from firmloop.design.linear.linear_law import designed
+from firmloop.design.linear.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, sampled, sectioned
+from firmloop.design.table import check_keys, choice, numbers
+from firmloop.identify.signal import Signal
 
 KEYS = ("numerator", "denominator", "domain", *METHOD_KEYS, *OUTPUT_KEYS)
 

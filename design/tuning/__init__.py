@@ -9,8 +9,8 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from design.law import DesignError
-from identify.linear import Linear
+from firmloop.design.law import DesignError
+from firmloop.identify.simulation.linearize import Linear
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from design.reaction import reaction
-from design.table import choice
-from design.tuning import Gains, Rule, ideal
-from identify.linear import Linear
+from firmloop.design.models.reaction import reaction
+from firmloop.design.table import choice
+from firmloop.design.tuning import Gains, Rule, ideal
+from firmloop.identify.simulation.linearize import Linear
 
 
 def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from design.error_integral import error_integral_rule
+from firmloop.design.tuning.error_integral import error_integral_rule
 
 RULE = error_integral_rule("ise", "least integral of the squared error within a sensitivity peak", lambda e, _: e * e)

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from design.law import DesignError
-from design.reaction import reaction
-from design.table import choice, positive
-from design.tuning import Gains, Rule, ideal
-from identify.linear import Linear
+from firmloop.design.law import DesignError
+from firmloop.design.models.reaction import reaction
+from firmloop.design.table import choice, positive
+from firmloop.design.tuning import Gains, Rule, ideal
+from firmloop.identify.simulation.linearize import Linear
 
 
 def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:

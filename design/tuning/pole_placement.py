@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from design.lag_model import lag_model
-from design.law import DesignError
-from design.table import choice, positive
-from design.tuning import Gains, Rule
-from identify.linear import Linear
+from firmloop.design.law import DesignError
+from firmloop.design.models.lag_model import lag_model
+from firmloop.design.table import choice, positive
+from firmloop.design.tuning import Gains, Rule
+from firmloop.identify.simulation.linearize import Linear
 
 
 def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:

@@ -22,13 +22,13 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from design.discretize import state_space, zero_order_hold
-from design.law import DesignError
-from design.process import process, zero_pole
-from design.reaction import Ultimate, model_gain
-from design.table import choice, positive, real
-from design.tuning import Gains, Rule, ideal
-from identify.linear import Linear
+from firmloop.design.discretize.zero_order_hold import state_space, zero_order_hold
+from firmloop.design.law import DesignError
+from firmloop.design.models.process import process, zero_pole
+from firmloop.design.models.reaction import Ultimate, model_gain
+from firmloop.design.table import choice, positive, real
+from firmloop.design.tuning import Gains, Rule, ideal
+from firmloop.identify.simulation.linearize import Linear
 
 Array = npt.NDArray[np.float64]
 

@@ -25,11 +25,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from design.law import DesignError
-from design.process import Process, half_rule, natural_period, process, zero_pole
-from design.table import choice, positive, real
-from design.tuning import Gains, Rule
-from identify.linear import Linear
+from firmloop.design.law import DesignError
+from firmloop.design.models.process import Process, half_rule, natural_period, process, zero_pole
+from firmloop.design.table import choice, positive, real
+from firmloop.design.tuning import Gains, Rule
+from firmloop.identify.simulation.linearize import Linear
 
 ROUNDS = 60  # the filter follows from the gains and the gains from the filter; each round halves the rest at least
 

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from design.reaction import reaction
-from design.table import choice
-from design.tuning import Gains, Rule, ideal
-from identify.linear import Linear
+from firmloop.design.models.reaction import reaction
+from firmloop.design.table import choice
+from firmloop.design.tuning import Gains, Rule, ideal
+from firmloop.identify.simulation.linearize import Linear
 
 SETTINGS = {"p": (1.0, 0.0, 0.0), "pi": (0.9, 3.33, 0.0), "pid": (1.2, 2.0, 0.5)}  # Kc R L, Ti/L, Td/L
 

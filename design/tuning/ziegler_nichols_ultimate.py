@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from design.reaction import ultimate
-from design.table import choice
-from design.tuning import Gains, Rule, ideal
-from identify.linear import Linear
+from firmloop.design.models.reaction import ultimate
+from firmloop.design.table import choice
+from firmloop.design.tuning import Gains, Rule, ideal
+from firmloop.identify.simulation.linearize import Linear
 
 SETTINGS = {"p": (0.5, 0.0, 0.0), "pi": (0.45, 1 / 1.2, 0.0), "pid": (0.6, 0.5, 0.125)}  # Kc/Ku, Ti/Tu, Td/Tu
 

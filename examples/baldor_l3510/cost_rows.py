@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import kinds
 from examples.audit_table import Row, missing
-from identify.compiler import ToolError
-from quantize.lower import lower
-from verify.links import LinkError
-from verify.run import verify
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import kinds
+from firmloop.identify.simulation.compiler import ToolError
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.links import LinkError
+from firmloop.verify.run import verify
 
 TARGET, STEPS, CLOCK = "qemu_mps2_an386", 2_000, 84e6  # instructions of a Cortex-M4F; clock of a common one, Hz
 

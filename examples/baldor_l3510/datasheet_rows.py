@@ -9,7 +9,7 @@ import numpy as np
 from examples.audit_table import Row, compared, missing
 from examples.baldor_l3510 import stated
 from examples.baldor_l3510.motor import circuit, loaded
-from identify.revolving_field import breakdown, running
+from firmloop.identify.bench_tests.revolving_field import breakdown, running
 
 
 def rows() -> list[Row]:

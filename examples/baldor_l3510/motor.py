@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from examples.baldor_l3510 import stated
-from identify.kinds import make_plant
-from identify.recording import make_recording
-from identify.revolving_field import Running, at_load, breakdown, running
-from identify.simulate import simulate
+from firmloop.identify.bench_tests.revolving_field import Running, at_load, breakdown, running
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from identify.induction_tests import HORSEPOWER, POUND_FOOT, POUND_FOOT_SQUARED
+from firmloop.identify.bench_tests.induction_tests import HORSEPOWER, POUND_FOOT, POUND_FOOT_SQUARED
 
 VOLTS, HERTZ, POLES = 115.0, 60.0, 4
 OMEGA = 2 * math.pi * HERTZ

@@ -8,7 +8,7 @@ import numpy as np
 
 from examples.audit_table import Row, missing
 from examples.baldor_l3510.stated import K1, NATURAL, NUMERATOR, SETTLED, STEADY_SPEED, TAU, VOLTS
-from identify.scores import scores
+from firmloop.identify.fitting.scores import scores
 
 PRINTED = 0.20, 10.79  # numerator and pole of G1 where the results print it
 

@@ -20,17 +20,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 import scipy.stats
 
-from design.kinds import design
-from design.loop import Trajectory, closed_loop, margins
 from examples import methods
 from examples.audit_table import Row, compared, damping_of, document, missing, run, second_order_step, step_figures
 from examples.maxon_re15 import text_rows
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.plant import Plant
-from identify.recording import make_recording
-from identify.signal import Signal
-from identify.simulate import simulate
+from firmloop.design.analysis.loop import Trajectory, closed_loop, margins
+from firmloop.design.kinds import design
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import simulate
 
 # Table 1: rise time s, overshoot %, settling time s, steady-state error %.
 TABLE = {

@@ -3,7 +3,7 @@
  * message = type u8, sequence u8, payload, CRC-32 of all before it; numbers are little-endian. The CRC may go on from
  * that of other bytes which are not sent, so that only who knows them takes the message for one.
  * On the line: COBS(message with every byte xor 0x5A), 0x00; the xor makes zero bytes rare. The host's half is
- * verify/frame.py of firmloop.
+ * verify/links/frame.py of firmloop.
  */
 #ifndef FIRMLOOP_FRAME_H
 #define FIRMLOOP_FRAME_H

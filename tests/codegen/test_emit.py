@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codegen.bundle import CodegenError, write_files
-from codegen.emit import emit, manifest
-from codegen.environment import c_comment
-from codegen.names import check_identifier
-from codegen.target import load_target
-from identify.compiler import run_compiler
-from identify.signal import Signal
-from quantize.lower import ARITHMETICS, lower
+from firmloop.codegen.bundle import CodegenError, write_files
+from firmloop.codegen.emit import emit, manifest
+from firmloop.codegen.environment import c_comment
+from firmloop.codegen.names import check_identifier
+from firmloop.codegen.target import load_target
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.compiler import run_compiler
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.build.host import FLAGS, build_host
 from tests.laws import FULL, TABLES, pid
-from verify.host import FLAGS, build_host
 
 SCHEMA = Path(__file__).parent.parent / "schema" / "manifest.schema.json"
 GOLDEN = Path(__file__).parent.parent / "golden"

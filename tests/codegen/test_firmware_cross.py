@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from codegen.firmware import firmware
-from codegen.target import RegisterWrite, load_target
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import RegisterWrite, load_target
+from firmloop.verify.build.image import build_image
 from tests.verify.tiny import SOURCE, tiny_bundle, tiny_program
-from verify.build import build_image
 
 pytestmark = pytest.mark.cross
 

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.bundle import write_files
-from codegen.emit import emit
-from codegen.package import package
-from identify.compiler import run_compiler
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.emit import emit
+from firmloop.codegen.package import package
+from firmloop.identify.simulation.compiler import run_compiler
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.host import WARNINGS
+from firmloop.verify.stimuli.vectors import golden
 from tests.laws import FULL, pid
-from verify.host import WARNINGS
-from verify.vectors import golden
 
 COMMAND = "firmloop generate motor_pid.toml"
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from bench.static import REASONS, misra
-from codegen.bundle import write_files
-from codegen.emit import emit
-from design.kinds import kinds
-from quantize.lower import lower
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.emit import emit
+from firmloop.design.kinds import kinds
+from firmloop.quantize.lower.lower import lower
 
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from codegen.bundle import CodegenError
-from codegen.firmware import firmware
-from codegen.target import RegisterWrite, Target, load_target, parse_target, target_names
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import RegisterWrite, Target, load_target, parse_target, target_names
 from tests.verify.tiny import tiny
 
 GOOD = """\

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.kinds import design
-from design.kinds.gain_schedule import FEEDBACK, FILTERS, MATRICES
-from design.kinds.gain_schedule import design as schedule
-from design.law import Law
-from identify.signal import Signal
+from firmloop.design.kinds import design
+from firmloop.design.kinds.gain_schedule import FEEDBACK, FILTERS, MATRICES
+from firmloop.design.kinds.gain_schedule import design as schedule
+from firmloop.design.law import Law
+from firmloop.identify.signal import Signal
 from tests.kind_formulas import FORMULAS
 
 R, Y = Signal("reference", "m", -1.0, 1.0), Signal("measurement", "m", -1.0, 1.0)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from design.kinds import design, kinds
-from design.law import DesignError
-from design.tuning import rules
-from identify.signal import Signal
+from firmloop.design.kinds import design, kinds
+from firmloop.design.law import DesignError
+from firmloop.design.tuning import rules
+from firmloop.identify.signal import Signal
 
 R = Signal("reference", "rad/s", -400.0, 400.0)
 Y = Signal("measurement", "rad/s", -400.0, 400.0)

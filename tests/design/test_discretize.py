@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from design.discretize import state_space, zero_order_hold
-from design.law import DesignError
-from identify.linear import Linear
+from firmloop.design.discretize.zero_order_hold import state_space, zero_order_hold
+from firmloop.design.law import DesignError
+from firmloop.identify.simulation.linearize import Linear
 
 A = np.array([[-8000.0, -20.0, 0.0], [6666.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 B = np.array([[1000.0], [0.0], [0.0]])

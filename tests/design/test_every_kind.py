@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import Request, kinds
-from design.law import Law
-from quantize.graph import evaluate, law_graph
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import QuantizeError
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import Request, kinds
+from firmloop.design.law import Law
+from firmloop.quantize.lower.graph import evaluate, law_graph
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare, record_type
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
 from tests.kind_formulas import FORMULAS
 from tests.quantize.test_lower import leaves_bounds
-from verify.compare import compare, record_type
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.rounding import measure_rounding
-from verify.stimuli import run_blocks, stimuli
 
 HOST = load_target("host")
 EXAMPLES = [(kind.name, name, request) for kind in kinds().values() for name, request in kind.examples.items()]

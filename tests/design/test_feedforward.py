@@ -6,29 +6,29 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
-from design.feedforward import feedforward
-from design.kinds import design
-from design.law import DesignError, Law
-from design.sine import WORST, sine
-from identify.attach import EffectUse, with_effects
-from identify.kinds import make_plant
-from identify.plant import Plant
-from identify.recording import make_recording
-from identify.signal import Signal
-from identify.simulate import simulate
-from quantize.lower import lower
-from quantize.proof import proof
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import design
+from firmloop.design.law import DesignError, Law
+from firmloop.design.models.feedforward import feedforward
+from firmloop.design.models.sine import WORST, sine
+from firmloop.identify.plants.attach import EffectUse, with_effects
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.checker import check_proof
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.quantize.test_lower import leaves_bounds
 from tests.sizes import motor, use_of
-from verify.checker import check_proof
-from verify.compare import compare
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.reference import run
-from verify.rounding import measure_rounding
-from verify.stimuli import stimuli
 
 MOTOR = {"R_ohm": 8.0, "L_H": 1e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.025, "J_kg_m2": 3e-6, "b_N_m_s_rad": 3e-6}
 STAND = (Signal("reference", "rad/s", -400.0, 400.0), Signal("measurement", "rad/s", -400.0, 400.0))

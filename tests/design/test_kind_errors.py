@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.kinds import design, kinds
-from design.law import DesignError
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.program import QuantizeError
+from firmloop.design.kinds import design, kinds
+from firmloop.design.law import DesignError
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import QuantizeError
 
 R, Y = Signal("reference", "m", -1.0, 1.0), Signal("measurement", "m", -1.0, 1.0)
 S = Signal("level", "1", 0.0, 10.0)

@@ -8,9 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from design.kinds import design
-from design.law import DesignError, Law
-from design.loop import (
+from firmloop.design.analysis.loop import (
     Trajectory,
     closed_loop,
     closed_loop_poles,
@@ -19,8 +17,10 @@ from design.loop import (
     step_metrics,
     step_profile,
 )
-from identify.linear import Linear
-from identify.signal import Signal
+from firmloop.design.kinds import design
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import Linear
 
 Z = control.tf([1, 0], [1], True)
 

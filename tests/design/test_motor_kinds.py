@@ -11,14 +11,14 @@ import pytest
 
 from bench import start_monitor as bench
 from bench import walks
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import Request, design, kinds
-from design.kinds.start_monitor import STUDENT
-from design.law import DesignError, Law
-from identify.signal import Signal
-from quantize.lower import lower
-from verify.run import verify
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import Request, design, kinds
+from firmloop.design.kinds.start_monitor import STUDENT
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.run import verify
 
 SPEED = (Signal("reference", "rad/s", -400.0, 400.0), Signal("measurement", "rad/s", -400.0, 400.0))
 VOLTS = (Signal("output", "V", -12.0, 12.0),)

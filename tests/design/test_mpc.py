@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from design.kinds import Request
-from design.kinds.mpc import design
-from design.law import DesignError, Law
-from identify.signal import Signal
-from quantize.graph import evaluate, law_graph
+from firmloop.design.kinds import Request
+from firmloop.design.kinds.mpc.kind import design
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.graph import evaluate, law_graph
 
 Array = np.ndarray
 PERIOD = 0.01

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from design.kinds.mpc import design
-from design.law import DesignError, Law
-from identify.signal import Signal
+from firmloop.design.kinds.mpc.kind import design
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.signal import Signal
 from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, VOLT, Running, request, servo, table
 
 LOAD = Signal("load", "V", -3.0, 3.0)

@@ -10,23 +10,23 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import Request
-from design.kinds.nmpc import KIND, design
-from design.law import DesignError, Horizon, Law
-from firmloop.pipeline import plant_of
-from firmloop.project import read_project
-from identify.plant import Plant
-from identify.plant_table import plant_from_table
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.program import Program
-from verify.compare import compare
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.reference import Machine, run, start_state
-from verify.stimuli import stimuli
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import Request
+from firmloop.design.kinds.nmpc import KIND, design
+from firmloop.design.law import DesignError, Horizon, Law
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.signal import Signal
+from firmloop.project.project import read_project
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.stages.pipeline import plant_of
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.reference import Machine, run, start_state
+from firmloop.verify.stimuli.stimuli import stimuli
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "pendulum_nmpc" / "pendulum_nmpc.toml"
 INFEASIBLE, UNSETTLED = 2, 4

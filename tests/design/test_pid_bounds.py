@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.kinds import design
-from design.law import Law
-from identify.signal import Signal
+from firmloop.design.kinds import design
+from firmloop.design.law import Law
+from firmloop.identify.signal import Signal
 
 INPUTS = (Signal("reference", "rad/s", -100.0, 400.0), Signal("measurement", "rad/s", -300.0, 350.0))
 OUTPUTS = (Signal("output", "V", -12.0, 8.0),)

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.kinds import design
-from design.law import DesignError, Law
-from design.loop import margins
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.signal import Signal
-from quantize.lower import ARITHMETICS, lower
+from firmloop.design.analysis.loop import margins
+from firmloop.design.kinds import design
+from firmloop.design.law import DesignError, Law
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
 from tests.pid_formula import pid_steps
 from tests.quantize.test_lower import leaves_bounds
-from verify.rounding import measure_rounding
-from verify.stimuli import run_blocks, stimuli
 
 R = Signal("reference", "rad/s", -100.0, 400.0)
 Y = Signal("measurement", "rad/s", -300.0, 350.0)

@@ -9,8 +9,8 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.rational import Rational, from_s, from_z, response
-from design.sections import sections
+from firmloop.design.discretize.rational import Rational, from_s, from_z, response
+from firmloop.design.discretize.sections import sections
 
 CASES = {
     "lag": ([3.0], [0.2, 1.0]),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.kinds import design
-from design.law import DesignError
-from design.reach import forgets, reach
-from identify.signal import Signal
+from firmloop.design.kinds import design
+from firmloop.design.law import DesignError
+from firmloop.design.linear.reach import forgets, reach
+from firmloop.identify.signal import Signal
 
 
 def worst(a: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, k: int, steps: int) -> float:

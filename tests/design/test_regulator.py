@@ -6,14 +6,14 @@ import control
 import numpy as np
 import pytest
 
-from design.discretize import zero_order_hold
-from design.kinds import design
-from design.law import Law
-from design.loop import closed_loop, closed_loop_poles, margins
-from design.regulator import kalman, lqr, luenberger, reference_gain
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.signal import Signal
+from firmloop.design.analysis.loop import closed_loop, closed_loop_poles, margins
+from firmloop.design.discretize.zero_order_hold import zero_order_hold
+from firmloop.design.kinds import design
+from firmloop.design.law import Law
+from firmloop.design.models.regulator import kalman, lqr, luenberger, reference_gain
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import linearize
 
 A = np.array([[1.0, 0.01, 0.0], [0.0, 0.9, 0.3], [0.0, -0.1, 0.7]])
 B = np.array([[0.0], [0.02], [0.1]])

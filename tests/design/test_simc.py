@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.kinds import design
-from design.law import DesignError
-from design.loop import margins
-from design.process import ZeroPole, half_rule, process, zero_pole
-from design.tuning.simc import simc, tune
-from identify.kinds import make_plant
-from identify.linear import Linear, linearize
-from identify.signal import Signal
+from firmloop.design.analysis.loop import margins
+from firmloop.design.kinds import design
+from firmloop.design.law import DesignError
+from firmloop.design.models.process import ZeroPole, half_rule, process, zero_pole
+from firmloop.design.tuning.simc import simc, tune
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import Linear, linearize
 
 NO_HOLD = 1e-12  # s: the published examples are continuous
 

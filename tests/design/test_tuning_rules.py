@@ -8,16 +8,16 @@ import control
 import numpy as np
 import pytest
 
-from design.contest import contest
-from design.kinds import Request, design
-from design.law import DesignError
-from design.loop import margins, noise_gain
-from design.reaction import reaction, ultimate
-from design.tuning import rules
-from design.tuning.relay import relay_experiment
-from identify.kinds import make_plant
-from identify.linear import Linear, linearize
-from identify.signal import Signal
+from firmloop.design.analysis.contest import contest
+from firmloop.design.analysis.loop import margins, noise_gain
+from firmloop.design.kinds import Request, design
+from firmloop.design.law import DesignError
+from firmloop.design.models.reaction import reaction, ultimate
+from firmloop.design.tuning import rules
+from firmloop.design.tuning.relay import relay_experiment
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import Linear, linearize
 
 NO_HOLD = 1e-9  # s: published settings are for a continuous controller
 WIRES = (Signal("reference", "1", -1.0, 1.0), Signal("measurement", "1", -1.0, 1.0))

@@ -9,13 +9,13 @@ from typing import Any
 
 from bench.blind_cases import Case, draw_case, single_case, write_case
 from bench.concealed import MACHINES
-from diagnose.hypothesis import Cause, Point, Scene, make_scene
-from diagnose.preflight import preflight
-from diagnose.refit import Fitted, fit, noises_of
 from firmloop.cli import main
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
-from identify.noise import Noise, white
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, make_scene
+from firmloop.diagnose.preflight import preflight
+from firmloop.diagnose.refit import Fitted, fit, noises_of
+from firmloop.identify.fitting.noise import Noise, white
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import plant_of, read_data
 
 BY_NAME = {machine.name: machine for machine in MACHINES}
 

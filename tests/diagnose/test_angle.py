@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnose.angle import strayed
-from diagnose.hypothesis import Point, make_scene
-from diagnose.refit import fit
-from diagnose.rival import rated
-from identify.attach import with_effects
-from identify.noise import white
-from identify.plant import EffectUse
-from identify.simulate import simulate
+from firmloop.diagnose.angle import strayed
+from firmloop.diagnose.hypothesis import Point, make_scene
+from firmloop.diagnose.refit import fit
+from firmloop.diagnose.rival import rated
+from firmloop.identify.fitting.noise import white
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import EffectUse
+from firmloop.identify.simulation.simulate import simulate
 from tests.diagnose.test_truth import made
 
 WRONG: Mapping[str, tuple[str | None, Mapping[str, float]]] = {

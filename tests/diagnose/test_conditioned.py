@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnose.prepare import as_conditioned
-from identify.condition import NONE, Conditioning
-from identify.plant import IdentifyError
-from identify.recording import Recording, make_recording
+from firmloop.diagnose.prepare import as_conditioned
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import NONE, Conditioning
+from firmloop.identify.recordings.recording import Recording, make_recording
 from tests.sizes import motor
 
 TIME = np.arange(400) * 1e-3

@@ -9,11 +9,11 @@ import jsonschema
 import numpy as np
 import pytest
 
-from diagnose.cut import Cut, cut
 from firmloop.cli import main
-from firmloop.pipeline import controller_of, plant_of, read_data
-from firmloop.project import read_project
-from identify.recording import Recording, make_recording
+from firmloop.diagnose.cut import Cut, cut
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import controller_of, plant_of, read_data
 from tests.diagnose.closed import GAINS, Firmware, project
 
 

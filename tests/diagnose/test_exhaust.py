@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from diagnose.exhaust import exhausted
-from diagnose.hypothesis import first_point
-from diagnose.rank import Search
-from diagnose.refit import fit, noises_of
-from diagnose.rival import rated
-from diagnose.round import screened
-from identify.noise import white
+from firmloop.diagnose.exhaust import exhausted
+from firmloop.diagnose.hypothesis import first_point
+from firmloop.diagnose.rank import Search
+from firmloop.diagnose.refit import fit, noises_of
+from firmloop.diagnose.rival import rated
+from firmloop.diagnose.round import screened
+from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import concealed, scene_of
 
 

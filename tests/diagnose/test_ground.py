@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from bench.truth import FINE, run
-from diagnose.hypothesis import make_scene
-from diagnose.prepare import check_apart, check_clock, check_nominal, check_same
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
-from identify.attach import with_effects
-from identify.kinds import make_plant
-from identify.plant import IdentifyError, Plant
-from identify.recording import Recording, make_recording
-from identify.simulate import simulate
+from firmloop.diagnose.hypothesis import make_scene
+from firmloop.diagnose.prepare import check_apart, check_clock, check_nominal, check_same
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import plant_of, read_data
 from tests.diagnose.cases import drawn
 from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnose.hypothesis import first_point
-from diagnose.locate import worst_spans
-from diagnose.rank import Search
-from diagnose.refit import fit
-from diagnose.rival import Rival
-from identify.noise import Noise, white
+from firmloop.diagnose.hypothesis import first_point
+from firmloop.diagnose.locate import worst_spans
+from firmloop.diagnose.rank import Search
+from firmloop.diagnose.refit import fit
+from firmloop.diagnose.rival import Rival
+from firmloop.identify.fitting.noise import Noise, white
 from tests.diagnose.cases import concealed, scene_of
 
 

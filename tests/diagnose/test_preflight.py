@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from diagnose.preflight import preflight
-from diagnose.prepare import check_nominal
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
-from identify.plant import IdentifyError, Plant
-from identify.recording import Recording, make_recording
+from firmloop.diagnose.preflight import preflight
+from firmloop.diagnose.prepare import check_nominal
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import plant_of, read_data
 from tests.diagnose.cases import concealed
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from bench.blind_cases import single_case
-from diagnose.hypothesis import Point, first_point
-from diagnose.profile import profiled
-from diagnose.refit import cost_at, deviations, ended
+from firmloop.diagnose.hypothesis import Point, first_point
+from firmloop.diagnose.profile import profiled
+from firmloop.diagnose.refit import cost_at, deviations, ended
 from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
 
 

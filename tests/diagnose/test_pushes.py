@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from bench.blind_cases import single_case
-from diagnose.hypothesis import Point, Scene, entered, first_point
-from diagnose.pushes import answering, batches, doubtful, pushed, sizes_of, with_pushes
-from diagnose.refit import Fitted, deviations, ended
-from identify.noise import Noise, white
+from firmloop.diagnose.hypothesis import Point, Scene, entered, first_point
+from firmloop.diagnose.pushes import answering, batches, doubtful, pushed, sizes_of, with_pushes
+from firmloop.diagnose.refit import Fitted, deviations, ended
+from firmloop.identify.fitting.noise import Noise, white
 from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
 
 CASES = 8

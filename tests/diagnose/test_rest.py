@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnose.descent import start_slopes
-from diagnose.hypothesis import entered, first_point, make_scene
-from identify.recording import make_recording
+from firmloop.diagnose.descent import start_slopes
+from firmloop.diagnose.hypothesis import entered, first_point, make_scene
+from firmloop.identify.recordings.recording import make_recording
 from tests.diagnose.cases import diagnosis, drawn
 from tests.sizes import stage
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from bench.blind_cases import single_case
-from diagnose.hypothesis import Point, entered, first_point
-from diagnose.lasting import with_lasting
-from diagnose.refit import deviations, ended
+from firmloop.diagnose.hypothesis import Point, entered, first_point
+from firmloop.diagnose.lasting import with_lasting
+from firmloop.diagnose.refit import deviations, ended
 from tests.diagnose.cases import BY_NAME, refitted, scene_of, truths, written
 
 CASES = 6

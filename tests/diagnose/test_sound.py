@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmloop.cli import main
-from identify.recording import make_recording, read_recording, write_recording
+from firmloop.identify.recordings.recording import make_recording, read_recording, write_recording
 from tests.diagnose.cases import concealed
 
 Columns = dict[str, NDArray[np.float64]]

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnose.hypothesis import Point, entered, first_point
-from diagnose.refit import fit, noises_of
-from diagnose.rival import unseen_residuals
-from identify.noise import white
+from firmloop.diagnose.hypothesis import Point, entered, first_point
+from firmloop.diagnose.refit import fit, noises_of
+from firmloop.diagnose.rival import unseen_residuals
+from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import drawn, scene_of, truths
 
 SEED = 780124  # a stage that rests at first, of dry friction and a slew rate

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from diagnose.hypothesis import Cause, Point, Scene, entered, first_point
-from diagnose.refit import Fitted, fit
-from diagnose.rival import extended, without
-from diagnose.swap import exchanged
-from identify.noise import white
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered, first_point
+from firmloop.diagnose.refit import Fitted, fit
+from firmloop.diagnose.rival import extended, without
+from firmloop.diagnose.swap import exchanged
+from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import drawn, scene_of
 
 SEED = 891157  # a stage of one mass

@@ -11,13 +11,13 @@ import pytest
 
 from bench.blind_cases import COLUMN, single_case, write_case
 from bench.truth import FINE, Sensor, read, run
-from firmloop.pipeline import plant_of
-from firmloop.project import read_project
-from identify.attach import parameters_of, with_effects
-from identify.plant import EffectUse, Plant
-from identify.recording import Recording, read_recording
-from identify.simulate import simulate
-from identify.superset import superset
+from firmloop.identify.plants.attach import parameters_of, with_effects
+from firmloop.identify.plants.plant import EffectUse, Plant
+from firmloop.identify.recordings.recording import Recording, read_recording
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.superset import superset
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import plant_of
 from tests.diagnose.cases import BY_NAME
 
 TRUE = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from diagnose.unfold import _signs
+from firmloop.diagnose.unfold import _signs
 
 NOISE = 0.003
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from bench.blind_cases import draw_case
-from diagnose.contact import grown
-from diagnose.descent import Problem
-from diagnose.given import runaways
-from diagnose.hypothesis import Cause, Point, Scene, coordinates, entered, first_point
-from diagnose.refit import Fitted, fit, noises_of, tethers
-from diagnose.torque_scale import near_given
-from identify.effects import find_effect
-from identify.noise import white
+from firmloop.diagnose.contact import grown
+from firmloop.diagnose.descent import Problem
+from firmloop.diagnose.given import runaways
+from firmloop.diagnose.hypothesis import Cause, Point, Scene, coordinates, entered, first_point
+from firmloop.diagnose.refit import Fitted, fit, noises_of, tethers
+from firmloop.diagnose.torque_scale import near_given
+from firmloop.identify.fitting.noise import white
+from firmloop.identify.plants.effects import find_effect
 from tests.diagnose.cases import diagnosis, drawn, scene_of
 
 TORQUES = ("kt_N_m_A", "J_kg_m2", "b_N_m_s_rad")

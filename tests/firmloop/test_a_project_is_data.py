@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from serial.tools import list_ports
 
-from codegen.target import load_target, target_names
 from firmloop.cli import main
+from firmloop.codegen.target import load_target, target_names
 from firmloop.console import visible
 
 ROOT = Path(__file__).parents[2]

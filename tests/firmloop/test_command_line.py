@@ -286,7 +286,7 @@ def test_a_fault_of_ours_is_one_line(
     def broken(path: Path) -> None:
         raise ZeroDivisionError("a bug\non two lines")
 
-    monkeypatch.setattr("firmloop.project.read_project", broken)
+    monkeypatch.setattr("firmloop.project.project.read_project", broken)
     arguments = ["generate", str(project), "--out", str(tmp_path / "out")]
     assert main(arguments) == 70
     said = capsys.readouterr().err
@@ -328,6 +328,6 @@ def test_interrupted(
     def interrupted(path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("firmloop.project.read_project", interrupted)
+    monkeypatch.setattr("firmloop.project.project.read_project", interrupted)
     assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().err == "firmloop: stopped; nothing was written\n"

@@ -10,7 +10,7 @@ import pytest
 
 from firmloop import machine
 from firmloop.cli import main
-from verify.links.ports import Port
+from firmloop.verify.links.ports import Port
 
 
 def doctor(capsys: pytest.CaptureFixture[str]) -> dict[str, list[dict[str, object]]]:

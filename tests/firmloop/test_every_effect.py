@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from firmloop.pipeline import design, plant_of
-from firmloop.project import read_project
-from identify.attach import with_effects
-from identify.linear import linearize
-from identify.plant import Plant
-from identify.plant_table import effects_table
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant_table import effects_table
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import design, plant_of
 from tests.sizes import EFFECTS_OF_A_MOTOR, EFFECTS_OF_A_STAGE, MOTOR, STAGE, motor, stage, use_of
 
 HEAD = """schema = 1

@@ -12,10 +12,10 @@ from typing import Any
 import jsonschema
 import pytest
 
-from codegen.bundle import Bundle
-from firmloop import making
 from firmloop.cli import main
-from verify import sanitized, trial
+from firmloop.codegen.bundle import Bundle
+from firmloop.stages import making
+from firmloop.verify.build import sanitized, trial
 
 SCHEMA = json.loads((Path(__file__).parents[1] / "schema" / "verdict.schema.json").read_text())
 QEMU = "qemu_mps2_an386"

@@ -9,10 +9,10 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmloop.project import read_project, same_unit
-from firmloop.project_text import _text, fitted_text
-from firmloop.toml_lines import key_lines
-from identify.kinds import make_plant
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.project.project import read_project, same_unit
+from firmloop.project.project_text import _text, fitted_text
+from firmloop.project.toml_lines import key_lines
 
 TEXTS = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 SCALARS = st.one_of(

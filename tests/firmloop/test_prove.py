@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from codegen.emit import emit
-from design.kinds import kinds
 from firmloop.cli import main
+from firmloop.codegen.emit import emit
+from firmloop.design.kinds import kinds
 from firmloop.generate import as_json
-from quantize.lower import lower
-from quantize.program import QuantizeError
-from quantize.proof import proof
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.c_checker import check_header, check_source
+from firmloop.verify.proofs.claims import ProofError, read_claims
 from tests.verify.test_tunable import PROJECT
-from verify.c_checker import check_header, check_source
-from verify.claims import ProofError, read_claims
 
 
 @pytest.fixture(scope="module")
@@ -195,7 +195,7 @@ def test_a_missing_file_is_named(delivered: Path, capsys: pytest.CaptureFixture[
 def test_without_z3_nothing_is_proven(
     made: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("firmloop.prove", "verify.z3_checker"):
+    for module in ("firmloop.prove", "firmloop.verify.proofs.z3_checker"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "z3", None)
     assert main(["prove", str(made)]) == 3

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmloop import words
-from firmloop.figures import (
+from firmloop.identify.plants.plant import Parameter
+from firmloop.presentation import words
+from firmloop.presentation.figures import (
     COLUMNS,
     Comparison,
     Step,
@@ -21,12 +22,11 @@ from firmloop.figures import (
     step_figure,
     thinned,
 )
-from firmloop.pipeline import Outcome, analyze, design, generate, identify, read_data
-from firmloop.project import read_project
-from firmloop.report import Walk, picture, report
+from firmloop.presentation.report import Walk, picture, report
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import Outcome, analyze, design, generate, identify, read_data
 from firmloop.tuning import beside
-from identify.plant import Parameter
-from verify.verdict import Cost, Difference, Rounded, Searches, Verdict
+from firmloop.verify.verdict import Cost, Difference, Rounded, Searches, Verdict
 
 VERDICT = Verdict(
     program_id="0123456789abcdef",

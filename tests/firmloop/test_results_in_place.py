@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.bundle import write_files
+from firmloop.codegen.bundle import write_files
+from firmloop.identify.recordings.recording import Recording, write_recording
 from firmloop.output import results_file, results_folder
-from firmloop.table import ProjectError
-from identify.recording import Recording, write_recording
+from firmloop.project.table import ProjectError
 
 
 def _tree(folder: Path) -> dict[str, str]:

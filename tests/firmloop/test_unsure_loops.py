@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from design.loop import margins
 from firmloop.cli import main
-from firmloop.pipeline import design, plant_of
-from firmloop.project import read_project
-from identify.kinds import make_plant
-from identify.linear import linearize
+from firmloop.design.analysis.loop import margins
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import design, plant_of
 
 
 def test_margins_hold_those_of_the_true_plant(

@@ -18,10 +18,10 @@ from typing import Any
 import jsonschema
 import pytest
 
-from codegen.bundle import Bundle
-from firmloop import making
 from firmloop.cli import main
-from firmloop.project import read_project
+from firmloop.codegen.bundle import Bundle
+from firmloop.project.project import read_project
+from firmloop.stages import making
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = json.loads((ROOT / "tests" / "schema" / "verdict.schema.json").read_text())

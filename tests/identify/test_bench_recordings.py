@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identify.condition import NONE, Conditioning
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.recording import read_recording
-from identify.simulate import simulate
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.conditioning import NONE, Conditioning
+from firmloop.identify.recordings.recording import read_recording
+from firmloop.identify.simulation.simulate import simulate
 
 ROOT = Path(os.environ.get("FIRMLOOP_RECORDINGS") or Path(__file__).resolve().parents[3] / "shared" / "recordings")
 pytestmark = [

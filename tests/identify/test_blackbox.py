@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from identify.blackbox import Record, Sampled, check_records, continuous, fit_arx, fit_n4sid, fit_oe
-from identify.condition import NONE
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.plant import IdentifyError
-from identify.recording import make_recording
+from firmloop.identify.bench_tests.blackbox import (
+    Record,
+    Sampled,
+    check_records,
+    continuous,
+    fit_arx,
+    fit_n4sid,
+    fit_oe,
+)
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import make_recording
 
 PERIOD = 0.02
 W, ZETA, GAIN = 6.0, 0.5, 2.0

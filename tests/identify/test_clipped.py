@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.clipped import cut_off, gathering, rested
+from firmloop.identify.recordings.clipping import cut_off, gathering, rested
 
 TIME = np.arange(400) * 5e-3
 NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from identify.condition import (
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import (
     NONE,
     Conditioning,
     compared_time,
@@ -15,10 +18,7 @@ from identify.condition import (
     find_lag,
     interpolate,
 )
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.plant import IdentifyError
-from identify.recording import make_recording
+from firmloop.identify.recordings.recording import make_recording
 
 EVERYTHING = Conditioning(
     remove_offset=("y",),

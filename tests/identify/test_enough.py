@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from identify.condition import NONE, Conditioning
-from identify.fit import fit
-from identify.kinds import make_plant
-from identify.plant import IdentifyError
-from identify.recording import Recording, make_recording
+from firmloop.identify.fitting.fit import fit
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import NONE, Conditioning
+from firmloop.identify.recordings.recording import Recording, make_recording
 
 STARTS = {
     "first_order": {"gain": 1.5, "time_constant_s": 0.5, "delay_s": 0.0},

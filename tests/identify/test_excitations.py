@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.excitations import excitation, excitations
-from identify.excitations.prbs import TAPS, sequence
-from identify.plant import IdentifyError
+from firmloop.identify.bench_tests.excitations import excitation, excitations
+from firmloop.identify.bench_tests.excitations.prbs import TAPS, sequence
+from firmloop.identify.plants.plant import IdentifyError
 
 TABLE = {"low": -6.0, "high": 4.0, "period_s": 0.001, "duration_s": 2.0}
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.covariance import uncertainty
-from identify.normal import NORMAL_95
+from firmloop.identify.fitting.covariance import uncertainty
+from firmloop.identify.normal import NORMAL_95
 
 REPEATS = 40
 

@@ -12,12 +12,12 @@ import pytest
 import scipy.linalg
 import scipy.signal
 
-from identify.condition import NONE, Conditioning
-from identify.fit import Fit, fit, fit_start, interval95
-from identify.kinds import make_plant
-from identify.plant import IdentifyError
-from identify.recording import make_recording, read_recording
-from identify.scores import scores
+from firmloop.identify.fitting.fit import Fit, fit, fit_start, interval95
+from firmloop.identify.fitting.scores import scores
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import NONE, Conditioning
+from firmloop.identify.recordings.recording import make_recording, read_recording
 
 TRUE = {"R_ohm": 8.0, "L_H": 2e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.02, "J_kg_m2": 3e-6, "b_N_m_s_rad": 4e-6}
 

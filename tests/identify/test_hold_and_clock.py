@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from bench.blind_cases import draw_case, write_case
-from diagnose.held import believed_hold
-from diagnose.prepare import shortened
-from firmloop.pipeline import plant_of, read_data
-from firmloop.project import read_project
-from identify.attach import with_effects
-from identify.clock import evened
-from identify.hold import knots
-from identify.kinds import make_plant
-from identify.plant import EffectUse, IdentifyError
-from identify.plant_table import plant_from_table
-from identify.recording import make_recording
-from identify.simulate import simulate
+from firmloop.diagnose.held import believed_hold
+from firmloop.diagnose.prepare import shortened
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import EffectUse, IdentifyError
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.clock import evened
+from firmloop.identify.recordings.hold import knots
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.project.project import read_project
+from firmloop.stages.pipeline import plant_of, read_data
 
 _STEP = 1e-3
 _STAGE = {"mass_kg": 0.5, "b_N_s_m": 40.0}

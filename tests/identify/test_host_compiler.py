@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from identify.compiler import ToolError, cache_folder, find_tool, run_compiler, shared_library
+from firmloop.identify.simulation.compiler import ToolError, cache_folder, find_tool, run_compiler, shared_library
 
 ANSWER = {"answer.c": '#include "answer.h"\nint answer(void) { return ANSWER; }\n', "answer.h": "#define ANSWER 42\n"}
 

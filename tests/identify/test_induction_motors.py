@@ -9,10 +9,7 @@ import pytest
 
 from bench.induction_faults import CASES, diagnosed
 from bench.induction_truth import Motor
-from identify.condition import NONE
-from identify.effects import candidates
-from identify.fit import fit
-from identify.induction_tests import (
+from firmloop.identify.bench_tests.induction_tests import (
     AcTest,
     at_temperature,
     leakage_reactance,
@@ -23,12 +20,15 @@ from identify.induction_tests import (
     turns_ratio,
     winding_resistance,
 )
-from identify.kinds import make_plant
-from identify.plant import IdentifyError, Plant
-from identify.plant_table import plant_from_table
-from identify.recording import Recording, make_recording
-from identify.revolving_field import at_load, breakdown, running
-from identify.simulate import constants_of, course_of, simulate, simulator
+from firmloop.identify.bench_tests.revolving_field import at_load, breakdown, running
+from firmloop.identify.fitting.fit import fit
+from firmloop.identify.plants.effects import candidates
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.simulate import constants_of, course_of, simulate, simulator
 
 MOTOR = {
     "main_R_ohm": 0.525,

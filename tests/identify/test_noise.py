@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.noise import fit_noise, lagged_products, memory, whiteness
+from firmloop.identify.fitting.noise import fit_noise, lagged_products, memory, whiteness
 
 
 def test_white_noise_has_no_memory() -> None:

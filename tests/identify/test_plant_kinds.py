@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from identify.kinds import kinds, make_plant
-from identify.linear import linearize
-from identify.plant import IdentifyError
-from identify.units import unit_of
+from firmloop.identify.plants.kinds import kinds, make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.units import unit_of
 
 MOTOR = {
     "R_ohm": {"value": 8.0},

@@ -6,13 +6,13 @@ import control
 import numpy as np
 import pytest
 
-from identify.condition import NONE
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.plant import IdentifyError
-from identify.recording import make_recording
-from identify.simulate import simulate
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import simulate
 
 NAMES = ("gain", "time_constant_s", "second_time_constant_s", "zero_time_constant_s", "delay_s")
 S = control.tf([1, 0], [1])

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from identify.condition import NONE, Conditioning, conditioning_from_table
-from identify.fit import fit, interval95
-from identify.kinds import make_plant
-from identify.plant import IdentifyError
-from identify.recording import make_recording
-from identify.redraw import blocks, left_over, redraw, white
-from identify.residual_tests import residual_tests
-from identify.sensitivity import sensitivity
+from firmloop.identify.bench_tests.sensitivity import sensitivity
+from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.redraw import blocks, left_over, redraw, white
+from firmloop.identify.fitting.residual_tests import residual_tests
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import NONE, Conditioning, conditioning_from_table
+from firmloop.identify.recordings.recording import make_recording
 
 TIME = np.arange(300) * 2e-3
 STEP = np.where(TIME >= 0.02, 10.0, 0.0)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from identify.kind import equations
-from identify.kinds import make_plant
-from identify.plant import IdentifyError, Plant
-from identify.recording import make_recording
-from identify.simulate import constants_of, course_of, simulate, simulator
+from firmloop.identify.plants.kind import equations
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.simulate import constants_of, course_of, simulate, simulator
 
 MOTOR = {
     "R_ohm": 8.0,

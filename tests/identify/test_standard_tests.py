@@ -7,15 +7,21 @@ import math
 import numpy as np
 import pytest
 
-from identify.datasheets import read_sheet, sheets
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.motor_forms import motor_forms
-from identify.plant import IdentifyError
-from identify.quantity import in_si
-from identify.recording import make_recording
-from identify.simulate import simulate
-from identify.standard_tests import coast_down, locked_rotor_ac, locked_rotor_dc, no_load, step_test
+from firmloop.identify.bench_tests.datasheets import read_sheet, sheets
+from firmloop.identify.bench_tests.motor_forms import motor_forms
+from firmloop.identify.bench_tests.quantity import in_si
+from firmloop.identify.bench_tests.standard_tests import (
+    coast_down,
+    locked_rotor_ac,
+    locked_rotor_dc,
+    no_load,
+    step_test,
+)
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import simulate
 
 R, L, K, J, B, TC = 24.5, 5e-4, 0.0136, 6.8e-8, 5e-8, 4e-5
 PARAMETERS = {"R_ohm": R, "L_H": L, "ke_V_s_rad": K, "kt_N_m_A": K, "J_kg_m2": J, "b_N_m_s_rad": B}

@@ -8,12 +8,12 @@ import control
 import numpy as np
 import pytest
 
-from identify.graphical import METHODS, one_point, overshoot, sundaresan, two_point
-from identify.plant import IdentifyError
-from identify.recording import make_recording
-from identify.step_noise import noise_halves
-from identify.step_response import step_figures, step_response
-from identify.trials import repeated
+from firmloop.identify.bench_tests.graphical import METHODS, one_point, overshoot, sundaresan, two_point
+from firmloop.identify.bench_tests.step_noise import noise_halves
+from firmloop.identify.bench_tests.step_response import step_figures, step_response
+from firmloop.identify.bench_tests.trials import repeated
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.recording import make_recording
 
 TIME = np.arange(4000) * 1e-3
 STEP = np.where(TIME >= 0.5, 12.0, 2.0)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from bench.closed_loop import wheel
-from identify.attach import with_effects
-from identify.kinds import make_plant
-from identify.plant import IdentifyError, Plant
-from identify.recording import make_recording
-from identify.simulate import simulate
-from identify.stepped import SteppedPlant
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.stepped import SteppedPlant
 from tests.sizes import EFFECTS_OF_A_MOTOR, EFFECTS_OF_A_STAGE, motor, stage, use_of
 
 PERIOD = 0.001

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from design.kinds import design
-from quantize.lower import lower
-from quantize.program import Program
+from firmloop.design.kinds import design
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import to_physical, to_raw
 from tests.laws import SPEED, VOLTS
-from verify.reference import run
-from verify.stimuli import to_physical, to_raw
 
 FILTERS = {
     "butterworth": scipy.signal.butter(6, 0.15),

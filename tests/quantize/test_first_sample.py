@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from quantize.first_sample import in_one_branch, merged
-from quantize.graph import Graph, evaluate, read_graph
-from quantize.lower import lower
-from quantize.vanishing import vanishes
+from firmloop.quantize.lower.first_sample import in_one_branch, merged
+from firmloop.quantize.lower.graph import Graph, evaluate, read_graph
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.lower.vanishing import vanishes
 from tests.laws import FULL, TABLES, pid
 
 Build = Callable[[ca.SX, ca.SX, ca.SX], list[ca.SX]]

@@ -6,19 +6,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
-from design.law import Flag, Law, Scalar
-from identify.signal import Signal
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program, QuantizeError
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.law import Flag, Law, Scalar
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import Program, QuantizeError
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import Machine, run, set_parameter, start_state, working_type
+from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
 from tests.laws import FULL, SPEED, TABLES, VOLTS, pid, random_law
-from verify.compare import compare
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.reference import Machine, run, set_parameter, start_state, working_type
-from verify.rounding import measure_rounding
-from verify.stimuli import Block, run_blocks, stimuli
 
 
 def leaves_bounds(program: Program, blocks: list[Block]) -> list[str]:

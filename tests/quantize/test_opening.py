@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.kinds import kinds
-from design.law import Law
-from quantize.graph import evaluate, law_graph
-from quantize.lower import lower
-from quantize.program import Program
+from firmloop.design.kinds import kinds
+from firmloop.design.law import Law
+from firmloop.quantize.lower.graph import evaluate, law_graph
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import to_physical, to_raw
 from tests.laws import FULL, TABLES, pid
-from verify.reference import run
-from verify.stimuli import to_physical, to_raw
 
 LAWS = {
     **{name: kind.design(kind.example).law for name, kind in kinds().items()},

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codegen.environment import text_of
-from codegen.view import c_type
-from identify.compiler import shared_library
-from quantize.ops import OPERATIONS
-from quantize.program import Number
-from verify.host import FLAGS
+from firmloop.codegen.environment import text_of
+from firmloop.codegen.view import c_type
+from firmloop.identify.simulation.compiler import shared_library
+from firmloop.quantize.ops import OPERATIONS
+from firmloop.quantize.program import Number
+from firmloop.verify.build.host import FLAGS
 
 STYLES = {"fixed": Number("fixed", 32, 0), "float32": Number("float", 32, 0), "float64": Number("float", 64, 0)}
 KINDS = {"fixed": "i8", "float32": "f4", "float64": "f8"}

@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 
 from bench.mpc_random import law_of as random_law
-from codegen.emit import emit
-from codegen.target import load_target
-from design.active_set import exact, solve
-from design.kinds.mpc import design
-from design.law import Law
-from design.outcome import CAPPED, INFEASIBLE, SOLVED
-from design.region import drawn_parameters
-from identify.signal import Signal
-from quantize.budget import DRAWN, budget_of
-from quantize.lower import lower
-from quantize.program import Program
-from quantize.quadratic import rows_of, table_of
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds.mpc.kind import design
+from firmloop.design.law import Law
+from firmloop.design.outcome import CAPPED, INFEASIBLE, SOLVED
+from firmloop.design.quadratic.active_set import exact, solve
+from firmloop.design.quadratic.region import drawn_parameters
+from firmloop.identify.signal import Signal
+from firmloop.quantize.formats.quadratic import rows_of, table_of
+from firmloop.quantize.lower.budget import DRAWN, budget_of
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
 from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, cart_pole, request, servo, table
-from verify.compare import compare
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.reference import run
-from verify.stimuli import Block, run_blocks, stimuli
 
 HOST = load_target("host")
 HARD = {"x_min": [-3.0, -15.0], "x_max": [3.0, 15.0]}

@@ -6,22 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
-from design.kinds import kinds
-from design.law import Law
 from firmloop.cli import main
-from quantize.lower import lower
-from quantize.program import Program
-from quantize.proof import proof
-from verify.checker import ProofError, check_proof
-from verify.compare import compare
-from verify.host import build_host
-from verify.limit_cycles import zero_input
-from verify.links.library import LibraryLink
-from verify.reference import run
-from verify.rounding import measure_rounding
-from verify.stimuli import stimuli
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import kinds
+from firmloop.design.law import Law
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.quantize.proof import proof
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.checker import ProofError, check_proof
+from firmloop.verify.proofs.limit_cycles import zero_input
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import stimuli
 
 DOWN = {"high_down", "mul_down", "asr"}
 NEAREST = {"high", "mul_shift", "shr"}

@@ -11,17 +11,17 @@ from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
 from bench.wide_scales import FORMATS, Format, faults_of, wide_draws, wide_shifts
-from codegen.emit import emit
-from design.kinds import design
-from design.law import DesignError
 from firmloop.cli import main
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.ops import EVERY, OPERATIONS, shift_right
-from quantize.program import Number, Op, Program, QuantizeError, Table, Value
-from quantize.shifts import COUNTS
-from verify.reference import run
-from verify.stimuli import stimuli
+from firmloop.codegen.emit import emit
+from firmloop.design.kinds import design
+from firmloop.design.law import DesignError
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.ops import EVERY, OPERATIONS, shift_right
+from firmloop.quantize.program import Number, Op, Program, QuantizeError, Table, Value
+from firmloop.quantize.shifts import COUNTS
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import stimuli
 
 WORD = Value("x", "", Number("fixed", 32, 0), -1, 1)
 PROJECT = """schema = 1

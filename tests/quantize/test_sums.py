@@ -7,9 +7,9 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from quantize.graph import evaluate, read_graph
-from quantize.limits import with_limits
-from quantize.sums import gather
+from firmloop.quantize.lower.graph import evaluate, read_graph
+from firmloop.quantize.lower.limits import with_limits
+from firmloop.quantize.lower.sums import gather
 
 
 def function_of(build) -> ca.Function:

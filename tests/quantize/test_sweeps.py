@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.active_set import exact, solve
-from design.law import DesignError, Law
-from design.outcome import CAPPED, INFEASIBLE, SOLVED
-from design.solver import solver
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.proof import proof
+from firmloop.design.law import DesignError, Law
+from firmloop.design.outcome import CAPPED, INFEASIBLE, SOLVED
+from firmloop.design.quadratic.active_set import exact, solve
+from firmloop.design.quadratic.solver import solver
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import ProofError, check_proof
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED
 from tests.quantize.test_quadratic import CASES, differences, law_of, random_states
-from verify.checker import ProofError, check_proof
-from verify.reference import run
-from verify.rounding import measure_rounding
-from verify.stimuli import stimuli
 
 SHORT = {"horizon": 8, "solver": "fixed_iterations"}
 ARITHMETICS = ["float32", "fixed32", "fixed16"]

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.active_set import exact, solve
-from design.kinds.mpc import design
-from design.law import DesignError, Law, Tree
-from design.outcome import INFEASIBLE, SOLVED
-from design.solver import solver
-from identify.signal import Signal
-from quantize.lower import lower
-from quantize.proof import proof
+from firmloop.design.kinds.mpc.kind import design
+from firmloop.design.law import DesignError, Law, Tree
+from firmloop.design.outcome import INFEASIBLE, SOLVED
+from firmloop.design.quadratic.active_set import exact, solve
+from firmloop.design.quadratic.solver import solver
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import ProofError, check_proof
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.design.test_mpc import ANGLE, REFERENCE, SPEED, request, servo, table
 from tests.quantize.test_quadratic import HARD, differences, law_of, random_states
-from verify.checker import ProofError, check_proof
-from verify.reference import run
-from verify.rounding import measure_rounding
-from verify.stimuli import stimuli
 
 ARITHMETICS = ["float32", "float64", "fixed32", "fixed16"]
 

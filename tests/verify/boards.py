@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.bundle import write_files
-from codegen.firmware import WARNINGS, firmware
-from codegen.target import load_target
-from identify.compiler import run_compiler
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.firmware import WARNINGS, firmware
+from firmloop.codegen.target import load_target
+from firmloop.identify.simulation.compiler import run_compiler
+from firmloop.verify.build.image import Image, build_image
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.stream import DescriptorStream, Stream
 from tests.verify.tiny import tiny
-from verify.build import Image, build_image
-from verify.links.framed import FramedLink
-from verify.links.stream import DescriptorStream, Stream
 
 C_TESTS = Path(__file__).parents[1] / "c"
 GAIN = 2.0

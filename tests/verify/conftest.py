@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from verify.links import live, pty, semihosting, uart
+from firmloop.verify.links import live, pty, semihosting, uart
 
 PATIENCE = 300.0  # s
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bench.bounds import worst
-from design.kinds import Kind, kinds
-from quantize.lower import lower
-from verify.reference import run
-from verify.stimuli import adversarial, stimuli, to_physical
+from firmloop.design.kinds import Kind, kinds
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.reference import run
+from firmloop.verify.stimuli.stimuli import adversarial, stimuli, to_physical
 
 LINEAR = [kind for name, kind in kinds().items() if name in ("state_space", "lead_lag", "notch")]
 

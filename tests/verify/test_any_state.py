@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from bench.mutants import Mutant, laws, mutants, planted
-from codegen.bundle import Bundle
-from codegen.emit import emit
-from codegen.target import load_target
-from quantize.lower import lower
-from quantize.program import Program
-from verify.any_state import STEPS, Departures, any_state, departures
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.run import verify
-from verify.verdict import Verdict
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.host import build_host
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.any_state import STEPS, Departures, any_state, departures
+from firmloop.verify.run import verify
+from firmloop.verify.verdict import Verdict
 
 
 @cache

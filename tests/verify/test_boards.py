@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import Qemu, Region, Target, Timer, Uart, load_target, target_names
-from identify.compiler import ToolError
-from quantize.lower import lower
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import Qemu, Region, Target, Timer, Uart, load_target, target_names
+from firmloop.identify.simulation.compiler import ToolError
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.build.elf import boot_crc, check_start, flat, segments
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.uart import open_qemu_uart
 from tests.laws import FULL, pid
 from tests.verify.boards import BUNDLE, PROGRAM, RESULT, expected, packed
-from verify.build import build_image
-from verify.elf import boot_crc, check_start, flat, segments
-from verify.links.uart import open_qemu_uart
 
 pytestmark = pytest.mark.cross
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quantize.lower import lower
-from quantize.proof import proof
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import ProofError, check_proof
 from tests.laws import FULL, TABLES, pid, random_law
-from verify.checker import ProofError, check_proof
 
 
 def document(arithmetic: str, table: str = "full") -> dict[str, Any]:

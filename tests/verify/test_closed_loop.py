@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from bench.closed_loop import ROLES, staircase, wheel
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import load_target
-from identify.attach import with_effects
-from quantize.lower import lower
-from quantize.program import Program
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
+from firmloop.identify.plants.attach import with_effects
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.host import build_host
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.links.opener import openers
+from firmloop.verify.proofs.closed_loop import PlantLoop, check_loop, close_loop
+from firmloop.verify.run import verify
 from tests.laws import FULL, pid
 from tests.sizes import motor, use_of
-from verify.build import build_image
-from verify.closed_loop import PlantLoop, check_loop, close_loop
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.links.opener import openers
-from verify.run import verify
 
 
 @pytest.mark.qemu

@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import Timer, load_target
 from firmloop.cli import main
-from quantize.lower import lower
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import Timer, load_target
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.pty import start_on_terminal
+from firmloop.verify.links.semihosting import open_semihosting
+from firmloop.verify.run import verify
+from firmloop.verify.verdict import Verdict
 from tests.laws import FULL, pid
 from tests.verify.boards import RESULT
 from tests.verify.test_faults import PROJECT
 from tests.verify.tiny import SOURCE, tiny, tiny_bundle
-from verify.build import build_image
-from verify.cost import instructions
-from verify.links.pty import start_on_terminal
-from verify.links.semihosting import open_semihosting
-from verify.run import verify
-from verify.verdict import Verdict
 
 pytestmark = pytest.mark.qemu
 

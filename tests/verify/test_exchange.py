@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from firmloop.verify.links.exchange import ROOM, Exchange
+from firmloop.verify.links.frame import HELLO, REPLY, STEP, binding, seal
+from firmloop.verify.links.semihosting import open_semihosting
 from tests.verify.boards import PROGRAM, RESULT, TARGET, build_qemu_image, expected, packed
-from verify.frame import HELLO, REPLY, STEP, binding, seal
-from verify.links.exchange import ROOM, Exchange
-from verify.links.semihosting import open_semihosting
 
 BOUND = binding(7, 0)
 PAYLOADS = [b"", b"\0" * 8, b"\x5a" * 300, b"\x5b" * 248, bytes(range(256)) * 8]

@@ -20,10 +20,10 @@ import pytest
 
 from bench.faults import ATTEMPTS, TIMEOUT, run
 from firmloop.cli import main
+from firmloop.verify.links import LinkError, uart
+from firmloop.verify.links.framed import FramedLink
 from tests.verify.boards import ONE_STEP, PROGRAM, RESULT
 from tests.verify.wild import WildLine, build_image_library
-from verify.links import LinkError, uart
-from verify.links.framed import FramedLink
 
 PATIENCE = 600.0  # s, for what takes a few on a machine with time to spare
 PROJECT = """\

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from serial.tools import list_ports
 
-from codegen.target import load_target
 from firmloop.cli import main
+from firmloop.codegen.target import load_target
+from firmloop.verify.build.elf import Segment, flat, segments
+from firmloop.verify.build.flash import intel_hex, uf2
+from firmloop.verify.links.ports import boards_at, find_ports
 from tests.verify.test_faults import PROJECT
-from verify.elf import Segment, flat, segments
-from verify.flash import intel_hex, uf2
-from verify.links.ports import boards_at, find_ports
 
 IMAGE = Segment(0x0800_FFF0, bytes(range(256)) * 2 + b"end")
 

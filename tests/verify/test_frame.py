@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codegen.environment import text_of
-from codegen.firmware import WARNINGS
-from identify.compiler import shared_library
-from verify.frame import HELLO, NAK, FrameError, binding, seal, stuff, unseal, unstuff
+from firmloop.codegen.environment import text_of
+from firmloop.codegen.firmware import WARNINGS
+from firmloop.identify.simulation.compiler import shared_library
+from firmloop.verify.links.frame import HELLO, NAK, FrameError, binding, seal, stuff, unseal, unstuff
 
 # Zero bytes and runs around 254 bytes are where COBS can go wrong; 0x5A is what the mask turns into a zero byte.
 PAYLOADS = st.one_of(

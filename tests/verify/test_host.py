@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
-from quantize.lower import ARITHMETICS, lower
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.build.host import build_host
+from firmloop.verify.build.sanitized import Sanitized, run_sanitized
+from firmloop.verify.compare import Comparison, compare
+from firmloop.verify.explain import explain
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.stimuli.stimuli import LANE_STEPS, run_blocks, stimuli
 from tests.laws import FULL, TABLES, pid, random_law
-from verify.compare import Comparison, compare
-from verify.explain import explain
-from verify.host import build_host
-from verify.links.library import LibraryLink
-from verify.sanitized import Sanitized, run_sanitized
-from verify.stimuli import LANE_STEPS, run_blocks, stimuli
 
 HOST = load_target("host")
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.kinds import Request, design, kinds
 from firmloop.cli import main
-from identify.signal import Signal
-from quantize.lower import lower
+from firmloop.design.kinds import Request, design, kinds
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input
+from firmloop.verify.reference import run
 from tests.verify.test_tunable import PROJECT
-from verify.limit_cycles import ZeroInput, zero_input
-from verify.reference import run
 
 WIRES = (Signal("reference", "V", -1.0, 1.0), Signal("measurement", "V", -1.0, 1.0))
 OUTPUT = (Signal("output", "V", -100.0, 100.0),)

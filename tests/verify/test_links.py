@@ -13,6 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.frame import STEP, seal
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.stream import DescriptorStream, Stream
+from firmloop.verify.links.uart import open_port
 from tests.verify.boards import (
     ONE_STEP,
     PROGRAM,
@@ -24,11 +29,6 @@ from tests.verify.boards import (
     packed,
     start_host_image,
 )
-from verify.frame import STEP, seal
-from verify.links import LinkError
-from verify.links.framed import FramedLink
-from verify.links.stream import DescriptorStream, Stream
-from verify.links.uart import open_port
 
 Damage = Callable[[bytes, random.Random], bytes]
 

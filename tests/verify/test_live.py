@@ -11,23 +11,23 @@ import numpy as np
 import pytest
 
 from bench.live import SIGNALS, TARGET, running
-from codegen.bundle import CodegenError
-from codegen.emit import emit
-from codegen.firmware import live_firmware
-from codegen.target import load_target, target_names
 from firmloop.cli import main
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import live_firmware
+from firmloop.codegen.target import load_target, target_names
+from firmloop.identify.recordings.recording import read_recording
 from firmloop.monitor import Seen, Setting, Watch, settings_of, stream
-from firmloop.pipeline import design, generate, plant_of
-from firmloop.project import read_project
-from identify.recording import read_recording
-from quantize.lower import ARITHMETICS, lower
-from quantize.program import Program
+from firmloop.project.project import read_project
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.program import Program
+from firmloop.stages.pipeline import design, generate, plant_of
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.frame import binding, seal, unseal
+from firmloop.verify.links.live import DATA, HELLO, WATCH, LiveLink, open_live_port, watchable
+from firmloop.verify.reference import run
 from tests.laws import FULL, pid
-from verify.build import build_image
-from verify.frame import binding, seal, unseal
-from verify.links import LinkError
-from verify.links.live import DATA, HELLO, WATCH, LiveLink, open_live_port, watchable
-from verify.reference import run
 
 PROJECT = """\
 schema = 1

@@ -12,9 +12,9 @@ from bench.meaning import Meaning
 from bench.mutants import Mutant, bench, chosen, example_law, laws, mutants, planted
 from bench.orbit import away_from_zero
 from bench.zeros import never_minus_zero
-from codegen.emit import emit
-from quantize.lower import lower
-from quantize.program import Program
+from firmloop.codegen.emit import emit
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
 
 
 @pytest.mark.parametrize(("name", "arithmetic"), [("full pid", "fixed32"), ("tuned pid", "float32")])

@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 
-from design.kinds import kinds
-from quantize.lower import lower
-from quantize.program import QuantizeError
-from quantize.proof import proof
+from firmloop.design.kinds import kinds
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import QuantizeError
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import check_proof
+from firmloop.verify.proofs.claims import ProofError, read_claims
+from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.proofs.z3_checker import check_with_z3
 from tests.laws import pid
 from tests.quantize.test_sweeps import sweeping
 from tests.verify.test_tunable import TUNABLE
-from verify.checker import check_proof
-from verify.claims import ProofError, read_claims
-from verify.interval_checker import check_intervals
-from verify.z3_checker import check_with_z3
 
 Document = dict[str, Any]
 Change = Callable[[Document], None]

@@ -14,19 +14,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.bundle import CodegenError
-from codegen.firmware import firmware
-from codegen.target import Target, load_target
-from identify.compiler import ToolError, find_tool, run_compiler
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import Target, load_target
+from firmloop.identify.simulation.compiler import ToolError, find_tool, run_compiler
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.image import Image, build_image
+from firmloop.verify.links import LinkError, semihosting, uart
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.qemu import QemuProcess
+from firmloop.verify.links.semihosting import open_semihosting
+from firmloop.verify.links.uart import open_qemu_uart
 from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT, TARGET, build_qemu_image, expected, packed
 from tests.verify.tiny import SOURCE, tiny_bundle
-from verify.build import Image, build_image
-from verify.cost import instructions
-from verify.links import LinkError, semihosting, uart
-from verify.links.framed import FramedLink
-from verify.links.qemu import QemuProcess
-from verify.links.semihosting import open_semihosting
-from verify.links.uart import open_qemu_uart
 
 pytestmark = pytest.mark.qemu
 

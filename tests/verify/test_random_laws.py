@@ -6,9 +6,9 @@ import itertools
 import json
 
 from bench.random_laws import SEED, draws
-from quantize.lower import lower
-from quantize.proof import proof
-from verify.checker import check_proof
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.proofs.checker import check_proof
 
 
 def test_random_laws_are_proven_again() -> None:

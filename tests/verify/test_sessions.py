@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmloop.verify.links.frame import HELLO, RESET, STEP, binding, checksum, seal, unseal
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.stream import DescriptorStream, Stream
 from tests.verify.boards import DICE, ONE_STEP, PROGRAM, RESULT, build_host_image, link_to, start_host_image
-from verify.frame import HELLO, RESET, STEP, binding, checksum, seal, unseal
-from verify.links.framed import FramedLink
-from verify.links.stream import DescriptorStream, Stream
 
 SESSION = 0x04030201
 BOUND = binding(SESSION, 0)  # of the first 256 exchanges

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from bench.every_target import emulated, numbers_of
-from codegen.emit import emit
-from codegen.firmware import firmware
-from codegen.target import Target
-from quantize.lower import lower
+from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import Target
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.build.image import build_image
+from firmloop.verify.links.pty import open_qemu_pty
+from firmloop.verify.links.qemu import QemuProcess
+from firmloop.verify.links.uart import open_qemu_uart
+from firmloop.verify.run import verify
+from firmloop.verify.verdict import Verdict
 from tests.laws import FULL, pid
 from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT
-from verify.build import build_image
-from verify.cost import instructions
-from verify.links.pty import open_qemu_pty
-from verify.links.qemu import QemuProcess
-from verify.links.uart import open_qemu_uart
-from verify.run import verify
-from verify.verdict import Verdict
 
 pytestmark = pytest.mark.qemu
 

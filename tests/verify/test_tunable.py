@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.emit import emit
-from codegen.target import load_target
 from firmloop.cli import main
-from identify.compiler import run_compiler
-from quantize.lower import ARITHMETICS, lower
-from quantize.proof import proof
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.identify.simulation.compiler import run_compiler
+from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.quantize.proof import proof
+from firmloop.verify.build.host import FLAGS, build_host
+from firmloop.verify.compare import compare
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.checker import check_proof
+from firmloop.verify.proofs.rounding import measure_rounding
+from firmloop.verify.reference import element_type, run, set_parameter
+from firmloop.verify.run import verify
+from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
 from tests.laws import FULL, pid
 from tests.pid_formula import pid_steps
 from tests.quantize.test_lower import leaves_bounds
-from verify.checker import check_proof
-from verify.compare import compare
-from verify.host import FLAGS, build_host
-from verify.links.library import LibraryLink
-from verify.reference import element_type, run, set_parameter
-from verify.rounding import measure_rounding
-from verify.run import verify
-from verify.stimuli import run_blocks, stimuli
 
 RANGES = {"kp": [0.0, 0.2], "ki": [0.0, 5.0], "kd": [0.0, 0.001], "b": [0.0, 1.0], "c": [0.0, 1.0]}
 TUNABLE = {**FULL, "tunable": list(RANGES), "ranges": RANGES}

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from firmloop.verify.build.cost import instructions
+from firmloop.verify.links.semihosting import open_semihosting
+from firmloop.verify.links.turns import Processors, Turns, share_processor
 from tests.verify.boards import PROGRAM, RESULT, TARGET, build_qemu_image, expected, packed
-from verify.cost import instructions
-from verify.links.semihosting import open_semihosting
-from verify.links.turns import Processors, Turns, share_processor
 
 WAITING = 15e-6  # s of one exchange
 Cost = Callable[[float], float]  # s of one exchange by asking, at a time in s

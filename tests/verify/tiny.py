@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from codegen.bundle import Bundle
-from quantize.program import Assign, Number, Op, Program, Rounding, Value
+from firmloop.codegen.bundle import Bundle
+from firmloop.quantize.program import Assign, Number, Op, Program, Rounding, Value
 
 FLOAT = Number("float", 32, 0)
 

@@ -7,9 +7,9 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
-from codegen.bundle import write_files
-from codegen.firmware import WARNINGS, firmware
-from identify.compiler import run_compiler
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.firmware import WARNINGS, firmware
+from firmloop.identify.simulation.compiler import run_compiler
 from tests.verify.boards import BUNDLE, C_TESTS, PROGRAM, TARGET
 
 STALL = 5.0  # s, longer than the host waits for a reply

@@ -5,9 +5,9 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 
-from codegen.environment import text_of
-from codegen.firmware import WARNINGS
-from identify.compiler import shared_library
+from firmloop.codegen.environment import text_of
+from firmloop.codegen.firmware import WARNINGS
+from firmloop.identify.simulation.compiler import shared_library
 
 ROOM = 1 << 13  # bytes received at once
 _HEADER = 2  # bytes of a message before its payload

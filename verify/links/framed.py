@@ -10,7 +10,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from verify.frame import (
+from firmloop.verify.links import Hello, LinkError, fault_says
+from firmloop.verify.links.frame import (
     HELLO,
     NAK,
     NAK_DAMAGED,
@@ -28,8 +29,7 @@ from verify.frame import (
     seal,
     unseal,
 )
-from verify.links import Hello, LinkError, fault_says
-from verify.links.stream import PipeStream, Stream
+from firmloop.verify.links.stream import PipeStream, Stream
 
 _HELLO = struct.Struct("<IHHHHI16s")
 _FIRST_GREETING = 1.0  # s for a reply to the first greeting; each further one doubles it, up to the line's own timeout

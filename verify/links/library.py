@@ -7,15 +7,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from quantize.program import Program
-from verify.links import Hello, LinkError
+from firmloop.quantize.program import Program
+from firmloop.verify.links import Hello, LinkError
 
 STEPS_MAX = 1 << 16
 FILLS = (0x7F, 0xFF)  # repeated: a number near the largest of any type, and none, or -1
 
 
 class LibraryLink:
-    """A controller loaded from a library that `verify/host.py` built."""
+    """A controller loaded from a library that `verify/build/host.py` built."""
 
     def __init__(self, library: Path, program: Program) -> None:
         try:

@@ -11,9 +11,9 @@ DATA  0x40         (comes unasked)             lost samples u32 since WATCH, ste
                                                step u32 and the members, packed, in order
 
 SET takes the number of the parameter and its value as the C holds it; the image sets it between two steps.
-Framing is that of verify/frame.py; the image's half is templates_c/live.c.j2. Requests may be repeated without harm.
-The host draws a ticket for every request. What is late is not mistaken: a reply repeats its request's ticket, and the
-CRC of DATA goes on from that of exchange 0 in a session that has the ticket of the WATCH in force as its number.
+Framing is that of verify/links/frame.py; the image's half is templates_c/live.c.j2. Requests may be repeated without
+harm. The host draws a ticket for every request. What is late is not mistaken: a reply repeats its request's ticket, and
+the CRC of DATA goes on from that of exchange 0 in a session that has the ticket of the WATCH in force as its number.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from typing import Self
 
 import numpy as np
 
-from codegen.target import Target
-from quantize.program import Program, Value
-from verify.frame import REPLY, FrameError, binding, seal, unseal
-from verify.links import LinkError
-from verify.links.stream import Stream
-from verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
-from verify.reference import Raw, element_type
+from firmloop.codegen.target import Target
+from firmloop.quantize.program import Program, Value
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.frame import REPLY, FrameError, binding, seal, unseal
+from firmloop.verify.links.stream import Stream
+from firmloop.verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
+from firmloop.verify.reference import Raw, element_type
 
 DATA, HELLO, WATCH, SET = 0x40, 0x41, 0x42, 0x43
 PROTOCOL_VERSION = 2

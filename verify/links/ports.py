@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from serial.tools import list_ports
 
-from codegen.target import Target
+from firmloop.codegen.target import Target
 
 
 @dataclass(frozen=True, slots=True)

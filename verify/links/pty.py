@@ -9,13 +9,13 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from codegen.target import Target
-from verify.links import LinkError
-from verify.links.framed import FramedLink
-from verify.links.opener import Opener
-from verify.links.qemu import QemuProcess, qemu_of
-from verify.links.turns import share_processor
-from verify.links.uart import greet
+from firmloop.codegen.target import Target
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.opener import Opener
+from firmloop.verify.links.qemu import QemuProcess, qemu_of
+from firmloop.verify.links.turns import share_processor
+from firmloop.verify.links.uart import greet
 
 OPENING = 60.0  # s until QEMU must have said which terminal it took; it takes some 0.1 s
 

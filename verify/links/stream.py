@@ -15,10 +15,10 @@ from typing import Protocol
 
 import serial
 
-from identify.compiler import ToolError
-from verify.links import LinkError
-from verify.links.exchange import Exchange
-from verify.links.turns import PipeTurns, Turns
+from firmloop.identify.simulation.compiler import ToolError
+from firmloop.verify.links import LinkError
+from firmloop.verify.links.exchange import Exchange
+from firmloop.verify.links.turns import PipeTurns, Turns
 
 CHUNK = 1 << 13  # bytes asked for at once; a larger buffer costs more to get than it saves
 ALARM_PERIOD = 0.1  # s between looks of the alarm

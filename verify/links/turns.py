@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from codegen.target import Target
+from firmloop.codegen.target import Target
 
 _PIDFD_GETFD = 438  # the number of this system call of Linux, on every processor that Python runs on
 _FIRST, _TRY, _LONG = 2048, 256, 65536  # exchanges: before the first try, of a try, between two; the last some 0.7 s

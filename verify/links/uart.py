@@ -8,12 +8,12 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from codegen.target import Target
-from verify.links.framed import FramedLink
-from verify.links.opener import Opener
-from verify.links.qemu import QemuProcess, qemu_of
-from verify.links.stream import Stream, open_serial
-from verify.links.turns import share_processor
+from firmloop.codegen.target import Target
+from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.opener import Opener
+from firmloop.verify.links.qemu import QemuProcess, qemu_of
+from firmloop.verify.links.stream import Stream, open_serial
+from firmloop.verify.links.turns import share_processor
 
 QEMU_TIMEOUT = 30.0  # s for the reply to one attempt, on a busy machine; a dead QEMU is noticed at once
 QEMU_ATTEMPTS = 2

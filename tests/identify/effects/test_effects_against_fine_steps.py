@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from fine_motor import KE, KT, NOMINAL, Array, L, Motor, R, State
 
-from identify.effects import effects
-from identify.kinds import make_plant
-from identify.recording import Recording, make_recording
-from identify.superset import Superset, superset
+from firmloop.identify.plants.effects import effects
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.superset import Superset, superset
 
 OUTPUTS = ("speed_rad_s", "position_rad", "current_A")
 ROWS = 120

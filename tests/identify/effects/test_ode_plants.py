@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from identify.expression import read_expression
-from identify.plant import IdentifyError
-from identify.plant_table import plant_from_table
-from identify.recording import Recording, make_recording
-from identify.simulate import simulate
-from identify.superset import superset
+from firmloop.identify.plants.expression import read_expression
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.superset import superset
 
 TANKS: Mapping[str, object] = {
     "kind": "ode",

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from identify.attach import EffectUse, all_uses, parameters_of, with_effects
-from identify.condition import NONE
-from identify.effects import candidates, effects, find_effect
-from identify.fit import fit
-from identify.kinds import make_plant
-from identify.linear import linearize
-from identify.plant import IdentifyError, Plant
-from identify.plant_table import effects_table, plant_from_table
-from identify.recording import Recording, make_recording, write_recording
-from identify.simulate import rest_start, simulate
-from identify.superset import starts_of, superset
+from firmloop.identify.fitting.fit import fit
+from firmloop.identify.plants.attach import EffectUse, all_uses, parameters_of, with_effects
+from firmloop.identify.plants.effects import candidates, effects, find_effect
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant_table import effects_table, plant_from_table
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording, make_recording, write_recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import rest_start, simulate
+from firmloop.identify.simulation.superset import starts_of, superset
 
 MOTOR = {
     "R_ohm": 8.0, "L_H": 1e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.02, "J_kg_m2": 3e-6, "b_N_m_s_rad": 3e-6,

@@ -1,0 +1,340 @@
+"""Close the loop of a law and a linear plant: margins, trajectory, step metrics.
+
+The plant is sampled exactly (`discretize.py`), the law is linearized for the margins (`small_signal.py`) and run as it
+is, limits included, for the trajectory. With C(z) the way from the measurement to the output of the law, the loop is
+L(z) = -C(z) P(z).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+import scipy.optimize
+
+from firmloop.design.analysis.small_signal import LinearLaw, linearize_law
+from firmloop.design.discretize.zero_order_hold import Sampled, state_space, zero_order_hold
+from firmloop.design.law import DesignError, Law, Solve
+from firmloop.design.outcome import CAPPED, INFEASIBLE
+from firmloop.design.quadratic.solver import solver
+from firmloop.design.roles import reference_and_measurement
+from firmloop.identify.simulation.linearize import Linear
+
+Array = npt.NDArray[np.float64]
+Response = npt.NDArray[np.complex128]
+
+ON_CIRCLE = 1e-9  # a pole this close to the unit circle is not called stable
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """How far the loop is from instability; infinite where no change of that sort reaches it.
+
+    Of an unstable loop the gain and phase margins are the signed distances to -1 at the nearest crossing (negative dB:
+    the gain must fall), the delay margin is 0 and the sensitivity peak infinite. `crossover_rad_s` is NaN where |L|
+    never passes 1.
+    """
+
+    stable: bool
+    gain_margin_db: float  # by which the gain may rise
+    gain_reduction_db: float  # by which the gain may fall, as a positive number
+    phase_margin_deg: float
+    delay_margin_s: float
+    sensitivity_peak: float  # Ms = max |1/(1 + L)|
+    crossover_rad_s: float  # where the phase margin is taken
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """The closed loop sample by sample, each array (n,); `measurement` is read before `output` acts."""
+
+    time: Array  # s
+    reference: Array
+    measurement: Array
+    output: Array
+    saturated: npt.NDArray[np.bool_]  # a flag of the law is raised
+
+
+@dataclass(frozen=True, slots=True)
+class StepMetrics:
+    """Figures of one step response, relative to its first and last value.
+
+    Times are in s from the step, infinite where the response does not get there.
+    """
+
+    rise_s: float  # 10 % to 90 %
+    settling_2_s: float
+    settling_5_s: float
+    overshoot_percent: float
+    undershoot_percent: float
+    peak: float  # unit of the measurement
+    steady_state_error: float  # reference less measurement at the end, unit of the measurement
+    iae: float  # integral of |reference - measurement|, unit of the measurement times s
+
+
+def loop_response(law: Law, linear: Linear, frequency: Array) -> Response:
+    """Return L(exp(j w h)) at the frequencies w (n,) in rad/s."""
+    return _response(law, linearize_law(law), zero_order_hold(linear, law.period))(frequency)
+
+
+def closed_loop_poles(law: Law, linear: Linear) -> Response:
+    """Find the poles in the z plane of the linearized law around the sampled plant."""
+    return _poles(law, linearize_law(law), zero_order_hold(linear, law.period))
+
+
+def margins(law: Law, linear: Linear) -> Margins:
+    """Measure the loop broken at the plant's first input; the measurement is the plant's first output."""
+    sampled, linearized = zero_order_hold(linear, law.period), linearize_law(law)
+    poles = _poles(law, linearized, sampled)
+    stable = bool(np.all(np.abs(poles) < 1 - ON_CIRCLE))
+    response = _response(law, linearized, sampled)
+    opened = np.concatenate([np.linalg.eigvals(sampled.a), np.linalg.eigvals(linearized.a)])
+    grid = _grid(np.concatenate([poles, opened]), law.period, sampled.whole)
+    loop = response(grid)
+
+    gains = [1 / abs(response(np.array([w]))[0]) for w in _phase_crossings(response, grid, loop)]
+    if np.all(np.abs(opened - 1) > ON_CIRCLE):
+        at_rest = response(np.zeros(1))[0].real
+        gains += [-1 / at_rest] if at_rest < 0 else []
+    crossovers = _roots(lambda w: abs(response(np.array([w]))[0]) - 1, grid, np.abs(loop) - 1)
+    phases = [
+        math.degrees(np.angle(-response(np.array([w]))[0])) for w in crossovers
+    ]  # 180 deg + angle, in (-180, 180]
+    nearest = min(range(len(phases)), key=lambda k: abs(phases[k]), default=None)
+    phase = math.inf if nearest is None else phases[nearest]
+    if not stable:
+        gain = min(gains, key=lambda factor: abs(math.log(factor)), default=math.inf)
+        rise, fall = _decibel(gain), math.inf if gain >= 1 else -_decibel(gain)
+    else:
+        rise = _decibel(min((factor for factor in gains if factor > 1), default=math.inf))
+        fall = -_decibel(max((factor for factor in gains if factor < 1), default=0.0))
+    return Margins(
+        stable=stable,
+        gain_margin_db=rise,
+        gain_reduction_db=fall,
+        phase_margin_deg=abs(phase) if stable else phase,
+        delay_margin_s=min(
+            (math.radians(p % 360) / w for p, w in zip(phases, crossovers, strict=True)), default=math.inf
+        )
+        if stable
+        else 0.0,
+        sensitivity_peak=_sensitivity_peak(response, grid, loop) if stable else math.inf,
+        crossover_rad_s=math.nan if nearest is None else crossovers[nearest],
+    )
+
+
+def step_profile(law: Law, linear: Linear) -> Array:
+    """Make the reference (n,) of a step from 0 to a quarter of its range.
+
+    It lasts twelve time constants of the slowest closed-loop mode, at least 200 and at most 50,000 samples.
+    """
+    reference, _ = reference_and_measurement(law.inputs)
+    signal = law.inputs[reference]
+    top = signal.high if signal.high >= -signal.low else signal.low
+    speeds = -np.log(np.clip(np.abs(closed_loop_poles(law, linear)), 1e-6, 1 - 1e-6))
+    return np.full(int(np.clip(12 / speeds.min(), 200, 50_000)), top / 4)
+
+
+def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
+    """Run the law, limits included, with the plant from rest; `reference` (n,) holds one value a sample."""
+    return disturbed_loop(law, linear, reference, np.zeros(len(reference)))
+
+
+def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> Trajectory:
+    """Run the law as `closed_loop` does, with `load` (n,) added to its output where that enters the plant."""
+    at_reference, _ = reference_and_measurement(law.inputs)
+    sampled = zero_order_hold(linear, law.period)
+    wires, _, _ = _measured(law, sampled)
+    a, b, c = (ca.sparsify(ca.DM(part)) for part in state_space(sampled))
+    seen = ca.sparsify(ca.DM(_seen(law, state_space(sampled)[2])))
+    plant, x, r, d = ca.SX.sym("plant", a.shape[0]), ca.SX.sym("x", len(law.state)), ca.SX.sym("r"), ca.SX.sym("d")
+    z = ca.SX(list(law.rest) or [min(max(0.0, wire.low), wire.high) for wire in law.inputs])
+    z[at_reference] = r
+    z[wires] = seen @ plant
+    moves = ca.SX.sym("moves", 0 if law.solve is None else law.solve.problem.results + 2)
+    x_next, u, flags, _ = law.last.function(x, z, *([] if law.solve is None else [moves]))
+    step = ca.Function(
+        "step",
+        [ca.vertcat(plant, x), ca.vertcat(r, d), moves],
+        [ca.vertcat(a @ plant + b[:, 0] * (u[0] + d), x_next), ca.vertcat((c @ plant)[0], u[0], ca.sum1(flags))],
+    )
+    steps = len(reference)
+    start = np.concatenate([np.zeros(a.shape[0]), law.start])
+    told = np.array([reference, load], dtype=np.float64)
+    if law.solve is None:
+        _, rows = step.mapaccum(steps)(start, told, np.zeros((0, steps)))
+    else:
+        parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
+        rows = _solved_run(law.solve, parameters, step, start, told)
+    measured, output, flagged = np.array(rows, dtype=np.float64)
+    time = np.arange(steps, dtype=np.float64) * law.period
+    return Trajectory(time, np.asarray(reference, dtype=np.float64), measured, output, flagged > 0)
+
+
+def _solved_run(solve: Solve, parameters: ca.Function, step: ca.Function, start: Array, told: Array) -> Array:
+    """Run `step` with the moves of `solve` at `parameters`; `told` holds reference and load, a column a sample."""
+    find, state, results = solver(solve), start, []
+    for outside in told.T:
+        found = find(np.array(parameters(state, outside[0])).T)
+        moves = [*found.moves[0], found.status[0] == CAPPED, found.status[0] == INFEASIBLE]
+        after, row = step(state, outside, np.array(moves, dtype=np.float64))
+        state = np.array(after).ravel()
+        results.append(np.array(row).ravel())
+    return np.array(results).T
+
+
+def noise_gain(law: Law, linear: Linear) -> float:
+    """Rms of the output over the rms of white noise on the measurement, in the stable linearized loop (its H2 norm)."""
+    linearized, sampled = linearize_law(law), zero_order_hold(linear, law.period)
+    wires, _, _ = _measured(law, sampled)
+    ring, a_size = _ring(law, linearized, sampled), len(state_space(sampled)[0])
+    b_law, d_law = linearized.b[:, wires[:1]], linearized.d[:1, wires[:1]]
+    b = np.vstack([state_space(sampled)[1][:, :1] @ d_law, b_law])
+    c = np.hstack([linearized.d[:1, wires] @ _seen(law, state_space(sampled)[2]), linearized.c[:1]])
+    assert b.shape[0] == len(ring) == a_size + len(linearized.a)
+    spread = scipy.linalg.solve_discrete_lyapunov(ring, b @ b.T)
+    return math.sqrt(max(float((c @ spread @ c.T + d_law @ d_law.T)[0, 0]), 0.0))
+
+
+def step_metrics(trajectory: Trajectory) -> StepMetrics:
+    """Measure the first step of the reference; 10 % and 90 % are interpolated between the samples.
+
+    The first value is that at the step, the last one that of the last sample. A response that enters its band only in
+    the last twentieth of the record counts as not settled.
+    """
+    moved = np.flatnonzero(trajectory.reference != trajectory.reference[0])
+    start = int(moved[0]) if len(moved) else 0
+    time, y = trajectory.time[start:] - trajectory.time[start], trajectory.measurement[start:]
+    if len(y) < 2:
+        raise DesignError(f"the trajectory has {len(y)} samples after the step; run at least 2")
+    error = trajectory.reference[start:] - y
+    iae = float(np.sum(np.abs(error[:-1]) * np.diff(time)))
+    span = y[-1] - y[0]
+    if span == 0:
+        return StepMetrics(math.inf, math.inf, math.inf, 0.0, 0.0, float(y[-1]), float(error[-1]), iae)
+    share = (y - y[0]) / span
+    return StepMetrics(
+        rise_s=_reach(time, share, 0.9) - _reach(time, share, 0.1),
+        settling_2_s=_settle(time, share, 0.02),
+        settling_5_s=_settle(time, share, 0.05),
+        overshoot_percent=100 * max(0.0, float(share.max()) - 1),
+        undershoot_percent=100 * max(0.0, -float(share.min())),
+        peak=float(y[np.argmax(share)]),
+        steady_state_error=float(error[-1]),
+        iae=iae,
+    )
+
+
+def _reach(time: Array, share: Array, level: float) -> float:
+    """Find the time at which `share` first passes `level`."""
+    k = int(np.argmax(share >= level))
+    return float(time[k - 1] + (time[k] - time[k - 1]) * (level - share[k - 1]) / (share[k] - share[k - 1]))
+
+
+def _settle(time: Array, share: Array, band: float) -> float:
+    """Find the time after which `share` stays within `band` of 1."""
+    outside = np.flatnonzero(np.abs(share - 1) > band)
+    k = int(outside[-1]) + 1
+    if k > 0.95 * len(share):
+        return math.inf
+    return float(time[k])
+
+
+def _response(law: Law, linearized: LinearLaw, sampled: Sampled) -> Callable[[Array], Response]:
+    """Return w (n,) -> L(exp(j w h)) (n,)."""
+    wires, c, d = _measured(law, sampled)
+    b_law, d_law = linearized.b[:, wires], linearized.d[0, wires]
+
+    def response(frequency: Array) -> Response:
+        z = np.exp(1j * frequency * law.period)
+        inputs = sampled.b_now[:, 0] + sampled.b_before[:, 0] / z[:, None]
+        loop = np.zeros(len(z), dtype=np.complex128)
+        for k in range(len(wires)):
+            plant = _transfer(sampled.a, inputs, c[k], z) + d[k] / z
+            drive = np.broadcast_to(b_law[:, k], (len(z), len(b_law)))
+            loop -= (_transfer(linearized.a, drive, linearized.c[0], z) + d_law[k]) * plant
+        return np.asarray(loop * z ** (-sampled.whole), dtype=np.complex128)
+
+    return response
+
+
+def _measured(law: Law, sampled: Sampled) -> tuple[list[int], Array, Array]:
+    """Find the inputs of the law that the plant drives, and the plant's c (inputs, n) and d (inputs,) for them."""
+    if not law.states:
+        wires = list(law.watched) or [reference_and_measurement(law.inputs)[1]]
+        return wires, sampled.c[: len(wires)], sampled.d[: len(wires), 0]
+    own = len(law.states)
+    return list(law.states), np.eye(own, len(sampled.a)), np.zeros(own)
+
+
+def _seen(law: Law, c: Array) -> Array:
+    """Return what the law measures of the plant's state and past inputs."""
+    return np.eye(len(law.states), c.shape[1]) if law.states else c[: max(1, len(law.watched))]
+
+
+def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:
+    """C (z I - A)^-1 b for every z (n,); b (n, order)."""
+    if not len(a):
+        return np.zeros(len(z), dtype=np.complex128)
+    solved = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b[:, :, None])
+    return np.asarray(solved[:, :, 0] @ c, dtype=np.complex128)
+
+
+def _poles(law: Law, linearized: LinearLaw, sampled: Sampled) -> Response:
+    """Eigenvalues of plant and law in a ring."""
+    return np.asarray(np.linalg.eigvals(_ring(law, linearized, sampled)), dtype=np.complex128)
+
+
+def _ring(law: Law, linearized: LinearLaw, sampled: Sampled) -> Array:
+    """Return the matrix that takes the states of plant and law to the next sample."""
+    wires, _, _ = _measured(law, sampled)
+    a, b, c = state_space(sampled)
+    b, c = b[:, :1], _seen(law, c)
+    b_law, c_law = linearized.b[:, wires], linearized.c[:1]
+    return np.block([[a + b @ linearized.d[:1, wires] @ c, b @ c_law], [b_law @ c, linearized.a]])
+
+
+def _grid(poles: Response, period: float, whole: int) -> Array:
+    """Frequencies (n,) from far below the slowest pole to Nyquist's, dense where a pole rings."""
+    top = math.pi / period
+    logs = np.log(poles[np.abs(poles) > 1e-9]) / period
+    speeds = np.abs(logs)[np.abs(logs) > 1e-9 * top]
+    bottom = 1e-3 * min(speeds.min(initial=top), top)
+    spread = np.concatenate([-np.geomspace(20, 1e-3, 100), [0.0], np.geomspace(1e-3, 20, 100)])
+    ringing = [abs(p.imag) + abs(p.real) * spread for p in logs if 0 < abs(p.real) < abs(p.imag)]
+    grid = np.concatenate([np.geomspace(bottom, top, 6000), np.linspace(bottom, top, 2000 + 40 * whole), *ringing])
+    return np.unique(grid[(grid >= bottom) & (grid <= top)])
+
+
+def _phase_crossings(response: Callable[[Array], Response], grid: Array, loop: Response) -> list[float]:
+    """Frequencies at which L is real and negative, Nyquist's frequency included."""
+    inside = _roots(lambda w: response(np.array([w]))[0].imag, grid[:-1], loop[:-1].imag)
+    found = [w for w in inside if response(np.array([w]))[0].real < 0]
+    return [*found, float(grid[-1])] if loop[-1].real < 0 else found
+
+
+def _roots(function: Callable[[float], float], grid: Array, values: Array) -> list[float]:
+    """Roots of `function`, one for each change of sign of its `values` on the grid."""
+    changes = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
+    return [float(scipy.optimize.brentq(function, grid[k], grid[k + 1], xtol=1e-12 * grid[k])) for k in changes]
+
+
+def _sensitivity_peak(response: Callable[[Array], Response], grid: Array, loop: Response) -> float:
+    """Find max |1/(1 + L)|, refined around the highest point of the grid."""
+    distance = np.abs(1 + loop)
+    k = int(np.argmin(distance))
+    low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+    refined = scipy.optimize.minimize_scalar(
+        lambda w: abs(1 + response(np.array([w]))[0]), bounds=(low, high), method="bounded"
+    )
+    return float(1 / min(distance[k], refined.fun))
+
+
+def _decibel(factor: float) -> float:
+    """20 log10, with both ends of the scale."""
+    return -math.inf if factor == 0 else 20 * math.log10(factor) if math.isfinite(factor) else math.inf

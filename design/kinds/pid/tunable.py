@@ -1,0 +1,89 @@
+"""A PID whose kp, ki, kd, b and c can be set on the running target, within declared ranges.
+
+The equations are those of `pid.py`, with ki h and kd/(tf+h) computed from the parameters in each sample. tf and tt stay
+what they are: the controller cannot divide, so they follow the gains at the start where they are not given. The
+integral is kept in the output's unit, ki inside, so that a change of ki moves nothing by itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import casadi as ca
+
+from firmloop.design.kinds import Request
+from firmloop.design.kinds.pid.box import box_ranges, whole_pid
+from firmloop.design.kinds.pid.equations import Wires, factors, write
+from firmloop.design.kinds.pid.ranges import Pid
+from firmloop.design.law import DesignError, Law
+from firmloop.design.models.feedforward import Feedforward
+from firmloop.design.tunable import Parameter, held, read_parameters, with_parameters
+
+
+def pid_parameters(
+    table: Mapping[str, object], pid: Pid, units: Mapping[str, str], plain_gains: bool
+) -> tuple[Parameter, ...]:
+    """Read what of `pid` can be tuned; `plain_gains` where the form takes kp, ki and kd as they are."""
+    defaults = {name: (units.get(name, "1"), float(getattr(pid, name))) for name in ("kp", "ki", "kd", "b", "c")}
+    found = read_parameters(table, defaults, "a pid")
+    names = {parameter.signal.name: parameter.signal for parameter in found}
+    if found and not plain_gains:
+        raise DesignError(
+            f"controller.tunable = {list(names)} has no place in form = '{table['form']}', whose gains depend on each "
+            "other; use form = 'parallel' with kp, ki and kd"
+        )
+    if "ki" in names and pid.anti_windup == "back_calculation" and not pid.tracking:
+        raise DesignError("controller.tt_s is missing; ki can be tuned, so it cannot be chosen from ki = 0: give it")
+    if "ki" in names and pid.anti_windup == "clamping" and names["ki"].low * names["ki"].high < 0:
+        raise DesignError(
+            f"controller.ranges.ki = [{names['ki'].low:g}, {names['ki'].high:g}] holds both signs; "
+            "clamping needs one: choose one, or anti_windup = 'back_calculation'"
+        )
+    if "kd" in names and pid.kd == 0 and "tf_s" not in table:
+        raise DesignError("controller.tf_s is missing; kd can be tuned, so it cannot be chosen from kd = 0: give it")
+    return found
+
+
+def tunable_law(
+    request: Request, says: str, pid: Pid, parameters: Sequence[Parameter], wires: Wires, ahead: Feedforward | None
+) -> Law:
+    """Write the law over the whole range of its parameters."""
+    names = [parameter.signal.name for parameter in parameters]
+    ends = [{p.signal.low, p.signal.high, p.default} for p in parameters]
+    corners = [_with(pid, dict(zip(names, values, strict=True))) for values in itertools.product(*ends)]
+    whole = whole_pid(corners)
+    if "ki" in names and pid.anti_windup == "clamping":
+        whole = replace(whole, ki=max((corner.ki for corner in corners), key=abs))
+    larger = with_parameters(request, parameters)
+    z = {signal.name: ca.SX.sym(signal.name) for signal in larger.inputs}
+    given, named = factors(whole), {}
+    for name in names:
+        symbol = z[name]
+        if name == "ki":
+            named["ki_step"] = (wires.output.unit + "/" + wires.measurement.unit, symbol * pid.period)
+            given = replace(given, step=named["ki_step"][1])
+            if pid.form == "tustin":
+                given = replace(given, half_step=symbol * (pid.period / 2))
+        elif name == "kd":
+            named["kd_step"] = (wires.output.unit + "/" + wires.measurement.unit, symbol * (replace(pid, kd=1.0).slope))
+            given = replace(given, slope=named["kd_step"][1])
+        else:
+            given = replace(given, **{name: symbol})
+    ranges = box_ranges(corners, whole, wires.reference, wires.measurement, wires.output)
+    if ahead is not None:
+        ranges = (*ranges, *ahead.states(whole.differentiates))
+    return held(write(larger, says, whole, given, z, wires, ranges, named, ahead), parameters)
+
+
+def _with(pid: Pid, values: Mapping[str, float]) -> Pid:
+    """Return the PID with some of its parameters at other values."""
+    return replace(
+        pid,
+        kp=values.get("kp", pid.kp),
+        ki=values.get("ki", pid.ki),
+        kd=values.get("kd", pid.kd),
+        b=values.get("b", pid.b),
+        c=values.get("c", pid.c),
+    )

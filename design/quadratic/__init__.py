@@ -1,0 +1,1 @@
+"""Quadratic programs of predictive control: condensed, partitioned and solved."""

@@ -1,0 +1,323 @@
+"""Search one quadratic program after the other as `fl_qp.h` does, compiled from this Python when first used.
+
+The functions are those of `fl_qp.h` without its prefix, and what they compute is the same in every bit: a number keeps
+its type, every product is rounded before it is added. See `design/quadratic/active_set.py` for the method. Nothing but
+time is won by the compiler (numba, kept for the next run): a search is some ten thousand numbers, one after the other.
+
+Whole slices are not assigned: what numba takes for their errors compiles longer than all the rest.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+from numpy.typing import NDArray
+
+from firmloop.design.outcome import CAPPED, COLUMN, INFEASIBLE, SOLVED
+
+Raw = NDArray[Any]
+
+LENGTH, WORK, FRESH, HARD = range(4)  # places of `Search.counts`
+
+WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # only compiled code calls it
+
+compiled = numba.njit(error_model="numpy", **WITHIN)
+
+
+class Problem(NamedTuple):
+    """What `fl_qp_t` and the sizes beside it hold, in one element type; `moves` is 0 where answers are not checked."""
+
+    slope: Raw  # (p, m)
+    low: Raw
+    high: Raw
+    gram: Raw
+    tolerance: Any
+    share: Any
+    trusted: Any
+    kept: Any
+    noise: Any
+    least: Any
+    far: Any
+    none: Any  # 0
+    one: Any
+    room: int
+    budget: int
+    moves: int
+    shift: Raw  # (c, p)
+    onward: Raw  # (c, moves)
+    softness: Raw
+
+
+class Search(NamedTuple):
+    """What `fl_search_t` holds; `counts` are the length of the active set, the work, and what is `fresh` and `hard`."""
+
+    value: Raw
+    column: Raw
+    eta: Raw  # (room, m)
+    pivot: Raw
+    active: NDArray[Any]
+    side: NDArray[Any]
+    counts: NDArray[Any]
+    tolerance: Raw  # (1,)
+
+
+@compiled
+def _column(q: Problem, s: Search, row: int) -> None:
+    length = s.counts[LENGTH]
+    s.counts[WORK] += length + COLUMN
+    gram = q.gram[row]
+    for i in range(len(q.low)):
+        s.column[i] = gram[i]
+    for k in range(length):
+        eta = s.eta[k]
+        factor = eta[row] * s.pivot[k]
+        for i in range(len(q.low)):
+            s.column[i] -= eta[i] * factor
+
+
+@compiled
+def _hard(q: Problem, row: int) -> bool:
+    return row < q.moves or not (q.softness[row - q.moves] > 0)
+
+
+@compiled
+def _store(q: Problem, s: Search, row: int) -> None:
+    length = s.counts[LENGTH]
+    pivot = s.column[row]
+    inverse = q.one / pivot
+    eta = s.eta[length]
+    for i in range(len(q.low)):
+        eta[i] = s.column[i] * inverse
+    eta[row] = q.one - inverse
+    s.pivot[length] = pivot
+    s.active[length] = row
+    s.counts[LENGTH] = length + 1
+
+
+@compiled
+def _leave(q: Problem, s: Search, place: int) -> None:
+    row, last = s.active[place], s.counts[LENGTH] - 1
+    s.value[row] = q.high[row] if s.side[row] > 0 else q.low[row]
+    s.side[row] = 0
+    s.counts[LENGTH] = last
+    if q.moves and _hard(q, row):
+        s.counts[HARD] -= 1
+    s.counts[WORK] += COLUMN + 2 * (last - place)
+    out = s.eta[place]
+    for i in range(len(q.low)):
+        out[i] *= s.pivot[place]
+    out[row] = s.pivot[place]
+    for k in range(place + 1, last + 1):
+        eta, at = s.eta[k], s.active[k]
+        held, taken, rest = eta[row], out[at], out[row]
+        pivot = s.pivot[k] + taken * (held * s.pivot[k])
+        share, inverse = s.pivot[k] / pivot, q.one / pivot
+        left = held * rest * share
+        for i in range(len(q.low)):
+            old = out[i]
+            out[i] = (eta[i] + old * held) * share
+            eta[i] = old - out[i] * taken
+        out[at] = q.one - inverse
+        eta[at] = taken * inverse
+        out[row] = left
+        eta[row] = rest - left * taken
+        s.pivot[k - 1] = pivot
+        s.active[k - 1] = at
+        out = eta
+    factor = s.column[row]
+    for i in range(len(q.low)):
+        s.column[i] += out[i] * factor
+    s.column[row] = factor * out[row]
+
+
+@compiled
+def _most_violated(q: Problem, s: Search, most: Any) -> int:
+    """Return the row outside the active set that is violated by most, -1 where none is by more than `most`."""
+    row = -1
+    for i in range(len(q.low)):
+        if s.side[i] == 0:
+            over, under = s.value[i] - q.high[i], q.low[i] - s.value[i]
+            excess = over if over > under else under
+            if excess > most:
+                most = excess
+                row = i
+    return row
+
+
+@compiled
+def _move(q: Problem, s: Search, moved: Any) -> None:
+    for i in range(len(q.low)):
+        s.value[i] -= s.column[i] * moved
+
+
+@compiled
+def _free(q: Problem, s: Search, row: int) -> bool:
+    filled = q.moves > 0 and s.counts[HARD] == q.moves and _hard(q, row)
+    return s.column[row] > q.least and s.counts[LENGTH] < q.room and not filled
+
+
+@compiled
+def _beyond(q: Problem, row: int, parameters: Raw, moves: Raw) -> Any:
+    shift, onward = q.shift[row], q.onward[row]
+    value = shift[0] * parameters[0]
+    for j in range(1, len(parameters)):
+        value += shift[j] * parameters[j]
+    for j in range(q.moves):
+        value += onward[j] * moves[j]
+    return value
+
+
+@compiled
+def _held(q: Problem, s: Search, row: int) -> Any:
+    if s.side[row] == 0:
+        return s.value[row]
+    return q.high[row] if s.side[row] > 0 else q.low[row]
+
+
+@compiled
+def _residual(q: Problem, s: Search, parameters: Raw) -> None:
+    for i in range(q.moves):
+        value = q.slope[0, i] * parameters[0]
+        for j in range(1, len(parameters)):
+            value += q.slope[j, i] * parameters[j]
+        for k in range(s.counts[LENGTH]):
+            at = s.active[k]
+            value -= q.gram[at, i] * s.value[at]
+        s.column[i] = value
+    for i in range(q.moves, len(q.low)):
+        value = _beyond(q, i - q.moves, parameters, s.column)
+        if s.side[i] != 0:
+            value -= q.softness[i - q.moves] * s.value[i]
+        s.column[i] = value - _held(q, s, i)
+    for i in range(q.moves):
+        s.column[i] -= _held(q, s, i)
+
+
+@compiled
+def _refine(q: Problem, s: Search, parameters: Raw) -> tuple[int, int]:
+    """Return whether every move is near and keeps the hard rows that are active, and the row to enter next."""
+    s.counts[WORK] += 2 * s.counts[LENGTH] + q.moves + COLUMN
+    _residual(q, s, parameters)
+    for k in range(s.counts[LENGTH]):
+        eta = s.eta[k]
+        held = s.column[s.active[k]]
+        for i in range(len(q.low)):
+            s.column[i] -= eta[i] * held
+    near = 1
+    for i in range(len(q.low)):
+        error = s.column[i]
+        s.value[i] += error
+        if i < q.moves and s.side[i] == 0 and not (error < q.trusted and error > -q.trusted):
+            near = 0
+    for i in range(q.moves):
+        s.column[i] = _held(q, s, i)
+    for i in range(q.moves, len(q.low)):
+        value = _beyond(q, i - q.moves, parameters, s.column)
+        if s.side[i] == 0:
+            s.value[i] = value
+        elif _hard(q, i):
+            missed = value - _held(q, s, i)
+            if not (missed < q.kept and missed > -q.kept):
+                near = 0
+    return near, _most_violated(q, s, q.tolerance)
+
+
+@compiled
+def _step(q: Problem, s: Search, gap: Any, row: int, sign: Any) -> tuple[Any, int]:
+    step, place = (gap * sign / s.column[row] if _free(q, s, row) else q.far), -1
+    for k in range(s.counts[LENGTH]):
+        held = s.active[k]
+        toward = q.one if s.side[held] > 0 else -q.one
+        rate = s.column[held] * (sign * toward)
+        if rate > q.least:
+            ratio = s.value[held] * toward / rate
+            if ratio < step:
+                step = ratio
+                place = k
+    return step, place
+
+
+@compiled
+def _enter(q: Problem, s: Search, parameters: Raw, row: int) -> tuple[int, int]:
+    """Return the status, and the row to enter next."""
+    above = s.value[row] > q.high[row]
+    sign = q.one if above else -q.one
+    limit = q.high[row] if above else q.low[row]
+    multiplier = q.none
+    _column(q, s, row)
+    if q.moves and not s.counts[FRESH] and not _free(q, s, row):
+        s.counts[FRESH], following = _refine(q, s, parameters)
+        return (SOLVED if s.counts[WORK] < q.budget else CAPPED), following
+    while s.counts[WORK] < q.budget:
+        step, place = _step(q, s, s.value[row] - limit, row, sign)
+        if step >= q.far:
+            return INFEASIBLE, row
+        multiplier += step * sign
+        _move(q, s, step * sign)
+        if place < 0:
+            if q.moves:
+                noise = multiplier * sign * q.noise
+                s.tolerance[0] = noise if noise > s.tolerance[0] else s.tolerance[0]
+                s.counts[FRESH] = 0
+                s.counts[HARD] += 1 if _hard(q, row) else 0
+            s.side[row] = 1 if above else -1
+            following = _most_violated(q, s, s.tolerance[0])
+            s.value[row] = multiplier
+            _store(q, s, row)
+            return SOLVED, following
+        _leave(q, s, place)
+    return CAPPED, row
+
+
+@compiled
+def _believed(q: Problem, s: Search) -> int:
+    for k in range(s.counts[LENGTH]):
+        row = s.active[k]
+        toward = q.one if s.side[row] > 0 else -q.one
+        if q.kept < q.far and not (s.value[row] * toward * q.noise < q.kept):
+            return CAPPED
+    return SOLVED
+
+
+@compiled
+def _search(q: Problem, s: Search, row: int, parameters: Raw) -> int:
+    for i in range(len(s.counts)):
+        s.counts[i] = 0
+    status = SOLVED
+    while row >= 0 and status == SOLVED:
+        status, row = _enter(q, s, parameters, row)
+        while q.moves and status == SOLVED and row < 0:
+            near, row = _refine(q, s, parameters)
+            if near:
+                break
+            status = SOLVED if s.counts[WORK] < q.budget else CAPPED
+    if not q.moves and status == SOLVED:
+        status = _believed(q, s)
+    return status
+
+
+@numba.njit(cache=True, error_model="numpy")
+def search_all(q: Problem, s: Search, parameters: Raw, moves: Raw, status: Raw, work: Raw, side: Raw) -> None:
+    """Search for every row of `parameters` (lanes, p); fill `moves`, not yet scaled, and what the searches did."""
+    for lane in range(len(parameters)):
+        own = parameters[lane]
+        for i in range(len(q.low)):
+            value = q.slope[0, i] * own[0]
+            for j in range(1, len(own)):
+                value += q.slope[j, i] * own[j]
+            s.value[i] = value
+            s.side[i] = 0
+        row = _most_violated(q, s, q.tolerance)
+        for i in range(moves.shape[1]):
+            moves[lane, i] = s.value[i]
+        if row < 0:
+            continue
+        over, under = s.value[row] - q.high[row], q.low[row] - s.value[row]
+        s.tolerance[0] = q.tolerance + (over if over > under else under) * q.share
+        status[lane] = _search(q, s, row, own)
+        work[lane] = s.counts[WORK]
+        for i in range(len(q.low)):
+            side[lane, i] = s.side[i]
+            if status[lane] == SOLVED and i < moves.shape[1]:
+                moves[lane, i] = _held(q, s, i)

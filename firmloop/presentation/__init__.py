@@ -1,0 +1,1 @@
+"""Presentation: results in words, JSON, figures and pages."""

@@ -1,0 +1,58 @@
+"""Tell in words what was generated."""
+
+from __future__ import annotations
+
+import math
+
+from firmloop.stages.making import Generated
+from firmloop.verify.proofs.limit_cycles import ZeroInput
+
+
+def quantity(value: float, unit: str) -> str:
+    """Write a figure that is known to three digits; infinite where there is no limit."""
+    if math.isnan(value):
+        return "none"
+    return "no limit" if math.isinf(value) else in_unit(f"{value:.3g}", unit)
+
+
+def in_unit(figure: str, unit: str) -> str:
+    """Put the unit behind a figure; a pure number has none."""
+    return figure if unit in ("", "1") else f"{figure} {unit}"
+
+
+def about_code(generated: Generated) -> list[str]:
+    """Files with their size, and what the numbers are."""
+    program, files = generated.program, generated.bundle.files
+    sizes = ", ".join(f"{name} ({len(text.encode())} bytes)" for name, text in files.items())
+    lines = [f"C: {program.arithmetic}, {len(program.body)} operations, program {program.id}", f"  {sizes}"]
+    if generated.checked is not None:
+        again = f"{generated.checked.operations} operations and {generated.checked.stores} stores"
+        lines.append(f"  no overflow: {again} proven twice, by interval rules and by z3")
+    bounds = [f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding]
+    lines.append(f"  rounding, proven: at most {', '.join(bounds)} off the law in one step")
+    lines += [
+        f"  search: cut short at a work of {dict(table.sizes)['FL_QP_BUDGET']:,}; then the last plan's next move, then "
+        "the saturated LQR stands in"
+        for table in program.tables
+        if table.form == "fl_qp_t"
+    ]
+    return lines + (about_still(generated.still) if generated.still else [])
+
+
+def about_still(still: ZeroInput) -> list[str]:
+    """Limit cycles and dead bands, output by output."""
+    tried = f"{'all ' if still.exhaustive else ''}{still.starts} start{'' if still.starts == 1 else 's'}"
+    lines = []
+    if still.unsettled:
+        tried += f", {still.unsettled} still moving after the search"
+    for row in still.outputs:
+        if row.bound is None:
+            lines.append(f"  inputs still: {row.output}: a limit acts at rest, so nothing is bounded there")
+            continue
+        found = [
+            f"a limit cycle of {in_unit(f'{row.cycle:.3g}', row.unit)}" if row.cycle else "no limit cycle",
+            f"rests up to {in_unit(f'{row.offset:.3g}', row.unit)} away" if row.offset else "no dead band",
+        ]
+        bound = f"roundings alone move it by at most {in_unit(f'{row.bound:.3g}', row.unit)}"
+        lines.append(f"  inputs still: {row.output}: {', '.join(found)} ({tried}); {bound}")
+    return lines

@@ -1,0 +1,267 @@
+"""Write the report of a diagnosis: one page without a script, a link or a date."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from firmloop.diagnose.cut import Cut
+from firmloop.diagnose.descent import residual_of
+from firmloop.diagnose.finding import Finding
+from firmloop.diagnose.hypothesis import outputs_of
+from firmloop.diagnose.locate import Latent, latent, nominal_plant
+from firmloop.diagnose.refit import fit_starts
+from firmloop.diagnose.run import Diagnosis
+from firmloop.diagnose.shape import Shape
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.plant import Plant
+from firmloop.presentation.figures import DATA, DRIVE, INK, LIMIT, MODEL, thinned
+from firmloop.presentation.figures import STYLE as FIGURE_STYLE
+from firmloop.presentation.report import STYLE
+
+Array = NDArray[np.float64]
+
+_COLUMNS = 500
+_DOTS = 1200  # of a scatter
+
+
+def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) -> str:
+    """Return the page; `cut` is what the replay of the controller says, None where there was nothing to replay."""
+    finding = made.finding
+    parts = [
+        "<!DOCTYPE html>",
+        '<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{html.escape(name)}: firmloop diagnosis</title>",
+        f"<style>\n{STYLE}\n</style></head><body>",
+        f"<h1>{html.escape(name)}: {html.escape(finding.verdict.replace('_', ' '))}</h1>",
+        *(f"<p>{html.escape(line)}</p>" for line in finding.says),
+        *_effects(finding),
+        "<h2>Recording against model</h2>",
+        *_courses(made),
+        "<h2>What is left, by coordinate</h2>",
+        *_scatter(made),
+        *_unnamed(made.finding),
+        "<h2>The controller half</h2>",
+        *_controller(cut),
+        "<h2>What was weighed</h2>",
+        _ranking(made),
+        "<h2>Parameters</h2>",
+        _table(
+            ("parameter", "given", "refitted alone", "with the effects", "unit"),
+            [(s.name, f"{s.given:.5g}", f"{s.refit:.5g}", f"{s.after:.5g}", s.unit) for s in finding.shifts],
+        ),
+        *_untestable(finding, made),
+        f"<h2>This report</h2><p>was made by <code>{html.escape(command)}</code></p>",
+        "</body></html>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _effects(finding: Finding) -> list[str]:
+    rows = [
+        (
+            each.name,
+            each.output or "",
+            f"{100.0 * each.probability:.0f} %",
+            key,
+            f"{estimate.value:.5g}",
+            "" if estimate.interval is None else f"{estimate.interval[0]:.4g} to {estimate.interval[1]:.4g}",
+            estimate.unit,
+        )
+        for each in finding.effects
+        for key, estimate in each.parameters.items()
+    ]
+    head = ("effect", "output", "probability", "parameter", "value", "95 % interval", "unit")
+    return ["<h2>Left out</h2>", _table(head, rows)] if rows else []
+
+
+def _courses(made: Diagnosis) -> list[str]:
+    """Draw the first train recording and, where there is one, the first test recording."""
+    scene, shown = made.search.scene, made.shown
+    given = {p.name: p.value for p in scene.plant.parameters}
+    drawn = []
+    for role, recordings in (("train", scene.train[:1]), ("test", scene.test[:1])):
+        for recording in recordings:
+            measured = outputs_of(scene, recording)
+            runs = []
+            for values in (given, made.search.nominal.fitted.point.values, shown.fitted.point.values):
+                point = fit_starts(scene, [recording], values, made.search.best.noises)
+                runs.append(measured - residual_of(scene, recording, point, 0))
+            if made.shape is not None:
+                runs[-1] = measured - (made.shape.train if role == "train" else made.shape.test)[0]
+            for index, signal in enumerate(scene.plant.outputs):
+                title = f"{role}: {recording.source}, {signal.name}"
+                drawn.append(_course(title, recording.time, measured[:, index], [run[:, index] for run in runs]))
+    return drawn
+
+
+def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> str:
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 3.6))
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), squeeze=True)
+        above.plot(*thinned(time, measured, _COLUMNS), color=DATA, linewidth=1.9, label="recorded")
+        names, colors = ("as given", "refitted", "explained"), (LIMIT, MODEL, DRIVE)
+        for run, name, color in zip(runs, names, colors, strict=True):
+            if np.all(np.isfinite(run)):
+                above.plot(*thinned(time, run, _COLUMNS), color=color, linewidth=0.9, label=name)
+                below.plot(*thinned(time, measured - run, _COLUMNS), color=color, linewidth=0.8)
+        # As given may miss by so much that nothing else could be seen.
+        lefts = [np.max(np.abs(measured - run)) for run in runs[1:] if np.all(np.isfinite(run))]
+        if lefts and max(lefts) > 0.0:
+            below.set_ylim(-1.5 * max(lefts), 1.5 * max(lefts))
+        above.set_title(title)
+        above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
+        below.set_ylabel("residual")
+        below.set_xlabel("time, s")
+        return _svg(figure)
+
+
+def _scatter(made: Diagnosis) -> list[str]:
+    """Draw the latent torque or voltage of the nominal plant over every coordinate that may carry it.
+
+    Over it what the same smoother sees where the explanation has made the outputs: the fitted law, without noise.
+    """
+    scene, shown = made.search.scene, made.shown
+    plant = nominal_plant(made.search, shown)
+    recording = scene.train[0]
+    seen = latent(plant, recording, [noise.rms for noise in made.search.best.noises])
+    if seen is None:
+        return ["<p>The equations of this plant allow no latent torque.</p>"]
+    law = _explained(made, plant) if shown.fitted.causes else None
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 2.6 * len(seen.kinds)))
+        count = len(plant.states)
+        every = figure.subplots(len(seen.kinds), count, squeeze=False)
+        pick = np.linspace(0, len(seen.time) - 1, min(_DOTS, len(seen.time))).astype(int)
+        for row, kind in enumerate(seen.kinds):
+            for column, signal in enumerate(plant.states):
+                axes = every[row][column]
+                axes.plot(seen.states[pick, column], seen.disturbances[row][pick], ".", color=DATA, markersize=1.5)
+                if law is not None:
+                    over = (law.states[pick, column], law.disturbances[row][pick])
+                    axes.plot(*over, ".", color=MODEL, markersize=1.5)
+                _law(axes, made.shape, kind, signal.name)
+                axes.set_xlabel(signal.name)
+                axes.set_ylabel(f"missing {kind}")
+        figure.tight_layout()
+        says = "dots: recorded" + ("; in the other colour: the explanation" if law is not None else "")
+        return [
+            _svg(figure),
+            f"<p>What the nominal equations with the parameters found leave unexplained ({says}).</p>",
+        ]
+
+
+def _unnamed(finding: Finding) -> list[str]:
+    """Draw the law of what has no name over its own coordinate, which need not be a state."""
+    if finding.location is None or not finding.law:
+        return []
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(5.2, 2.6))
+        axes = figure.subplots()
+        axes.plot(*np.array(finding.law).T, color=MODEL)
+        axes.set_xlabel(finding.location.coordinate)
+        axes.set_ylabel(f"missing {finding.location.equation}")
+        figure.tight_layout()
+        return [_svg(figure), "<p>What has no name in the library, as the recordings show it (SI units).</p>"]
+
+
+def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
+    """See the outputs that the explanation simulates as the nominal plant sees the recorded ones."""
+    scene, recording = made.search.scene, made.search.scene.train[0]
+    point = fit_starts(scene, [recording], made.shown.fitted.point.values, made.search.best.noises)
+    simulated = outputs_of(scene, recording) - residual_of(scene, recording, point, 0)
+    if not np.all(np.isfinite(simulated)):
+        return None
+    columns = {signal.name: simulated[:, index] for index, signal in enumerate(scene.plant.outputs)}
+    shown = replace(recording, columns={**recording.columns, **columns})
+    return latent(plant, shown, [noise.rms for noise in made.search.best.noises])
+
+
+def _controller(cut: Cut | None) -> list[str]:
+    """Say what the replay of the controller on its recorded inputs showed."""
+    if cut is None or cut.samples == 0:
+        notes = "" if cut is None else " ".join(f"{note}." for note in cut.notes)
+        return [
+            "<p>Not replayed: that takes a [controller] in the project, and its reference and command in the "
+            f"recordings. {html.escape(notes)}</p>"
+        ]
+    rows = [
+        ("recordings replayed", f"{cut.loops}"),
+        ("samples", f"{cut.samples:,}"),
+        ("answered as recorded, within its digits", f"{cut.same:,}"),
+        ("largest difference", f"{cut.worst:.4g} {cut.unit}"),
+    ]
+    faults = [
+        (role, each.fault.name, each.fault.what, f"{each.figure:.5g}", _reach(each.deviation), each.fault.unit)
+        for role, blames in (("explains it", cut.blames), ("would as well", cut.others))
+        for each in blames
+    ]
+    parts = [_table(("figure", "value"), rows)]
+    if faults:
+        parts.append(_table(("", "fault", "of", "figure", "95 %", "unit"), faults))
+    elif cut.unexplained:
+        parts.append("<p>No single gain, limit, delay, period or sign explains the difference.</p>")
+    return parts
+
+
+def _reach(deviation: float | None) -> str:
+    return "" if deviation is None else f"± {NORMAL_95 * deviation:.2g}"
+
+
+def _law(axes: matplotlib.axes.Axes, shape: Shape | None, kind: str, coordinate: str) -> None:
+    if shape is not None and shape.balance == kind and shape.coordinate == coordinate:
+        axes.plot(shape.points[:, 0], shape.points[:, 1], color=MODEL)
+
+
+def _ranking(made: Diagnosis) -> str:
+    rows = []
+    for turn, rivals in enumerate(made.search.rounds):
+        for rival in rivals:
+            names = " + ".join(cause.label for cause in rival.fitted.causes)
+            rows.append((str(turn + 1), names, f"{made.search.nominal.score - rival.score:.1f}"))
+    return _table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
+
+
+def _untestable(finding: Finding, made: Diagnosis) -> list[str]:
+    if not finding.untestable:
+        return []
+    rows = []
+    for name, why in sorted(finding.untestable.items()):
+        cause = made.search.scene.cause(name)
+        rows.append((name, why, cause.effect.experiment if cause is not None else ""))
+    return [
+        "<h2>What these recordings cannot test</h2>",
+        _table(("effect", "because", "the experiment that would"), rows),
+    ]
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    return f"<table>{row(head, 'th')}{''.join(row(cells, 'td') for cells in rows)}</table>"
+
+
+def _style() -> Any:
+    """Return every setting of matplotlib, so that a user's own settings change nothing."""
+    return {**matplotlib.rcParamsDefault, **FIGURE_STYLE}
+
+
+def _svg(figure: Figure) -> str:
+    """Return the picture as text without date or version; the ink is that of the page."""
+    stream = io.StringIO()
+    metadata = {"Date": None, "Creator": None}
+    figure.savefig(stream, format="svg", transparent=True, bbox_inches="tight", metadata=metadata)
+    text = stream.getvalue()
+    text = text[text.index("<svg") :].replace(INK, "currentColor")
+    return re.sub(r'( d=")([^"]*)', lambda path: path[1] + re.sub(r"(\.\d)\d+", r"\1", path[2]), text)

@@ -1,0 +1,209 @@
+"""Draw the report's figures as SVG: the same data gives the same bytes."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from firmloop.verify.verdict import Searches
+
+Array = NDArray[np.float64]
+
+INK = "#0a0b0c"  # stands for the color of the text around the figure
+MODEL, DATA, DRIVE, LIMIT = "#e4572e", "#4c86b8", "#2a9d62", "#8a8f98"  # readable on white and on black
+WIDE, FINE = 1.9, 0.9  # of the recorded and of every other curve: both are seen where they agree
+COLUMNS = 500  # a curve keeps the lowest and the highest sample of this many stretches
+STYLE: Mapping[str, Any] = {
+    "svg.hashsalt": "firmloop",
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.6,
+    "text.color": INK,
+    "text.parse_math": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "grid.color": LIMIT,
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.5,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "axes.grid": True,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One recorded output beside its prediction: arrays (n,), time in s, the others in `unit`."""
+
+    title: str
+    output: str
+    unit: str
+    time: Array
+    measured: Array
+    simulated: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One closed-loop step: arrays (n,), time in s; `limits` are those of the output."""
+
+    time: Array
+    reference: Array
+    measurement: Array
+    output: Array
+    measured_unit: str
+    output_unit: str
+    limits: tuple[float, float]
+
+
+def comparison_figure(comparison: Comparison) -> str:
+    """Draw recording and model above, what is left between them below."""
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 3.1))
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1), squeeze=True)
+        _draw_comparison(above, comparison)
+        _curve(below, comparison.time, comparison.measured - comparison.simulated, LIMIT, "residual")
+        below.set_ylabel("residual")
+        below.set_xlabel("time, s")
+        return _svg(figure, "currentColor")
+
+
+def step_figure(step: Step) -> str:
+    """Draw reference and measurement above, the output with its limits below."""
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 3.6))
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), squeeze=True)
+        _draw_step(above, step)
+        _draw_drive(below, step)
+        below.set_xlabel("time, s")
+        return _svg(figure, "currentColor")
+
+
+def search_figure(found: Searches, ink: str = "currentColor") -> str:
+    """Draw which limits were active in each step, the work of its search, and its instructions; `ink` is the text's."""
+    side, steps = np.array(found.side), np.arange(found.begins, found.begins + len(found.work))
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(8.6, 4.6))
+        limits, work, count = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2), squeeze=True)
+        shown = np.zeros((*side.T.shape, 4))
+        for value, color, label in ((1, MODEL, "at its high limit"), (-1, DATA, "at its low limit")):
+            shown[side.T == value] = to_rgba(color)
+            limits.plot([], [], "s", color=color, label=label, markersize=4.0)
+        edges = (steps[0] - 0.5, steps[-1] + 0.5, side.shape[1] - 0.5, -0.5)
+        limits.imshow(shown, extent=edges, aspect="auto", interpolation="nearest")
+        limits.set_title("the steps about the one that took longest")
+        limits.set_ylabel("row")
+        _legend(limits)
+        work.step(steps, found.work, color=DRIVE, where="mid", linewidth=FINE)
+        work.set_ylabel("work")
+        count.step(steps, found.instructions, color=DRIVE, where="mid", linewidth=FINE)
+        count.set_ylabel("instructions")
+        count.set_xlabel("step")
+        return _svg(figure, ink)
+
+
+def overview(comparison: Comparison, step: Step | None, verdict: Sequence[str]) -> str:
+    """Draw a walk in one picture: data and model, closed loop, and the verdict's lines."""
+    with matplotlib.rc_context(_style()):
+        figure = Figure(figsize=(10.0, 2.7 + 0.2 * len(verdict)))
+        bottom = (0.55 + 0.2 * len(verdict)) / figure.get_figheight()
+        left, right = figure.subplots(1, 2, squeeze=True)
+        figure.subplots_adjust(bottom=bottom, top=0.93, left=0.06, right=0.99, wspace=0.14)
+        _draw_comparison(left, comparison)
+        if step:
+            _draw_step(right, step)
+        for axes in (left, right):
+            axes.set_xlabel("time, s")
+        for row, line in enumerate(verdict):
+            height = 0.2 * (len(verdict) - 1 - row) / figure.get_figheight()
+            figure.text(0.06, height, line, family="monospace", fontsize=9)
+        return _svg(figure, LIMIT)
+
+
+def _style() -> Any:
+    """Return every setting of matplotlib, so that a user's own matplotlibrc changes nothing."""
+    return {**matplotlib.rcParamsDefault, **STYLE}
+
+
+def _draw_comparison(axes: Axes, comparison: Comparison) -> None:
+    _curve(axes, comparison.time, comparison.measured, DATA, "recorded")
+    _curve(axes, comparison.time, comparison.simulated, MODEL, "model")
+    axes.set_title(comparison.title)
+    axes.set_ylabel(_label(comparison.output, comparison.unit))
+    _legend(axes)
+
+
+def _draw_step(axes: Axes, step: Step) -> None:
+    axes.step(step.time, step.reference, color=LIMIT, where="post", label="reference", linestyle="--")
+    _curve(axes, step.time, step.measurement, DATA, "measurement")
+    axes.set_title("closed loop")
+    axes.set_ylabel(_label("", step.measured_unit))
+    _legend(axes)
+
+
+def _draw_drive(axes: Axes, step: Step) -> None:
+    _curve(axes, step.time, step.output, DRIVE, "output")
+    low, high = float(step.output.min()), float(step.output.max())
+    for limit in step.limits:
+        # A limit far from where the output moves would flatten the curve.
+        if low - (high - low) <= limit <= high + (high - low):
+            axes.axhline(limit, color=LIMIT, linestyle=":", linewidth=1.0)
+    axes.set_ylabel(_label("output", step.output_unit))
+
+
+def _legend(axes: Axes) -> None:
+    """Put the legend above the plot, where no curve can run through it."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
+
+
+def _label(name: str, unit: str) -> str:
+    return ", ".join(word for word in (name, unit) if word)
+
+
+def _curve(axes: Axes, time: Array, values: Array, color: str, label: str) -> None:
+    thin_time, thin_values = thinned(time, values, COLUMNS)
+    axes.plot(thin_time, thin_values, color=color, label=label, linewidth=WIDE if color == DATA else FINE)
+
+
+def thinned(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
+    """Keep the lowest and the highest sample of each of `columns` stretches: on paper the curve is the same."""
+    if len(values) <= 2 * columns:
+        return time, values
+    edges = np.linspace(0, len(values), columns + 1).astype(int)
+    kept = {0, len(values) - 1}
+    for begin, end in itertools.pairwise(edges):
+        kept.update((begin + int(np.argmin(values[begin:end])), begin + int(np.argmax(values[begin:end]))))
+    order = np.array(sorted(kept))
+    return time[order], values[order]
+
+
+def _svg(figure: Figure, ink: str) -> str:
+    """Return the picture as text without date, version or needless digits; INK becomes `ink`."""
+    stream = io.StringIO()
+    figure.savefig(
+        stream, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None, "Creator": None}
+    )
+    text = stream.getvalue()
+    text = text[text.index("<svg") :].replace(INK, ink)
+    return re.sub(r'( d=")([^"]*)', lambda path: path[1] + re.sub(r"(\.\d)\d+", r"\1", path[2]), text)

@@ -1,0 +1,228 @@
+"""Say results in words: nouns to lines of text, with units, and no more digits than are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from firmloop.console import table
+from firmloop.design.analysis.loop import Margins, StepMetrics
+from firmloop.design.kinds import Design
+from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.plant import Parameter
+from firmloop.presentation.code_words import in_unit, quantity
+from firmloop.stages.pipeline import Loop, Outcome
+from firmloop.stages.tracking import Tracking
+from firmloop.verify.verdict import Verdict
+
+MARGINS = (
+    ("gain margin", "gain_margin_db", "dB"),
+    ("phase margin", "phase_margin_deg", "deg"),
+    ("delay margin", "delay_margin_s", "s"),
+    ("sensitivity peak", "sensitivity_peak", ""),
+    ("crossover", "crossover_rad_s", "rad/s"),
+)
+METRICS = (
+    ("rise time 10-90 %", "rise_s", "s"),
+    ("settling time 2 %", "settling_2_s", "s"),
+    ("overshoot", "overshoot_percent", "%"),
+)
+
+__all__ = ["in_unit", "quantity"]  # besides what is defined here
+
+
+def about_fit(fit: Fit) -> list[str]:
+    """Parameters with their 95 % intervals, and how well each recording is predicted."""
+    rows = [(parameter.name, *estimate(parameter)) for parameter in fit.plant.parameters]
+    scores = [
+        (f"{role} {Path(score.source).name}", output, f"fit {figures.fit_percent:.1f} %", f"rmse {figures.rmse:.3g}")
+        for role, scored in (("train", fit.train), ("test", fit.test))
+        for score in scored
+        for output, figures in score.scores.items()
+    ]
+    warnings = [f"  note: {warning}" for warning in fit.warnings]
+    return [f"plant: {fit.plant.kind}, 95 % intervals", *table(rows), *table(scores), *warnings]
+
+
+def estimate(parameter: Parameter) -> tuple[str, str, str]:
+    """Value, 95 % interval and unit of a parameter, rounded to what the interval tells."""
+    if not parameter.free:
+        return f"{parameter.value:.6g}", "given", parameter.unit
+    if parameter.deviation is None or not math.isfinite(parameter.deviation) or parameter.deviation == 0:
+        return f"{parameter.value:#.2g}".rstrip("."), "interval unknown", parameter.unit
+    half = NORMAL_95 * parameter.deviation
+    return rounded_to(parameter.value, half), f"± {half:.2g}", parameter.unit
+
+
+def rounded_to(value: float, half: float) -> str:
+    """Write a value down to the second digit of the half width of its interval."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(half)) - 1):
+        return "0"
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
+    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".").replace(".e", "e")
+
+
+def about_design(design: Design) -> list[str]:
+    """Gains and where they come from."""
+    by = f"tuned by {design.tuned_by}" if design.tuned_by else "gains as given"
+    gains = ", ".join(f"{name} {value:.4g}" for name, value in design.gains.items())
+    missed = [f"  not met by the feedforward: {name}; {why}" for name, why in design.not_met.items()]
+    return [f"controller: {design.law.says}, {by}", f"  {gains}", *missed]
+
+
+def about_tracking(found: Tracking) -> list[str]:
+    """How well the C follows a wave against the plant with its effects, without and with the feedforward."""
+    rows = [
+        (f"  {name} feedforward", f"rms {in_unit(f'{run.rms:.3g}', found.unit)}", f"worst {run.worst:.3g}")
+        for name, run in (("without", found.without), ("with", found.beside))
+    ]
+    return ["tracking error of the C against the plant with its effects:", *table(rows)]
+
+
+def about_loop(loop: Loop) -> list[str]:
+    """Margins and step metrics, no digits that the plant's intervals do not hold."""
+    note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
+    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]) + note + _about_points(loop)
+
+
+def _about_points(loop: Loop) -> list[str]:
+    """Margins at every operating point, where there are several."""
+    rows = [
+        (
+            says,
+            "stable" if found.stable else "UNSTABLE",
+            f"gain margin {quantity(found.gain_margin_db, 'dB')}",
+            f"phase margin {quantity(found.phase_margin_deg, 'deg')}",
+            f"Ms {quantity(found.sensitivity_peak, '')}",
+        )
+        for says, found in loop.points
+    ]
+    return ["  at each operating point, with the plant as it is there", *table(rows)] if rows else []
+
+
+def margin_rows(loop: Loop) -> list[tuple[str, str]]:
+    """Margins, each with its unit and, where the plant has intervals, with its own."""
+    return [
+        ("closed loop", "stable" if loop.margins.stable else "UNSTABLE"),
+        *_figure_rows(loop, loop.margins, MARGINS),
+    ]
+
+
+def step_rows(loop: Loop) -> list[tuple[str, str]]:
+    """Step metrics, likewise."""
+    return _figure_rows(loop, loop.metrics, METRICS)
+
+
+def _figure_rows(
+    loop: Loop, noun: Margins | StepMetrics, rows: Sequence[tuple[str, str, str]]
+) -> list[tuple[str, str]]:
+    return [(says, _unsure(getattr(noun, name), loop.halves.get(name, 0.0), unit)) for says, name, unit in rows]
+
+
+def no_finer(value: float, half: float, unit: str) -> str:
+    """Write a figure to three digits, or to fewer where the half width of its interval ends before."""
+    if not 0.0 < half < math.inf or not math.isfinite(value) or value == 0.0:
+        return quantity(value, unit)
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
+    return in_unit(f"{value:.{min(max(digits, 1), 3)}g}", unit)
+
+
+def _unsure(value: float, half: float, unit: str) -> str:
+    if not half > 0.0 or not math.isfinite(value):
+        return quantity(value, unit)
+    if math.isinf(half):
+        return f"{quantity(value, unit)}, not bounded within the plant's intervals"
+    return in_unit(f"{rounded_to(value, half)} ± {half:.2g}", unit)
+
+
+def about_outcome(outcome: Outcome) -> list[str]:
+    """Verdict of one target; the first difference if there is one."""
+    verdict = outcome.verdict
+    if verdict is None:
+        return [f"{outcome.target}: NOT RUN: {outcome.not_run}"]
+    lines = [f"{verdict.target}: {verdict.steps:,} steps, {verdict.differences:,} differences: {verdict_word(verdict)}"]
+    rows = sanitizer_rows(verdict) + cost_rows(verdict) + search_rows(verdict) + loop_rows(verdict)
+    lines += table(rows + rounding_rows(verdict))
+    first = verdict.first
+    if verdict.undefined and first:
+        lines += [f"  at step {first.step} ({first.lane}) on this machine; such C is not run on any target"]
+    elif first:
+        where = f"  first at step {first.step} ({first.lane}): {first.output}"
+        lines += [
+            f"{where} is {first.got:.9g}, expected {in_unit(f'{first.expected:.9g}', first.unit)}",
+            f"  {first.operation}",
+        ]
+    return lines
+
+
+def verdict_word(verdict: Verdict) -> str:
+    """One word."""
+    return "agrees" if verdict.agrees else "DIFFERS"
+
+
+def sanitizer_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """Say what the sanitizers made of the C on this machine."""
+    if verdict.undefined:
+        return [("sanitizers", verdict.undefined.sentence())]
+    if verdict.sanitizers_not_run:
+        return [("sanitizers", f"NOT RUN: {verdict.sanitizers_not_run.splitlines()[0]}")]
+    return [("sanitizers", f"{verdict.sanitized:,} steps on this machine, nothing found")]
+
+
+def cost_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """List what one step costs, as far as it was measured."""
+    cost = verdict.cost
+    rows = []
+    if cost.instructions_max is not None and cost.instructions_mean is not None:
+        text = f"{cost.instructions_max:.0f} at most, {cost.instructions_mean:.1f} on average"
+        rows.append(("instructions per step", text))
+    if cost.cycles_max is not None and cost.cycles_mean is not None:
+        rows.append(("cycles per step", f"{cost.cycles_max} at most, {cost.cycles_mean:.1f} on average"))
+    sizes = [
+        f"{name} {size}"
+        for name, size in (("text", cost.text_bytes), ("data", cost.data_bytes), ("bss", cost.bss_bytes))
+        if size is not None
+    ]
+    if sizes:
+        rows.append(("bytes", ", ".join(sizes)))
+    if cost.stack_bytes is not None:
+        rows.append(("stack", f"{cost.stack_bytes} bytes"))
+    return rows
+
+
+def search_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """How much work the searches took, where there were any, and what their budget bounds."""
+    found, worst = verdict.searches, verdict.cost.instructions_max
+    if found is None or worst is None:
+        return []
+    share = f"{found.instructions_bound / worst:.2f} of the worst seen"
+    without = f"{found.capped:,} cut short, {found.infeasible:,} with no moves that keep every limit"
+    return [
+        ("search", f"work {found.work_max:,} at most, cut short at {found.budget:,}"),
+        ("bound of a step", f"{found.instructions_bound:,} instructions with the whole budget taken, {share}"),
+        ("steps without answer", f"{without}; {found.within:,} of them with every input in its range"),
+    ]
+
+
+def loop_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """How the run against the plant went, where there was one."""
+    loop = verdict.closed_loop
+    if loop is None:
+        return []
+    same = "the same bits as on the host" if not loop.differences else f"{loop.differences:,} NOT as on the host"
+    return [("closed loop", f"{loop.steps:,} steps against the plant, {same}")]
+
+
+def rounding_rows(verdict: Verdict) -> list[tuple[str, str]]:
+    """How far the exact arithmetic stands from the law, in the units of the outputs."""
+    return [
+        (
+            f"rounding of {entry.output}",
+            f"worst {in_unit(f'{entry.worst:.2g}', entry.unit)}, bound {in_unit(f'{entry.bound:.2g}', entry.unit)}",
+        )
+        for entry in verdict.rounding
+    ]

@@ -1,0 +1,1 @@
+"""Project: one TOML file, read strictly and written back."""

@@ -1,0 +1,377 @@
+"""A Project: one TOML file, checked as a whole before anything is done with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.names import check_identifier
+from firmloop.codegen.target import target_names
+from firmloop.identify.recordings.hold import HOLDS
+from firmloop.identify.signal import Signal
+from firmloop.project.table import ProjectError, Table, read_table
+from firmloop.quantize.lower.rounds import ROUNDINGS
+from firmloop.quantize.lower.word_length import Allowed
+
+SCHEMA = 1
+MAX_ERROR = "max_error_"  # and the unit of an output
+LONGEST_PERIOD = 3600.0  # s; a controller that acts less than hourly is a mistake in the unit
+UNIT = re.compile(r"[A-Za-z0-9%/*^._() -]{1,24}", re.ASCII)
+EXAMPLES = {
+    "recordings": '[recordings] with train = ["steps.csv"]',
+    "plant": '[plant] with kind = "dc_motor", input, outputs and [plant.parameters]',
+    "controller": '[controller] with kind = "pid" and period_s = 0.001',
+    "signals": "[signals] with the range of every controller input and output",
+    "arithmetic": '[arithmetic] with number = "float32"',
+    "target": '[target] with names = ["host"]',
+}
+FURTHER = ("tuning", "datasheet", "standard_tests", "experiment", "model")  # tables that only one verb reads
+
+
+@dataclass(frozen=True, slots=True)
+class Recordings:
+    """Which files to fit, which only to score, and how to read them."""
+
+    train: tuple[Path, ...]
+    test: tuple[Path, ...]
+    rename: Mapping[str, str]  # a file's column name -> ours
+    conditioning: Table
+    hold: str = "zero_order"  # what an input does between rows
+
+
+@dataclass(frozen=True, slots=True)
+class PlantPart:
+    """What `[plant]` says; `firmloop.identify.plants.kinds.make_plant` turns it into a Plant."""
+
+    table: Table
+    kind: str
+    input: str
+    outputs: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, object] | float]
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerPart:
+    """What `[controller]` says; `settings` is everything that only its kind understands."""
+
+    table: Table
+    kind: str
+    period: float  # s
+    outputs: tuple[str, ...]
+    settings: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """The whole file; a part that it does not have is None or empty."""
+
+    path: Path
+    document: Table
+    name: str
+    recordings: Recordings | None
+    plant: PlantPart | None
+    controller: ControllerPart | None
+    signals: tuple[Signal, ...]
+    arithmetic: str | None  # "float32", "float64", "fixed32", "fixed16", or "fixed": the shorter one that will do
+    targets: tuple[str, ...]
+    allowed: tuple[Allowed, ...] = ()  # what [arithmetic] lets outputs be off the law
+    rounds: str = "nearest"  # what fixed point does with the places that it drops
+
+    @property
+    def controller_inputs(self) -> tuple[Signal, ...]:
+        """Every signal that the controller does not put out, in file order (contract, section 7)."""
+        outputs = self.controller.outputs if self.controller else ()
+        return tuple(signal for signal in self.signals if signal.name not in outputs)
+
+    @property
+    def controller_outputs(self) -> tuple[Signal, ...]:
+        """The controller's outputs in the order that `controller.outputs` gives."""
+        outputs = self.controller.outputs if self.controller else ()
+        by_name = {signal.name: signal for signal in self.signals}
+        return tuple(by_name[name] for name in outputs if name in by_name)  # a project may hold no signals at all
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What a verification is asked to do; `port` is where a board is, None for QEMU and the host."""
+
+    targets: tuple[str, ...]
+    steps: int
+    seed: int
+    port: str | None
+    baseline: Path | None = None  # an older cost.json or verdict.json that the costs are compared with
+    growth: float = 2.0  # % by which a cost may exceed it
+
+
+def campaign_targets(project: Project, asked: Sequence[str]) -> tuple[str, ...]:
+    """Return the targets asked for on the command line, each once, else those of the project, else the host.
+
+    Raises
+    ------
+    ProjectError
+        when one is unknown.
+    """
+    for name in asked:
+        if not name.endswith(".toml") and name not in target_names():
+            raise ProjectError(f"--target {name}: {_unknown_target(name)}")
+        if name.endswith(".toml") and not Path(name).is_file():
+            raise ProjectError(f"--target {name}: there is no such file; its path begins where you are: {Path.cwd()}")
+    return tuple(dict.fromkeys(asked)) or project.targets or ("host",)
+
+
+def read_project(path: Path) -> Project:
+    """Read and check a project file.
+
+    Raises
+    ------
+    ProjectError
+        on the first thing that is wrong, with file and line.
+    """
+    document = read_table(path)
+    document.only(("schema", "name", *EXAMPLES, *FURTHER))
+    if "schema" not in document.values:
+        raise document.missing("schema", "schema = 1")
+    if document.values["schema"] != SCHEMA or isinstance(document.values["schema"], bool):
+        raise document.wrong("schema", f"this firmloop reads schema = {SCHEMA}")
+    name = document.text("name", 'name = "wheel_speed"')
+    _identifier(document, "name", name, "project name")
+    project = Project(
+        path=path,
+        document=document,
+        name=name,
+        recordings=_recordings(document.table("recordings")) if "recordings" in document.values else None,
+        plant=_plant(document.table("plant")) if "plant" in document.values else None,
+        controller=_controller(document.table("controller")) if "controller" in document.values else None,
+        signals=_signals(document.table("signals")),
+        arithmetic=_arithmetic(document.table("arithmetic")) if "arithmetic" in document.values else None,
+        targets=_targets(document.table("target")) if "target" in document.values else (),
+    )
+    if project.controller:
+        _outputs_are_signals(project.controller, project.signals)
+    if project.arithmetic:
+        table = document.table("arithmetic")
+        return replace(project, allowed=_allowed(table, project.controller_outputs), rounds=_rounds(table))
+    return project
+
+
+def require(project: Project, *parts: str) -> None:
+    """Check that the project has the parts a verb needs, and that the recordings it names are there.
+
+    Raises
+    ------
+    ProjectError
+        naming the first part that is missing.
+    """
+    held = {
+        "recordings": project.recordings,
+        "plant": project.plant,
+        "controller": project.controller,
+        "signals": project.signals,
+        "arithmetic": project.arithmetic,
+        "target": project.targets,
+    }
+    for part in parts:
+        if not held[part]:
+            raise ProjectError(f"{project.path}: this command needs a part that is missing: {EXAMPLES[part]}")
+    if "recordings" in parts and project.recordings:
+        table = project.document.table("recordings")
+        if not project.recordings.train:
+            raise table.missing("train", 'train = ["steps.csv"]')
+        for key, files in (("train", project.recordings.train), ("test", project.recordings.test)):
+            for file in files:
+                if not file.is_file():
+                    raise table.wrong(key, f"{file} is not a file; names are relative to the project file")
+
+
+def same_unit(one: str, other: str) -> bool:
+    """Tell whether two spellings mean the same unit: rad/s and rad_s, N*m and N_m, 1 and norm."""
+
+    def plain(unit: str) -> str:
+        word = re.sub(r"[^A-Za-z0-9%]+", "_", unit.replace("^", "")).strip("_")
+        return "1" if word in ("", "norm", "ratio", "pu") else word
+
+    return plain(one) == plain(other)
+
+
+def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> None:
+    """Check that the controller and the plant speak the same units where their wires meet.
+
+    Raises
+    ------
+    ProjectError
+        when the plant's input is not in the unit of the controller's first output, or the measurement or the
+        reference is not in the unit of the plant's first output.
+    """
+    table = project.document.table("signals")
+    meets = [(signal, plant_input) for signal in project.controller_outputs[:1]]
+    meets += [
+        (signal, plant_output) for signal in project.controller_inputs if signal.name in ("measurement", "reference")
+    ]
+    for signal, wire in meets:
+        if wire.unit and not same_unit(signal.unit, wire.unit):  # a name such as tacho tells no unit
+            raise table.wrong(
+                signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {wire.unit!r}; use one unit"
+            )
+
+
+def _recordings(table: Table) -> Recordings:
+    table.only(("train", "test", "rename", "conditioning", "hold"))
+    folder = table.file.parent
+    train = tuple(folder / name for name in table.texts("train", 'train = ["steps.csv"]'))
+    test = tuple(folder / name for name in table.texts("test", 'test = ["ramp.csv"]'))
+    for file in test:
+        if file.resolve() in {other.resolve() for other in train}:
+            raise table.wrong("test", f"{file.name} is also a train recording; a score needs data that was not fitted")
+    rename = table.table("rename")
+    for key in rename.values:
+        rename.text(key, f'{key} = "speed_rad_s"')
+    rename.texts_differ()
+    hold = str(table.values.get("hold", HOLDS[0]))
+    if hold not in HOLDS:
+        raise table.wrong("hold", f"is {hold!r}; it must be one of {', '.join(HOLDS)}")
+    return Recordings(
+        train, test, {key: str(value) for key, value in rename.values.items()}, table.table("conditioning"), hold
+    )
+
+
+def _plant(table: Table) -> PlantPart:
+    effects = table.values.get("effects", [])
+    if not isinstance(effects, list) or not all(isinstance(entry, dict) for entry in effects):
+        raise table.wrong("effects", "must be tables: [[plant.effects]]")
+    if table.values.get("kind") == "ode":
+        return _ode(table)
+    table.only(("kind", "input", "outputs", "parameters", "effects", "force_per_unit", "torque_per_unit"))
+    outputs = table.texts("outputs", 'outputs = ["speed_rad_s"]')
+    if not outputs:
+        raise table.missing("outputs", 'outputs = ["speed_rad_s"]')
+    parameters = _parameters(table)
+    return PlantPart(
+        table, table.text("kind", 'kind = "dc_motor"'), table.text("input", 'input = "voltage_V"'), outputs, parameters
+    )
+
+
+def _ode(table: Table) -> PlantPart:
+    """Check the outline of a plant given as text; `firmloop.identify.plants.ode` reads the expressions."""
+    table.only(("kind", "states", "inputs", "outputs", "derivatives", "balances", "parameters", "effects"))
+    inputs = table.texts("inputs", 'inputs = ["force_N"]')
+    if not inputs:
+        raise table.missing("inputs", 'inputs = ["force_N"]')
+    outputs = tuple(table.table("outputs").values)
+    if not outputs:
+        raise table.missing("outputs", '[plant.outputs] with position_m = "x_m"')
+    return PlantPart(table, "ode", inputs[0], outputs, _parameters(table))
+
+
+def _parameters(table: Table) -> Mapping[str, Mapping[str, object] | float]:
+    parameters: dict[str, Mapping[str, object] | float] = {}
+    for name, entry in table.table("parameters").values.items():
+        if not isinstance(entry, dict | int | float):
+            raise table.table("parameters").wrong(name, "must be a table, such as { value = 8.0, free = true }")
+        parameters[name] = entry
+    return parameters
+
+
+def _controller(table: Table) -> ControllerPart:
+    period = table.number("period_s", "period_s = 0.001")
+    if not 0 < period <= LONGEST_PERIOD:
+        raise table.wrong("period_s", f"must be more than 0 and at most {LONGEST_PERIOD:g} seconds, such as 0.001")
+    outputs = table.texts("outputs", 'outputs = ["output"]') or ("output",)
+    return ControllerPart(
+        table, table.text("kind", 'kind = "pid"'), period, outputs, table.without("kind", "period_s", "outputs")
+    )
+
+
+def _signals(table: Table) -> tuple[Signal, ...]:
+    signals: list[Signal] = []
+    for name in table.values:
+        _identifier(table, name, name, "signal")
+        entry = table.table(name)
+        entry.only(("unit", "low", "high"))
+        unit = entry.text("unit", 'unit = "rad/s"')
+        if not UNIT.fullmatch(unit) or "*/" in unit or "/*" in unit or "//" in unit:
+            raise entry.wrong("unit", "must be a short plain unit, such as 'rad/s' (ASCII, at most 24 characters)")
+        low, high = entry.number("low", "low = -12"), entry.number("high", "high = 12")
+        if not low < high:
+            raise entry.wrong("low", f"must be less than high = {high:g}")
+        same = [signal.name for signal in signals if signal.name.lower() == name.lower()]
+        if same:
+            raise table.remark(name, f"signal {name!r} differs from {same[0]!r} in capitals alone: choose another name")
+        signals.append(Signal(name, unit, low, high))
+    return tuple(signals)
+
+
+def _outputs_are_signals(controller: ControllerPart, signals: tuple[Signal, ...]) -> None:
+    known = [signal.name for signal in signals]
+    for name in controller.outputs:
+        if signals and name not in known:
+            raise controller.table.remark(
+                "outputs", f"outputs names {name!r}, which [signals] does not hold: {', '.join(known)}"
+            )
+
+
+def _arithmetic(table: Table) -> str:
+    """`bits` only says something about fixed point (contract, section 2); with floats it may stand there idle."""
+    errors = [key for key in table.values if key.startswith(MAX_ERROR)]
+    table.only(("number", "bits", "rounding", *errors))
+    number = table.text("number", 'number = "float32"')
+    if number == "fixed" and errors and "bits" not in table.values:
+        return "fixed"
+    bits = table.values.get("bits", 32)
+    if bits not in (16, 32) or isinstance(bits, bool | float):
+        raise table.wrong("bits", "must be 16 or 32")
+    if number not in ("float32", "float64", "fixed"):
+        raise table.wrong("number", 'must be "float32", "float64" or "fixed"')
+    return f"fixed{bits}" if number == "fixed" else number
+
+
+def _rounds(table: Table) -> str:
+    """Read what fixed point does with the places that it drops."""
+    rounds = str(table.values.get("rounding", "nearest"))
+    if rounds not in ROUNDINGS:
+        raise table.wrong("rounding", f"must be {' or '.join(map(repr, ROUNDINGS))}")
+    if rounds != "nearest" and table.values.get("number") != "fixed":
+        raise table.wrong("rounding", "is a choice of fixed point; a float always rounds to nearest: remove it")
+    return rounds
+
+
+def _allowed(table: Table, outputs: tuple[Signal, ...]) -> tuple[Allowed, ...]:
+    """Read max_error_V and its like: the unit of one or more outputs ends the name."""
+    found = []
+    for key in table.values:
+        if not key.startswith(MAX_ERROR):
+            continue
+        most = table.number(key, f"{key} = 0.01")
+        if most <= 0:
+            raise table.wrong(key, "must be more than 0")
+        meant = tuple(signal.name for signal in outputs if same_unit(signal.unit, key.removeprefix(MAX_ERROR)))
+        if not meant:
+            units = ", ".join(f"{signal.name} is in {signal.unit!r}" for signal in outputs) or "there is none"
+            raise table.wrong(key, f"ends in the unit of no output ({units}); write for instance max_error_V")
+        found.append(Allowed(f"arithmetic.{key}", meant, most))
+    return tuple(found)
+
+
+def _targets(table: Table) -> tuple[str, ...]:
+    table.only(("names",))
+    names = table.texts("names", 'names = ["host"]')
+    if not names:
+        raise table.missing("names", 'names = ["host"]')
+    for name in names:
+        if not name.endswith(".toml") and name not in target_names():
+            raise table.wrong("names", _unknown_target(name))
+    return tuple(str(table.file.parent / name) if name.endswith(".toml") else name for name in names)
+
+
+def _unknown_target(name: str) -> str:
+    known = ", ".join(target_names())
+    return f"no target is called {name!r}; known: {known}, or the path of a target's .toml file"
+
+
+def _identifier(table: Table, key: str, name: str, what: str) -> None:
+    try:
+        check_identifier(name, what)
+    except CodegenError as error:
+        raise table.remark(key, str(error)) from None

@@ -1,0 +1,149 @@
+"""Write a Project back as TOML, with other figures in some of its keys."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from firmloop.design.kinds import Design
+from firmloop.design.tuning import rules
+from firmloop.identify.fitting.fit import interval95
+from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.plants.plant_table import effects_table
+from firmloop.project.project import Project
+
+# Tables whose entries stand on one line each.
+INLINE = (("plant", "parameters"), ("plant", "balances"), ("plant", "effects"), ("signals",))
+
+
+def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
+    """Return the project with the parameters of `plant` and their 95 % intervals, to be kept in `folder`.
+
+    Everything else is as it was; recordings are named relative to `folder`, so that the file can be used as it is.
+    """
+    document = _moved(project, folder)
+    table = dict(_table(document["plant"]))
+    given = project.document.table("plant").table("parameters").values
+    table["parameters"] = {
+        parameter.name: _entry(parameter, given.get(parameter.name))
+        for parameter in plant.parameters[: plant.rate.numel_in(2)]
+        if parameter.name in given or parameter.name not in table
+    }
+    if plant.effects:
+        table["effects"] = effects_table(plant)
+    return _text({**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
+
+
+def made_text(project: Project, plant: Mapping[str, object], verb: str, folder: Path) -> str:
+    """Return the project with `plant` as its [plant] table, to be kept in `folder`; `verb` has made it."""
+    document = {**_moved(project, folder), "plant": plant}
+    return _text(document, f"plant made by: firmloop {verb} {project.path.name}")
+
+
+def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> str:
+    """Return the project with the parameters and the effects of `plant`, to be kept in `folder`.
+
+    `hold` is what the input does between rows, as far as the recordings tell.
+    """
+    document = _moved(project, folder)
+    if project.recordings and hold != project.recordings.hold:
+        document["recordings"] = {**_table(document["recordings"]), "hold": hold}
+    table = dict(_table(document["plant"]))
+    given = project.document.table("plant").table("parameters").values
+    own = [parameter for parameter in plant.parameters if "." not in parameter.name]
+    table["parameters"] = {parameter.name: _entry(parameter, given.get(parameter.name)) for parameter in own}
+    table.pop("effects", None)
+    if plant.effects:
+        table["effects"] = effects_table(plant)
+    return _text({**document, "plant": table}, f"plant diagnosed by: firmloop diagnose {project.path.name}")
+
+
+def designed_text(project: Project, design: Design, folder: Path) -> str:
+    """Return the project with the gains of `design` instead of the rule that found them, to be kept in `folder`."""
+    document = _moved(project, folder)
+    gains = settled(_table(document["controller"]), design)
+    return _text({**document, "controller": gains}, f"controller designed by: firmloop design {project.path.name}")
+
+
+def settled(table: Mapping[str, object], design: Design) -> dict[str, object]:
+    """Return a [controller] table with the gains of `design` instead of the rule that found them."""
+    rule = ("tune", *rules()[design.tuned_by].keys) if design.tuned_by else ()
+    told = {key: value for key, value in table.items() if key not in rule}
+    return {**told, **(design.gains if design.settings is None else design.settings)}
+
+
+def _entry(parameter: Parameter, given: object) -> Mapping[str, object]:
+    entry: dict[str, object] = {"value": parameter.value, "free": parameter.free}
+    if isinstance(given, dict):
+        entry.update({key: end for key, end in given.items() if key in ("low", "high")})
+    interval = interval95(parameter)
+    if interval is not None:
+        entry["ci95"] = [float(f"{end:.6g}") for end in interval]
+    return entry
+
+
+def _moved(project: Project, folder: Path) -> dict[str, object]:
+    """Return the document with every recording named as seen from `folder`."""
+    document = dict(project.document.values)
+    if project.recordings:
+        table = dict(_table(document["recordings"]))
+        for key, files in (("train", project.recordings.train), ("test", project.recordings.test)):
+            if files:
+                table[key] = [os.path.relpath(file.resolve(), folder.resolve()) for file in files]
+        document["recordings"] = table
+    return document
+
+
+def _text(document: Mapping[str, object], says: str) -> str:
+    plain = re.sub(r"[^\x20-\x7e]", "?", says)
+    return "\n".join([f"# {plain}", *_lines(document, ())]) + "\n"
+
+
+def _lines(table: Mapping[str, object], place: tuple[str, ...]) -> Iterator[str]:
+    """Yield the lines of one table: its plain values first, because TOML would give later ones to a subtable."""
+    below = {key: value for key, value in table.items() if _has_header(value, place)}
+    for key, value in table.items():
+        if key not in below:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in below.items():
+        path = (*place, key)
+        title = ".".join(_key(name) for name in path)
+        for entry in value if isinstance(value, list) else [value]:
+            yield ""
+            yield f"[[{title}]]" if isinstance(value, list) else f"[{title}]"
+            yield from _lines(_table(entry), path)
+
+
+def _has_header(value: object, place: tuple[str, ...]) -> bool:
+    if isinstance(value, list):
+        return bool(value) and all(isinstance(entry, dict) for entry in value)
+    return isinstance(value, dict) and place not in INLINE
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _string(name)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(entry) for entry in value)}]"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }"
+    return repr(value) if isinstance(value, int | float) else str(value)
+
+
+def _string(text: str) -> str:
+    """JSON's escapes are TOML's, except that TOML wants DEL escaped too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _table(value: object) -> Mapping[str, object]:
+    assert isinstance(value, dict), "read_project has checked that this is a table"
+    return value

@@ -1,0 +1,188 @@
+"""Read one TOML table strictly: every complaint names file, line, table, key, value, rule and way out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeGuard
+
+from firmloop.project.toml_lines import key_lines
+
+
+class ProjectError(Exception):
+    """The user's project file or command is wrong; the message is one line and says where, what and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One table of a TOML file: its place in the file, its values, and the line of every key."""
+
+    file: Path
+    place: tuple[str, ...]
+    values: Mapping[str, object]
+    lines: Mapping[tuple[str, ...], int]
+
+    def wrong(self, key: str, rule: str) -> ProjectError:
+        """Return the error that `key` of this table breaks `rule`; the value is shown if there is one."""
+        shown = f" = {_shown(self.values[key])}" if key in self.values else ""
+        return self.remark(key, f"{key}{shown}: {rule}")
+
+    def complaint(self, message: str) -> ProjectError:
+        """Return another package's complaint, with the line of the dotted key it begins with (`controller.kp`)."""
+        key = tuple(message.split(" ", 1)[0].rstrip(":").split("."))
+        held = next((key[:length] for length in range(len(key), 0, -1) if key[:length] in self.lines), None)
+        line = f":{self.lines[held]}" if held else ""
+        return ProjectError(f"{self.file}{line}: {message}")
+
+    def remark(self, key: str, message: str) -> ProjectError:
+        """Return `message` as an error at the line of `key`."""
+        return ProjectError(f"{self._where(key)}{self._title()}{message}")
+
+    def only(self, known: Iterable[str]) -> None:
+        """Refuse every key that is not in `known`, naming the nearest one."""
+        names = sorted(known)
+        for key in self.values:
+            if key in names:
+                continue
+            near = difflib.get_close_matches(key.lower(), names, n=1, cutoff=0.6)
+            hint = f"did you mean '{near[0]}'?" if near else f"known here: {', '.join(names)}"
+            raise self.remark(key, f"unknown key {_shown(key)}; {hint}")
+
+    def missing(self, key: str, example: str) -> ProjectError:
+        """Return the error that `key` is not there, with a line that would mend it."""
+        return self.remark("", f"'{key}' is missing; write for instance: {example}")
+
+    def text(self, key: str, example: str) -> str:
+        """Return a text that must be there."""
+        if key not in self.values:
+            raise self.missing(key, example)
+        value = self.values[key]
+        if not isinstance(value, str) or not value:
+            raise self.wrong(key, f"must be a text, such as {example}")
+        return value
+
+    def number(self, key: str, example: str) -> float:
+        """Return a finite number that must be there."""
+        if key not in self.values:
+            raise self.missing(key, example)
+        value = self.values[key]
+        if not _is_finite(value):
+            raise self.wrong(key, f"must be a finite number, such as {example}")
+        return float(value)
+
+    def texts(self, key: str, example: str) -> tuple[str, ...]:
+        """Return a list of different texts; empty where the key is not there."""
+        value = self.values.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, str) and item for item in value):
+            raise self.wrong(key, f"must be a list of texts, such as {example}")
+        if len(set(value)) != len(value):
+            raise self.wrong(key, "names the same thing twice")
+        return tuple(value)
+
+    def texts_differ(self) -> None:
+        """Refuse two keys with the same value."""
+        seen: dict[object, str] = {}
+        for key, value in self.values.items():
+            if value in seen:
+                raise self.wrong(key, f"is already the value of '{seen[value]}'")
+            seen[value] = key
+
+    def table(self, key: str) -> Table:
+        """Return the table under `key`; an empty one where there is none."""
+        value = self.values.get(key, {})
+        if not isinstance(value, dict):
+            raise self.wrong(key, f"must be a table: [{'.'.join((*self.place, key))}]")
+        return Table(self.file, (*self.place, key), value, self.lines)
+
+    def without(self, *keys: str) -> Mapping[str, object]:
+        """Return the values whose keys are not among `keys`, in file order."""
+        return {key: value for key, value in self.values.items() if key not in keys}
+
+    def _where(self, key: str) -> str:
+        line = self.lines.get((*self.place, key)) or self.lines.get(self.place)
+        return f"{self.file}:{line}: " if line else f"{self.file}: "
+
+    def _title(self) -> str:
+        return f"[{'.'.join(self.place)}] " if self.place else ""
+
+
+def read_table(file: Path) -> Table:
+    """Read a whole TOML file.
+
+    Raises
+    ------
+    ProjectError
+        when it cannot be read, is empty, is not UTF-8 or is not TOML.
+    """
+    try:
+        raw = file.read_bytes()
+    except FileNotFoundError:
+        raise ProjectError(f"{file}: no such file; name the project's TOML file") from None
+    except IsADirectoryError:
+        raise ProjectError(f"{file}: is a folder; name the project's TOML file in it") from None
+    except OSError as error:
+        raise ProjectError(f"{file}: cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise ProjectError(f"{str(file)!r}: is not a file name; name the project's TOML file") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ProjectError(f"{file}:{line}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    if not text.strip():
+        raise ProjectError(f"{file}: is empty; a project begins with: schema = 1")
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ProjectError(_toml_complaint(file, text, str(error))) from None
+    except (RecursionError, ValueError):
+        raise ProjectError(f"{file}: holds brackets nested too deep or a number too long to be a project") from None
+    lines = key_lines(text)
+    for place, value in _integers(values, ()):
+        if not -(2**63) <= value < 2**63:
+            *above, key = place
+            raise Table(file, tuple(above), {}, lines).remark(key, f"{key} holds a whole number beyond 64 bits")
+    return Table(file, (), values, lines)
+
+
+def _integers(value: object, place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], int]]:
+    """Yield every whole number of a document with its place; tomllib takes more digits than TOML allows."""
+    if isinstance(value, int):
+        yield place, value
+    elif isinstance(value, dict):
+        for key, entry in value.items():
+            yield from _integers(entry, (*place, key))
+    elif isinstance(value, list):
+        for entry in value:
+            yield from _integers(entry, place)
+
+
+def _toml_complaint(file: Path, text: str, message: str) -> str:
+    """Turn tomllib's words into ours: line in front, no column arithmetic for the reader."""
+    reason, _, place = message.partition(" (at ")
+    number = place.removeprefix("line ").split(",")[0]
+    line = int(number) if number.isdigit() else text.rstrip().count("\n") + 1
+    shown = text.split("\n")[line - 1].strip()[:60]
+    return f"{file}:{line}: is not valid TOML: {reason[:1].lower()}{reason[1:]}, at: {_shown(shown)}"
+
+
+def _is_finite(value: object) -> TypeGuard[int | float]:
+    """Tell whether a TOML value is a number that a double can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:
+        return False
+
+
+def _shown(value: object) -> str:
+    """Return a value as it may stand in a one-line message: short and printable."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,1 @@
+"""Stages: the walk from recording to verdict, one function a stage."""

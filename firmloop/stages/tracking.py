@@ -1,0 +1,101 @@
+"""What a feedforward is worth: the loop closed against the plant with all its effects, with and without it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.design.kinds import Design
+from firmloop.design.kinds import design as design_law
+from firmloop.design.models.feedforward import position_of
+from firmloop.design.roles import reference_and_measurement
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.simulation.stepped import with_place
+from firmloop.project.project import Project
+from firmloop.project.project_text import settled
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.host import build_host
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.closed_loop import LoopRun, PlantLoop, close_loop
+
+Array = NDArray[np.float64]
+
+ROUND = 1000  # steps of one wave of the reference
+ROUNDS = 2  # the last one is judged
+SHARE = 8.0  # of the reference's range is the wave's amplitude
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """One run of the C against the plant, and the error of its last wave: root of the mean square, and largest."""
+
+    measurement: Array
+    command: Array
+    rms: float
+    worst: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tracking:
+    """A slow wave of the reference, followed without and with the feedforward; all arrays one value a step."""
+
+    period: float  # s
+    unit: str
+    reference: Array
+    without: Course
+    beside: Course  # with it
+
+    def as_dict(self) -> dict[str, object]:
+        """Return what `--json` says."""
+        return {
+            "steps": len(self.reference),
+            "unit": self.unit,
+            "without_feedforward": {"rms": self.without.rms, "worst": self.without.worst},
+            "with_feedforward": {"rms": self.beside.rms, "worst": self.beside.worst},
+        }
+
+
+def tracking(project: Project, designed: Design, program: Program, plant: Plant | None) -> Tracking | None:
+    """Follow a wave with the C on this machine; None where there is no feedforward, or nothing to follow or to drive.
+
+    Raises ToolError where this machine has no compiler.
+    """
+    part, law = project.controller, designed.law
+    if part is None or plant is None or "feedforward" not in part.settings or len(law.inputs) < 2:
+        return None
+    reference, measurement = (law.inputs[k] for k in reference_and_measurement(law.inputs))
+    if not math.isfinite(reference.high - reference.low):
+        return None
+    table = {key: value for key, value in settled(part.settings, designed).items() if key != "feedforward"}
+    position = position_of(part.settings)
+    inputs = tuple(wire for wire in law.inputs if wire.name != position)
+    bare = design_law(part.kind, project.name, table, part.period, inputs, law.outputs, plant).law
+    turn = 2.0 * math.pi * np.arange(ROUND * ROUNDS) / ROUND
+    middle, reach = (reference.low + reference.high) / 2.0, (reference.high - reference.low) / SHARE
+    course = middle + reach * np.sin(turn)
+    driven, place = with_place(plant) if position is not None else (plant, -1)
+    others = ((position, place),) if position is not None else ()
+    roles = (reference.name, measurement.name)
+    runs = [
+        _run(built, PlantLoop(driven, course, roles, seen))
+        for built, seen in ((lower(bare, program.arithmetic), ()), (program, others))
+    ]
+    if any(len(run.reference) < len(course) for run in runs):
+        return None
+    return Tracking(law.period, reference.unit, course, *(_course(run) for run in runs))
+
+
+def _run(program: Program, loop: PlantLoop) -> LoopRun:
+    link = LibraryLink(build_host(emit(program, "firmloop"), load_target("host")), program)
+    return close_loop(program, loop, link)
+
+
+def _course(run: LoopRun) -> Course:
+    error = (run.reference - run.measurement)[-ROUND:]
+    return Course(run.measurement, run.command, float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))

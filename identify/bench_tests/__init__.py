@@ -1,0 +1,1 @@
+"""Bench tests: step responses, standard motor tests, datasheets, excitation signals, black-box models."""

@@ -1,0 +1,276 @@
+r"""Fit a linear model where no physics is known: ARX, output error, or a subspace method.
+
+- ARX: y[k] + a1 y[k-1] + ... = b1 u[k-d] + ... + e[k], one linear least-squares problem (L. Ljung, System
+  Identification, 1999, section 4.2). Noise that is not white through 1/A pulls it towards faster poles.
+- OE: the same polynomials, but the simulated output comes closest (section 4.2, eq. 4.25), by Gauss-Newton from several
+  ARX fits; every recording has its own start.
+- n4sid: a state space from projections of past and future data (P. Van Overschee and B. De Moor, Automatica 30 (1994)
+  75-93), by the library nfoursid; the longest recording alone.
+
+The sampled model is turned into a continuous one by the logarithm of its matrix, exactly where the input is held.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import scipy.linalg
+import scipy.optimize
+import scipy.signal
+import scipy.stats
+from nfoursid.nfoursid import NFourSID
+from numpy.typing import NDArray
+
+from firmloop.identify.plants.plant import IdentifyError
+
+Array = NDArray[np.float64]
+
+PER_UNKNOWN = 10  # rows that a model needs for each of its coefficients
+CERTAIN = 0.999  # probability with which noise would not let itself be explained so far
+EVEN = 1e-3  # share of a period by which samples may be early or late
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One recording of one input and one output, evenly sampled: arrays (n,)."""
+
+    source: str
+    drive: Array
+    output: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """x[k+1] = a x[k] + b u[k - late], y[k] = c x[k]."""
+
+    a: Array  # (n, n)
+    b: Array  # (n,)
+    c: Array  # (n,)
+    late: int  # samples
+
+
+@dataclass(frozen=True, slots=True)
+class Continuous:
+    """dx/dt = a x + b u(t - delay), y = c x."""
+
+    a: Array
+    b: Array
+    c: Array
+    delay: float  # s
+
+
+def fit_arx(records: Sequence[Record], order: int, late: int) -> Sampled:
+    """Least squares for a1..an, b1..bn with b1 on u[k - 1 - late]."""
+    blocks, aims = [], []
+    for record in records:
+        first = order + late
+        rows = range(first, len(record.output))
+        past_y = np.column_stack([-record.output[first - k : len(record.output) - k] for k in range(1, order + 1)])
+        stop = len(record.drive)
+        past_u = np.column_stack([record.drive[first - late - k : stop - late - k] for k in range(1, order + 1)])
+        assert len(past_y) == len(rows)
+        blocks.append(np.hstack([past_y, past_u]))
+        aims.append(record.output[first:])
+    found = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(aims), rcond=None)[0]
+    return _companion(found[:order], found[order:], late)
+
+
+def fit_oe(records: Sequence[Record], order: int, late: int) -> Sampled:
+    """Least squares of the simulation error; the start is the best of ARX fits to ever smoother data."""
+    starts = [fit_arx(records, order, late)]
+    for width in (5, 15, 45):
+        smooth = [
+            Record(r.source, *(scipy.signal.filtfilt(np.ones(width) / width, [1.0], s) for s in (r.drive, r.output)))
+            for r in records
+            if len(r.output) > 6 * width
+        ]
+        if len(smooth) == len(records):
+            starts.append(fit_arx(smooth, order, late))
+    scored = [(_miss(_steadied(start), records), k) for k, start in enumerate(starts)]
+    begin = _steadied(starts[min(scored)[1]])
+    below, above = -begin.a[:, 0], begin.b
+    scale = np.maximum(np.abs(np.concatenate([below, above])), 1e-3 * np.abs(above).max())
+
+    def residual(place: Array) -> Array:
+        values = place * scale
+        model = _companion(values[:order], values[order:], late)
+        parts = [record.output - _simulated(model, record) for record in records]
+        return np.nan_to_num(np.clip(np.concatenate(parts), -1e12, 1e12), nan=1e12)
+
+    found = scipy.optimize.least_squares(residual, np.concatenate([below, above]) / scale, x_scale="jac", max_nfev=60)
+    values = found.x * scale
+    return _companion(values[:order], values[order:], late)
+
+
+def fit_n4sid(records: Sequence[Record], order: int, late: int) -> Sampled:
+    """Hand the longest recording to nfoursid; its direct way from u[k] to y[k] is left out, for nothing is so fast."""
+    record = max(records, key=lambda one: len(one.output))
+    drive = np.concatenate([np.zeros(late), record.drive[: len(record.drive) - late]])
+    frame = pd.DataFrame({"u": drive, "y": record.output})
+    logging.getLogger("nfoursid").setLevel(logging.ERROR)
+    method = NFourSID(frame, output_columns=["y"], input_columns=["u"], num_block_rows=max(10, 2 * order))
+    method.subspace_identification()
+    space, _ = method.system_identification(rank=order)
+    model = Sampled(np.asarray(space.a), np.asarray(space.b)[:, 0], np.asarray(space.c)[0], late)
+    return model
+
+
+STRUCTURES: Mapping[str, Callable[[Sequence[Record], int, int], Sampled]] = {
+    "arx": fit_arx,
+    "oe": fit_oe,
+    "n4sid": fit_n4sid,
+}
+
+
+def redrawn(structure: str, records: Sequence[Record], model: Sampled, draws: int) -> list[Sampled]:
+    """Fit again, `draws` times, what the model says with its residuals drawn anew (B. Efron, Ann. Stat. 7 (1979) 1-26).
+
+    That is right where the residuals are white, which the caller has to test.
+    """
+    plain = _plain(model)
+    shown = [_simulated(plain, record) for record in records]
+    left = [record.output - made for record, made in zip(records, shown, strict=True)]
+    random = np.random.default_rng(1)
+    return [
+        STRUCTURES[structure](
+            [
+                Record(record.source, record.drive, made + random.choice(rest - rest.mean(), len(rest)))
+                for record, made, rest in zip(records, shown, left, strict=True)
+            ],
+            len(model.a),
+            model.late,
+        )
+        for _ in range(draws)
+    ]
+
+
+def check_records(records: Sequence[Record], order: int, late: int) -> None:
+    """Refuse recordings that are too short for the model, or whose input says too little."""
+    rows, unknowns = sum(len(record.output) for record in records), 2 * order
+    if rows < PER_UNKNOWN * unknowns + late + order:
+        raise IdentifyError(
+            f"{records[0].source}: {rows} rows are too few for a model of order {order}: its {unknowns} coefficients "
+            f"need at least {PER_UNKNOWN * unknowns + late + order}; record longer, or ask for a lower order"
+        )
+    richness = [
+        np.linalg.matrix_rank(scipy.linalg.hankel(r.drive[: 2 * order + 1], r.drive[2 * order :]), 1e-6)
+        for r in records
+    ]
+    if max(richness) < order:
+        raise IdentifyError(
+            f"{records[0].source}: the input excites {max(richness)} directions, and a model of order {order} needs at "
+            f"least {order}; play a richer signal, such as one of `firmloop excite`"
+        )
+    for record in records:
+        if np.ptp(record.output) == 0.0:
+            raise IdentifyError(f"{record.source}: the output never changes; record the plant while it moves")
+
+
+def check_answer(records: Sequence[Record], model: Sampled) -> None:
+    """Refuse recordings of which neither the model nor output error explains more than it would of white noise.
+
+    Off white noise, least squares take as many times its variance as the model has coefficients, and one for its start
+    (chi-squared).
+    """
+    order, rows = len(model.a), sum(len(record.output) for record in records)
+    enough = float(scipy.stats.chi2.ppf(CERTAIN, 2 * order + 1)) / rows
+    explained = _explained(_plain(model), records)
+    if not explained > enough:
+        explained = _explained(fit_oe(records, order, model.late), records)
+    if not explained > enough:
+        raise IdentifyError(
+            f"{records[0].source}: the output does not answer the input: a model of order {order} explains "
+            f"{max(100.0 * explained, 0.0):.2g} % of it, no more than of noise; check the wiring, or excite the plant"
+        )
+
+
+def _explained(model: Sampled, records: Sequence[Record]) -> float:
+    """Return the share of the output's variance that a simulation explains."""
+    left = [np.var(np.clip(record.output - _simulated(model, record), -1e12, 1e12)) for record in records]
+    return 1.0 - float(np.sum(left) / np.sum([np.var(record.output) for record in records]))
+
+
+def _plain(model: Sampled) -> Sampled:
+    """Return the model in companion form."""
+    above, below = scipy.signal.ss2tf(model.a, model.b[:, None], model.c[None, :], np.zeros((1, 1)))
+    return _companion(below[1:], above[0][1:], model.late)
+
+
+def continuous(model: Sampled, period: float) -> Continuous:
+    """Undo the hold: log of [[a, b], [0, 1]] over the period (s).
+
+    Raises
+    ------
+    IdentifyError
+        when a pole is unstable, or negative or zero: no continuous model of this order has it.
+    """
+    poles = np.linalg.eigvals(model.a)
+    if np.max(np.abs(poles)) >= 1.0 + 1e-9:
+        raise IdentifyError(
+            f"model: the fit is unstable (a pole at {np.max(np.abs(poles)):.4g} in z); try another structure, a lower "
+            "order, or remove the offset of the signals"
+        )
+    bad = [pole for pole in poles if abs(pole.imag) < 1e-9 and pole.real <= 1e-6]
+    if bad:
+        raise IdentifyError(
+            f"model: the fit has a pole at {bad[0].real:.3g} in z, which no continuous plant of this order has; the "
+            "order is too high for these recordings, the sampling too slow, or the noise the sensor's (then "
+            "structure = 'oe')"
+        )
+    order = len(model.a)
+    block = np.zeros((order + 1, order + 1))
+    block[:order, :order], block[:order, order], block[order, order] = model.a, model.b, 1.0
+    logarithm = np.real(scipy.linalg.logm(block)) / period
+    return Continuous(logarithm[:order, :order], logarithm[:order, order], model.c, model.late * period)
+
+
+def _companion(below: Array, above: Array, late: int) -> Sampled:
+    """Observer form of (b1 z^-1 + ...)/(1 + a1 z^-1 + ...)."""
+    order = len(below)
+    a = np.zeros((order, order))
+    a[:, 0] = -below
+    a[: order - 1, 1:] = np.eye(order - 1)
+    return Sampled(a, np.asarray(above, dtype=np.float64), np.eye(order)[0], late)
+
+
+def _steadied(model: Sampled) -> Sampled:
+    """Pull poles that are unstable to where they would just be stable, for a simulation to start from."""
+    poles = np.linalg.eigvals(model.a)
+    size = np.abs(poles)
+    if np.all(size < 0.9999):
+        return model
+    moved = np.where(size >= 0.9999, poles / np.maximum(size, 1e-12) * 0.999, poles)
+    return _companion(np.real(np.poly(moved))[1:], model.b, model.late)
+
+
+def _simulated(model: Sampled, record: Record) -> Array:
+    """Simulate from the initial state that fits best, which is linear in it."""
+    forced = scipy.signal.lfilter(
+        np.concatenate([np.zeros(1 + model.late), model.b]), np.concatenate([[1.0], -model.a[:, 0]]), record.drive
+    )
+    free = np.column_stack(
+        [
+            scipy.signal.lfilter(np.eye(len(model.b))[k], np.concatenate([[1.0], -model.a[:, 0]]), _impulse(record))
+            for k in range(len(model.b))
+        ]
+    )
+    with np.errstate(all="ignore"):
+        if not np.all(np.isfinite(free)) or np.abs(free).max() > 1e9 or not np.all(np.isfinite(forced)):
+            return np.full(len(record.output), np.inf)
+        start = np.linalg.lstsq(free, record.output - forced, rcond=1e-12)[0]
+    return np.asarray(forced + free @ start)
+
+
+def _impulse(record: Record) -> Array:
+    made = np.zeros(len(record.output))
+    made[0] = 1.0
+    return made
+
+
+def _miss(model: Sampled, records: Sequence[Record]) -> float:
+    parts = [np.mean(np.minimum((r.output - _simulated(model, r)) ** 2, 1e24)) for r in records]
+    return float(np.mean(parts))

@@ -1,0 +1,1 @@
+"""Fitting: least squares, noise, covariance and intervals of a plant's parameters."""

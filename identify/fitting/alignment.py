@@ -1,0 +1,58 @@
+"""Fit clock differences together with everything else: alone, each is mistaken for a little of a plant's slowness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.experiment import conditioned, delayed
+from firmloop.identify.fitting.problem import Point, Problem, weighted
+
+Array = NDArray[np.float64]
+
+_STEP = 0.05  # rows, of the difference quotient
+
+
+def lag_slopes(problem: Problem, point: Point) -> list[Array]:
+    """Return per experiment the slopes (q, r, l) of the weighted residuals for the lags of its l aligned outputs."""
+    found = []
+    for made, start in zip(problem.experiments, point.starts, strict=True):
+        if not made.lags:
+            found.append(np.zeros((*made.target.shape, 0)))
+            continue
+        outputs = problem.engine.run(made.course, point.constants, start)
+        here = conditioned(made, delayed(made, outputs))
+        step = _STEP * made.course.step
+        columns = [
+            (here - conditioned(made, delayed(replace(made, lags={**made.lags, name: late + step}), outputs))) / step
+            for name, late in made.lags.items()
+        ]
+        found.append(np.stack(columns, axis=2) * problem.weights[:, None])
+    return found
+
+
+def lag_steps(problem: Problem, point: Point, recordings: Sequence[Sequence[int]]) -> list[Array]:
+    """Return by how much (l,) the lags of each recording are off, by one Gauss-Newton step of all unknowns together.
+
+    `recordings` lists the experiments of each.
+    """
+    pairs, lags = list(weighted(problem, point)), lag_slopes(problem, point)
+    count, states = len(problem.free), point.starts.shape[1]
+    late = lags[0].shape[2]
+    width = count + states * len(pairs) + late * len(recordings)
+    square, pulled = np.zeros((width, width)), np.zeros(width)
+    for index, ((residual, slopes), own) in enumerate(zip(pairs, lags, strict=True)):
+        group = next(k for k, members in enumerate(recordings) if index in members)
+        first = count + states * len(pairs) + late * group
+        places = [*range(count), *range(count + states * index, count + states * (index + 1))]
+        places += range(first, first + late)
+        tall = np.concatenate([slopes, own], axis=2).reshape(residual.size, -1)
+        square[np.ix_(places, places)] += tall.T @ tall
+        pulled[places] -= tall.T @ residual.reshape(-1)
+    sizes = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    step = np.linalg.lstsq(square / np.outer(sizes, sizes), pulled / sizes, rcond=1e-12)[0] / sizes
+    begin = count + states * len(pairs)
+    return [step[begin + late * k : begin + late * (k + 1)] for k in range(len(recordings))]

@@ -1,0 +1,189 @@
+"""An Experiment: one recording, or one window of it, made ready to be compared with a simulation of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.recordings.conditioning import (
+    Conditioning,
+    check_conditioning,
+    condition_input,
+    condition_output,
+    find_lag,
+    interpolate,
+    windows,
+)
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.course import Course, Engine
+from firmloop.identify.simulation.simulate import course_of, measured
+
+Array = NDArray[np.float64]
+
+_START_STEPS = 20  # of a search for an initial state
+_START_DAMPING = (0.0, 1e-3, 1e-1, 1e1)
+_FORGOTTEN = 1e-12  # of an output's spread per unit of an initial state
+_HELD = 1e-4  # of all slopes: a direction of the initial state that leaves next to no trace
+_START_ENOUGH = 1e-9  # relative decrease of the cost that is no longer worth a step
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What drives the simulation, and what its outputs are compared with after conditioning."""
+
+    source: str
+    course: Course
+    measured: Array  # (n, r) as recorded
+    target: Array  # (q, r) conditioned
+    names: tuple[str, ...]  # of the r outputs
+    conditioning: Conditioning
+    lags: Mapping[str, float]  # s by which an output's clock is late
+
+
+def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) -> tuple[Experiment, ...]:
+    """Take the plant's signals out of a recording; one experiment per window."""
+    names = tuple(signal.name for signal in plant.outputs)
+    inputs = tuple(signal.name for signal in plant.inputs)
+    course = course_of(plant, recording)
+    drive = np.column_stack([condition_input(conditioning, n, c) for n, c in zip(inputs, course.drive.T, strict=True)])
+    course = replace(course, drive=np.ascontiguousarray(drive))
+    values = measured(plant, recording)
+    made = []
+    for first, end in windows(conditioning, course.time, 2 * len(plant.states) + 2):
+        check_conditioning(conditioning, (*inputs, *names), recording.source, course.time[first:end])
+        part = values[first:end]
+        bare = Experiment(
+            recording.source, replace(course, first=first, end=end), part, part, names, conditioning, lags={}
+        )
+        made.append(replace(bare, target=conditioned(bare, part)))
+    return tuple(made)
+
+
+def rows_time(made: Experiment) -> Array:
+    """Return the time stamps (n,) in s of the experiment's own rows."""
+    return made.course.time[made.course.first : made.course.end]
+
+
+def conditioned(made: Experiment, outputs: Array) -> Array:
+    """Condition values (n, r, ...) of all outputs, measured or simulated or a derivative, into (q, r, ...)."""
+    parts = [
+        condition_output(made.conditioning, name, rows_time(made), outputs[:, index])
+        for index, name in enumerate(made.names)
+    ]
+    return np.stack(parts, axis=1)
+
+
+def delayed(made: Experiment, outputs: Array) -> Array:
+    """Show simulated values (n, r, ...) by the late clock of each output."""
+    if not made.lags:
+        return outputs
+    late = outputs.copy()
+    for index, name in enumerate(made.names):
+        if made.lags.get(name):
+            moments = rows_time(made) - made.lags[name]
+            late[:, index] = interpolate(rows_time(made), outputs[:, index], moments)
+    return late
+
+
+def aligned(parts: Sequence[Experiment], runs: Sequence[Array]) -> tuple[Experiment, ...]:
+    """Find the clock difference of every output to be aligned, over all windows of one recording.
+
+    `runs` are the simulated outputs (n, r) of each window.
+    """
+    time = np.concatenate([rows_time(made) for made in parts])
+    real, ours = np.concatenate([made.measured for made in parts]), np.concatenate(list(runs))
+    conditioning = parts[0].conditioning
+    lags = {
+        name: find_lag(time, real[:, index], ours[:, index], conditioning.align_max_lag_s)
+        for index, name in enumerate(parts[0].names)
+        if name in conditioning.align
+    }
+    return tuple(replace(made, lags=lags) for made in parts)
+
+
+def misfit(
+    made: Experiment, simulator: Engine, constants: Array, start: Array, which: Sequence[int]
+) -> tuple[Array, Array]:
+    """Residual measured - simulated (q, r) and its slopes (q, r, d) for constants[which] and the initial state.
+
+    What has died out before it shows has none: a search would send it to where it shows, were it 1e80 away.
+    """
+    outputs, slopes = simulator.run_with_slopes(made.course, constants, start, which)
+    residual = made.target - conditioned(made, delayed(made, outputs))
+    slopes = -conditioned(made, delayed(made, slopes))
+    spread = np.std(made.target, axis=0)
+    traces = np.abs(slopes[..., len(which) :]).max(axis=0) / np.where(spread > 0.0, spread, 1.0)[:, None]
+    slopes[..., len(which) :][..., traces.max(axis=0) < _FORGOTTEN] = 0.0
+    return residual, slopes
+
+
+def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:
+    """Fit the initial state (n,) alone, from `guess` and from where the plant usually is; weights (r,) are 1/noise.
+
+    Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed,
+    which is why a vessel that may not have been empty needs the second guess, and what dry friction holds at rest one
+    that moves as far as the outputs do.
+    """
+    usual = simulator.usual_state(made.course, constants, guess)
+    guesses = [guess] if np.array_equal(usual, guess) else [guess, usual]
+    small = _start_triangle(made, simulator, constants, guess, weights)
+    if small is not None:
+        pace = float(np.max(np.ptp(made.target, axis=0))) / (made.course.step * len(made.target))
+        for held in simulator.sticking:
+            if np.linalg.norm(small[:, held]) < _HELD * np.linalg.norm(small[:, :-1]):
+                guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
+    found = [_descended(made, simulator, constants, each, weights) for each in guesses]
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _descended(
+    made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array
+) -> tuple[float, Array]:
+    """Search from `guess` by Gauss-Newton, damped (Levenberg) where a full step does not help: (cost, state)."""
+    start = guess
+    small = _start_triangle(made, simulator, constants, start, weights)
+    if small is None:
+        return np.inf, guess
+    for _ in range(_START_STEPS):
+        reach = np.linalg.norm(small[:, :-1], axis=0)
+        reach[reach == 0.0] = 1.0
+        cost = float(small[:, -1] @ small[:, -1])
+        for damping in _START_DAMPING:
+            tall = np.concatenate([small[:, :-1] / reach, np.sqrt(damping) * np.eye(len(start))])
+            aim = np.concatenate([-small[:, -1], np.zeros(len(start))])
+            step, *_ = np.linalg.lstsq(tall, aim, rcond=1e-9)
+            trial = _start_triangle(made, simulator, constants, start + step / reach, weights)
+            if trial is not None and float(trial[:, -1] @ trial[:, -1]) < cost:
+                break
+        else:
+            return cost, start
+        start, small = start + step / reach, trial
+        if cost - float(trial[:, -1] @ trial[:, -1]) <= _START_ENOUGH * cost:
+            break
+    return float(small[:, -1] @ small[:, -1]), start
+
+
+def _start_triangle(
+    made: Experiment, simulator: Engine, constants: Array, start: Array, weights: Array
+) -> Array | None:
+    """Return the triangle of [slopes, residual] for the initial state; None where the simulation diverges."""
+    residual, slopes = misfit(made, simulator, constants, start, ())
+    if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+        return None
+    tall = (slopes * weights[:, None]).reshape(-1, slopes.shape[2])
+    return triangle(np.column_stack([tall, (residual * weights).reshape(-1)]))
+
+
+def check_moving(parts: Sequence[Experiment]) -> None:
+    """Raise IdentifyError where a recording cannot teach anything: no input at all, or an output that never moves."""
+    source = parts[0].source
+    if not np.any(parts[0].course.drive):
+        raise IdentifyError(f"{source}: the input is zero in every row; record the plant while it is driven")
+    for name, values in zip(parts[0].names, np.concatenate([made.target for made in parts]).T, strict=True):
+        if np.ptp(values) == 0.0:
+            raise IdentifyError(f"{source}: column {name} never changes; record the plant while it moves")

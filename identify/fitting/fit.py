@@ -1,0 +1,337 @@
+"""Fit a plant to recordings: simulation-error least squares with every initial state free."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.alignment import lag_slopes, lag_steps
+from firmloop.identify.fitting.covariance import Uncertainty, uncertainty
+from firmloop.identify.fitting.experiment import (
+    Experiment,
+    aligned,
+    best_start,
+    check_moving,
+    conditioned,
+    delayed,
+    experiments,
+)
+from firmloop.identify.fitting.problem import Point, Problem, make_problem, solve, weighted
+from firmloop.identify.fitting.residual_tests import unexplained
+from firmloop.identify.fitting.scores import Scores, scores
+from firmloop.identify.fitting.starting_points import starting_points
+from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.plant import IdentifyError, Parameter, Plant
+from firmloop.identify.recordings.conditioning import Conditioning
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.course import Engine
+from firmloop.identify.simulation.simulate import constants_of, rest_start, simulator
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+_T = TypeVar("_T")
+
+_TRIAL_STEPS = 25  # per start; enough to see which basin it is in
+_FINAL_STEPS = 200
+_KINKED_STEPS = 30  # where a friction sticks the cost has kinks, and what comes after is worth less than 1e-6 of it
+_PASSES = 6  # of weighting; two or three settle
+_TURNS = 30  # of aligning clocks; each about halves what is left
+_JOINT_TURNS = 8  # of aligning them together with the parameters; two or three settle
+_CLOSE = 0.01  # rows; clocks closer than this are aligned
+_SMALLEST_SHARE = 1e-9  # of a signal's spread: noise below it is rounding
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingScore:
+    """One recording against its simulation; scores are of the conditioned signals, `simulated` is not conditioned."""
+
+    source: str
+    scores: Mapping[str, Scores]  # by output
+    simulated: Array  # (n, r)
+    starts: Array  # (w, n) fitted initial state of each window; one where there are no windows
+    lags: Mapping[str, float]  # s, by aligned output
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fitted plant and how far to trust it.
+
+    `covariance` is that of the `free` parameters, in their units; rows of parameters the data cannot tell are NaN and
+    their deviation is None. `noise` is the residual rms per output on the training recordings. `starts` are the costs
+    (half the mean squared weighted residual, as the trial runs left them) of every start, in the order tried.
+    """
+
+    plant: Plant
+    covariance: Array  # (f, f)
+    free: tuple[str, ...]
+    train: tuple[RecordingScore, ...]
+    test: tuple[RecordingScore, ...]
+    noise: Mapping[str, float]  # output's unit
+    starts: tuple[float, ...]
+    warnings: tuple[str, ...]
+
+
+def interval95(parameter: Parameter) -> tuple[float, float] | None:
+    """95 % confidence interval of a fitted parameter, within its physical bounds; None where it was not estimated."""
+    if parameter.deviation is None:
+        return None
+    reach = NORMAL_95 * parameter.deviation
+    return max(parameter.value - reach, parameter.low), min(parameter.value + reach, parameter.high)
+
+
+def fit(
+    plant: Plant,
+    train: Sequence[Recording],
+    test: Sequence[Recording],
+    conditioning: Conditioning,
+    progress: Progress | None = None,
+) -> Fit:
+    """Find the free parameters that make the simulated outputs come closest to those of `train`.
+
+    The model is driven by the recorded input alone. Outputs are weighted by 1 / residual rms, found by repeating the
+    fit until the weights stay (maximum likelihood for white noise of unknown size). Of a `test` recording only the
+    initial state is estimated. `progress` is called with the fraction done and what is being done.
+    """
+    report = progress if progress is not None else _silent
+    if not train:
+        raise IdentifyError("recordings.train is empty; name at least one recording to fit to")
+    engine = simulator(plant, train[0].hold)
+    seen = [experiments(plant, recording, conditioning) for recording in train]
+    unseen = [experiments(plant, recording, conditioning) for recording in test]
+    for parts in seen:
+        check_moving(parts)
+    check_rows(plant, seen)
+    check_step(plant, seen)
+    report(0.05, "choosing starting values")
+    problem = make_problem(plant, engine, seen)
+    best, costs = _best_trial(problem, starting_points(plant, engine, problem.experiments), report)
+    best, problem = _settle(problem, best, report, 0.6)
+    if conditioning.align:
+        best, problem = _align(problem, best, report)
+    report(0.9, "covariance and scores")
+    check_span(
+        replace(
+            plant,
+            parameters=tuple(replace(p, value=float(v)) for p, v in zip(plant.parameters, best.constants, strict=True)),
+        ),
+        seen,
+    )
+    found = _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
+    for parameter in found.plant.parameters:
+        if parameter.name == "gain" and parameter.free:
+            check_answer(found.plant, interval95(parameter), [recording.source for recording in train])
+    return found
+
+
+def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) -> Array:
+    """Estimate the initial state (n,) of a recording for the plant as it is, whatever the windows of `conditioning`."""
+    (made,) = experiments(plant, recording, replace(conditioning, window_s=0.0))
+    spread = np.std(made.target, axis=0)
+    weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
+    return best_start(
+        made, simulator(plant, recording.hold), constants_of(plant), rest_start(plant, recording), weights
+    )
+
+
+def _silent(fraction: float, label: str) -> None:
+    """Report progress to nobody."""
+
+
+def _best_trial(problem: Problem, constants: Sequence[Array], report: Progress) -> tuple[Point, tuple[float, ...]]:
+    ends = []
+    for index, start in enumerate(constants):
+        report(0.1 + 0.4 * index / len(constants), f"start {index + 1} of {len(constants)}")
+        ends.append(solve(problem, Point(start, _best_starts(problem, start, problem.experiments)), _TRIAL_STEPS))
+    costs = tuple(cost for _, cost in ends)
+    return ends[int(np.argmin(costs))][0], costs
+
+
+def _best_starts(problem: Problem, constants: Array, parts: Sequence[Experiment]) -> Array:
+    """Return the initial states (w, n) that suit given constants."""
+    still = np.zeros(problem.engine.states)
+    return np.stack([best_start(made, problem.engine, constants, still, problem.weights) for made in parts])
+
+
+def _settle(problem: Problem, begin: Point, report: Progress, fraction: float) -> tuple[Point, Problem]:
+    """Repeat fit and weighting until the weights stay."""
+    point = begin
+    spread = np.std(np.concatenate([made.target for made in problem.experiments]), axis=0)
+    for turn in range(_PASSES):
+        report(fraction + 0.02 * turn, f"fitting, weights {turn + 1}")
+        residuals = np.concatenate([residual for residual, _ in weighted(problem, point)])
+        rms = np.sqrt(np.mean(residuals**2, axis=0)) / problem.weights
+        weights = 1.0 / np.maximum(rms, _SMALLEST_SHARE * spread)
+        done = turn > 0 and bool(np.all(np.abs(weights / problem.weights - 1.0) < 0.02))
+        problem = replace(problem, weights=weights)
+        if done:
+            break
+        point, _ = solve(problem, point, _KINKED_STEPS if problem.plant.effects else _FINAL_STEPS)
+    return point, problem
+
+
+def _align(problem: Problem, begin: Point, report: Progress) -> tuple[Point, Problem]:
+    """Find the clock differences and fit again, in turns: a lag that was not known had been taken for slowness."""
+    point = begin
+    for turn in range(_TURNS):
+        report(0.75 + 0.14 * turn / _TURNS, f"aligning clocks {turn + 1}")
+        shifted: list[Experiment] = []
+        for parts, starts in zip(
+            _by_recording(problem, problem.experiments), _by_recording(problem, list(point.starts)), strict=True
+        ):
+            shifted.extend(aligned(parts, _run(problem.engine, point.constants, parts, starts)))
+        change = max(
+            abs(late - old.lags.get(name, 0.0)) / new.course.step
+            for old, new in zip(problem.experiments, shifted, strict=True)
+            for name, late in new.lags.items()
+        )
+        problem = replace(problem, experiments=tuple(shifted))
+        point, problem = _settle(problem, point, _silent, 0.0)
+        if change < _CLOSE:
+            break
+    return _realigned(problem, point)
+
+
+def _realigned(problem: Problem, begin: Point) -> tuple[Point, Problem]:
+    """Take lags and parameters to their common minimum: in turns they come near it ever more slowly."""
+    point, members = begin, _by_recording(problem, list(range(len(problem.experiments))))
+    for _ in range(_JOINT_TURNS):
+        steps = lag_steps(problem, point, members)
+        shifted: list[Experiment] = []
+        for parts, step in zip(_by_recording(problem, problem.experiments), steps, strict=True):
+            longest = parts[0].conditioning.align_max_lag_s
+            lags = {
+                name: float(np.clip(late + more, -longest, longest))
+                for (name, late), more in zip(parts[0].lags.items(), step, strict=True)
+            }
+            shifted += [replace(made, lags=lags) for made in parts]
+        problem = replace(problem, experiments=tuple(shifted))
+        point, problem = _settle(problem, point, _silent, 0.0)
+        if all(np.all(np.abs(step) < _CLOSE * shifted[0].course.step) for step in steps):
+            break
+    return point, problem
+
+
+def _by_recording(problem: Problem, values: Sequence[_T]) -> list[Sequence[_T]]:
+    """Group what stands window after window by recording."""
+    edges = np.cumsum([0, *problem.windows]).tolist()
+    return [values[first:end] for first, end in pairwise(edges)]
+
+
+def _run(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> list[Array]:
+    return [engine.run(made.course, constants, start) for made, start in zip(parts, starts, strict=True)]
+
+
+def _unseen_score(problem: Problem, point: Point, parts: Sequence[Experiment]) -> RecordingScore:
+    """Score a recording after fitting its initial states, and its clocks where clocks are to be aligned."""
+    starts = _best_starts(problem, point.constants, parts)
+    if parts[0].conditioning.align:
+        parts = aligned(parts, _run(problem.engine, point.constants, parts, list(starts)))
+        starts = _best_starts(problem, point.constants, parts)
+    return _score(problem.engine, point.constants, parts, list(starts))
+
+
+def _result(
+    plant: Plant,
+    problem: Problem,
+    best: Point,
+    test: tuple[RecordingScore, ...],
+    costs: tuple[float, ...],
+) -> Fit:
+    pairs = list(weighted(problem, best))
+    residuals = [residual for residual, _ in pairs]
+    count = len(problem.free)
+    values = best.constants[list(problem.free)]
+    inner = np.where(problem.logarithmic, values, 1.0)
+    natural = np.where(problem.logarithmic, 1.0, np.abs(values))
+    # An aligned clock is one more unknown of its own, as an initial state is.
+    whole = [
+        np.concatenate([slopes, own], axis=2) for (_, slopes), own in zip(pairs, lag_slopes(problem, best), strict=True)
+    ]
+    found = uncertainty(problem.windows, residuals, whole, natural)
+    covariance = found.covariance * np.outer(inner, inner)
+    covariance[list(found.blind), :] = math.nan
+    covariance[:, list(found.blind)] = math.nan
+    deviations = dict(zip(problem.free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    parameters = tuple(
+        _estimated(parameter, float(best.constants[index]), deviations.get(index, math.nan))
+        for index, parameter in enumerate(plant.parameters)
+    )
+    every = np.concatenate(residuals)
+    unknowns = (count + best.starts.size) / every.shape[1]
+    noise = np.sqrt(np.sum(every**2, axis=0) / max(len(every) - unknowns, 1.0)) / problem.weights
+    fitted = replace(plant, parameters=parameters)
+    grouped, began = _by_recording(problem, problem.experiments), _by_recording(problem, list(best.starts))
+    train = tuple(
+        _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
+    )
+    poor = [
+        said
+        for one, left in zip(train, _by_recording(problem, residuals), strict=True)
+        for column, (name, figures) in zip(np.concatenate(left).T, one.scores.items(), strict=True)
+        for said in unexplained(plant.kind, one.source, name, column, figures.r2)
+    ]
+    return Fit(
+        plant=fitted,
+        covariance=covariance,
+        free=tuple(plant.parameters[index].name for index in problem.free),
+        train=train,
+        test=test,
+        noise={signal.name: float(size) for signal, size in zip(plant.outputs, noise, strict=True)},
+        starts=costs,
+        warnings=(*_warnings(fitted, problem.free, found), *poor),
+    )
+
+
+def _estimated(parameter: Parameter, value: float, deviation: float) -> Parameter:
+    """Set what was found; the solver stops just inside a bound, which is the bound as far as the data can tell."""
+    if not math.isfinite(deviation):
+        return replace(parameter, value=value, deviation=None)
+    for bound in (parameter.low, parameter.high):
+        if abs(value - bound) < 1e-3 * deviation:
+            value = bound
+    return replace(parameter, value=value, deviation=deviation)
+
+
+def _score(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> RecordingScore:
+    outputs = [delayed(made, run) for made, run in zip(parts, _run(engine, constants, parts, starts), strict=True)]
+    shown = np.concatenate([conditioned(made, run) for made, run in zip(parts, outputs, strict=True)])
+    target = np.concatenate([made.target for made in parts])
+    each = {name: scores(target[:, k], shown[:, k]) for k, name in enumerate(parts[0].names)}
+    return RecordingScore(parts[0].source, each, np.concatenate(outputs), np.stack(starts), parts[0].lags)
+
+
+def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[str, ...]:
+    said = []
+    names = [plant.parameters[free[k]].name for k in found.blind]
+    if len(names) == 1:
+        said.append(
+            f"{names[0]} leaves no trace in these recordings, so that its value means nothing; fix it with free = false"
+        )
+    elif names:
+        said.append(
+            f"{', '.join(names)} cannot be told apart from these recordings: {found.combinations} combination(s) of "
+            f"them change no output, and no intervals are given; fix {found.combinations} of them with free = false, "
+            f"record another output, or choose a simpler kind"
+        )
+    for index in free:
+        parameter = plant.parameters[index]
+        interval, unit = interval95(parameter), f" {parameter.unit}" if parameter.unit else ""
+        if interval is not None and parameter.low == 0.0 == interval[0]:
+            said.append(
+                f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); "
+                f"excite the plant more, or fix it with free = false"
+            )
+        elif interval is not None and parameter.low < 0.0 and interval[0] <= 0.0 <= interval[1]:
+            said.append(
+                f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
+                f"{parameter.unit}".rstrip()
+                + "); excite the plant more, or fix it with free = false"
+            )
+    return tuple(said)

@@ -1,0 +1,125 @@
+"""Pose the fit of a plant as nonlinear least squares, and solve it from one start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.experiment import Experiment, misfit
+from firmloop.identify.fitting.least_squares import Reduced, Unknowns, minimize, triangle
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.simulation.course import Engine
+
+Array = NDArray[np.float64]
+
+_FAR = 1e9  # times the noise: what a diverged simulation counts
+_STEEP = 1e15  # slopes beyond it belong to such a simulation
+_LEASH = 10.0  # see Problem
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Least squares over coordinates: the free parameters (logarithms of positive ones), then the initial states.
+
+    Each coordinate of a parameter the user gave is held by a leash, a residual of (distance / _LEASH): nothing against
+    thousands of rows, but it keeps combinations that leave no trace in the data where the user put them.
+    """
+
+    plant: Plant
+    engine: Engine
+    experiments: tuple[Experiment, ...]  # window after window, recording after recording
+    windows: tuple[int, ...]  # how many of them each recording has
+    free: tuple[int, ...]
+    logarithmic: NDArray[np.bool_]  # (f,)
+    low: Array  # (f,) coordinates
+    high: Array
+    leash_centre: Array  # (f,) coordinates
+    leash_weight: Array  # (f,) 0 for none
+    weights: Array  # (r,) 1 / noise
+
+
+def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Experiment]]) -> Problem:
+    """Choose coordinates, bounds and first weights (1 / spread of each output)."""
+    experiments = tuple(made for parts in recordings for made in parts)
+    free = tuple(index for index, parameter in enumerate(plant.parameters) if parameter.free)
+    chosen = [plant.parameters[index] for index in free]
+    logarithmic = np.array([p.logarithmic or p.low > 0.0 for p in chosen], dtype=bool)
+    tiny, huge = 1e-30, 1e30
+    low = [math.log(max(p.low, tiny)) if log else p.low for p, log in zip(chosen, logarithmic, strict=True)]
+    high = [math.log(min(p.high, huge)) if log else p.high for p, log in zip(chosen, logarithmic, strict=True)]
+    values = np.array([p.value for p in chosen])
+    known = np.isfinite(values) & (values != 0.0)
+    centre = np.where(known, values, 1.0)
+    scale = np.where(logarithmic, 1.0, np.abs(centre))
+    spread = np.std(np.concatenate([made.target for made in experiments]), axis=0)
+    return Problem(
+        plant=plant,
+        engine=engine,
+        experiments=experiments,
+        windows=tuple(len(parts) for parts in recordings),
+        free=free,
+        logarithmic=logarithmic,
+        low=np.array(low),
+        high=np.array(high),
+        leash_centre=np.where(logarithmic, np.log(np.abs(centre)), centre),
+        leash_weight=np.where(known, 1.0 / (_LEASH * scale), 0.0),
+        weights=1.0 / spread,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """All constants (k,), and the initial state of every experiment (w, n)."""
+
+    constants: Array
+    starts: Array
+
+
+def _unknowns(problem: Problem, point: Point) -> Unknowns:
+    values = point.constants[list(problem.free)]
+    mapped = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, values, 1.0)), values)
+    return Unknowns(np.clip(mapped, problem.low, problem.high), point.starts)
+
+
+def _point(problem: Problem, base: Array, unknowns: Unknowns) -> Point:
+    constants = base.copy()
+    mapped = unknowns.shared
+    constants[list(problem.free)] = np.where(
+        problem.logarithmic, np.exp(np.where(problem.logarithmic, mapped, 0.0)), mapped
+    )
+    return Point(constants, unknowns.own)
+
+
+def weighted(problem: Problem, point: Point) -> Iterator[tuple[Array, Array]]:
+    """Yield per experiment the weighted residuals (q, r) and their slopes (q, r, f + n) for its coordinates."""
+    count = len(problem.free)
+    inner = np.where(problem.logarithmic, point.constants[list(problem.free)], 1.0)
+    for made, start in zip(problem.experiments, point.starts, strict=True):
+        residual, slopes = misfit(made, problem.engine, point.constants, start, problem.free)
+        with np.errstate(over="ignore"):  # a trial that has diverged counts as far off
+            slopes[..., :count] *= inner
+        yield residual * problem.weights, slopes * problem.weights[:, None]
+
+
+def solve(problem: Problem, begin: Point, evaluations: int) -> tuple[Point, float]:
+    """Search from `begin`; return where it ended and half the mean squared weighted residual there."""
+    count = len(problem.free)
+
+    def evaluate(unknowns: Unknowns) -> Reduced:
+        blocks = []
+        for residual, slopes in weighted(problem, _point(problem, begin.constants, unknowns)):
+            aim, tall = residual.reshape(-1), slopes.reshape(-1, slopes.shape[2])
+            if not (np.all(np.isfinite(aim)) and np.all(np.isfinite(tall))):
+                aim = np.clip(np.nan_to_num(aim, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
+                tall = np.clip(np.nan_to_num(tall, nan=0.0), -_STEEP, _STEEP)
+            blocks.append(triangle(np.column_stack([tall[:, count:], tall[:, :count], aim])))
+        leash = (unknowns.shared - problem.leash_centre) * problem.leash_weight
+        return Reduced(np.stack(blocks), np.column_stack([np.diag(problem.leash_weight), leash]))
+
+    found = minimize(evaluate, _unknowns(problem, begin), problem.low, problem.high, evaluations)
+    rows = sum(made.target.size for made in problem.experiments)
+    return _point(problem, begin.constants, found.place), 0.5 * found.cost / rows

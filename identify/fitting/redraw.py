@@ -1,0 +1,238 @@
+"""Refit a plant to data drawn anew, to see how far its parameters scatter without trusting a linearization.
+
+Monte Carlo draws white noise of the size that the fit left over. The moving-block bootstrap draws blocks of the
+residuals themselves, so that coloured ones stay coloured (H. R. Kunsch, Annals of Statistics 17 (1989) 1217-1241; block
+length n^(1/3), P. Hall, J. L. Horowitz and B.-Y. Jing, Biometrika 82 (1995) 561-574). What is drawn is added to the
+simulated outputs before they are conditioned; every draw is fitted by Gauss-Newton from the estimate. Intervals are
+the 2.5 and 97.5 percentiles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, rows_time
+from firmloop.identify.fitting.fit import Fit, Progress
+from firmloop.identify.fitting.problem import Point, Problem, make_problem, weighted
+from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.recordings.conditioning import Conditioning, compared_time, interpolate, line_free
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import constants_of, simulator
+
+Array = NDArray[np.float64]
+Noise = Callable[[Array, np.random.Generator], Array]  # residuals (n, r) -> as many drawn ones
+
+CLOSE = 0.02  # of a standard deviation: Gauss-Newton squares the distance, so that what is left moves no interval
+MOST_STEPS = 16
+WHOLE_STEPS = 4  # then halves: at a kink, such as a delay that passes a row, whole ones jump across it for ever
+SLOW = 200  # draws between two reports of progress
+
+
+@dataclass(frozen=True, slots=True)
+class Redrawn:
+    """`draws` (d, f) of the free parameters, in their units; `failed` refits did not settle and are left out."""
+
+    names: tuple[str, ...]
+    draws: Array
+    failed: int
+
+    def interval95(self, name: str) -> tuple[float, float]:
+        """2.5 and 97.5 percentile of one parameter."""
+        low, high = np.percentile(self.draws[:, self.names.index(name)], [2.5, 97.5])
+        return float(low), float(high)
+
+
+def white(residual: Array, random: np.random.Generator) -> Array:
+    """Draw white noise with the rms of each column of `residual` (n, r)."""
+    return np.asarray(random.standard_normal(residual.shape) * np.sqrt(np.mean(residual**2, axis=0)))
+
+
+def blocks(residual: Array, random: np.random.Generator) -> Array:
+    """Draw blocks of rows of `residual` (n, r) with replacement."""
+    rows = len(residual)
+    length = max(1, math.ceil(rows ** (1 / 3)))
+    starts = random.integers(0, rows - length + 1, math.ceil(rows / length))
+    return np.concatenate([residual[first : first + length] for first in starts])[:rows]
+
+
+def redraw(
+    fit: Fit,
+    train: Sequence[Recording],
+    conditioning: Conditioning,
+    noise: Noise,
+    draws: int,
+    seed: int,
+    report: Progress,
+) -> Redrawn:
+    """Refit `draws` times; `fit` is what `firmloop.identify.fitting.fit.fit` found on `train` under `conditioning`.
+
+    Raises
+    ------
+    IdentifyError
+        when a free parameter has no interval at all, or most refits do not settle.
+    """
+    problem, point = _posed(fit, train, conditioning)
+    free = list(problem.free)
+    unsure = [fit.plant.parameters[k].name for k in free if fit.plant.parameters[k].deviation is None]
+    if unsure:
+        raise IdentifyError(f"plant.parameters.{unsure[0]} has no interval to be checked; fix it with free = false")
+    simulated = [
+        delayed(made, problem.engine.run(made.course, point.constants, start))
+        for made, start in zip(problem.experiments, point.starts, strict=True)
+    ]
+    rows = sum(made.measured.shape[0] for made in problem.experiments)
+    wide = math.sqrt(rows / max(rows - (len(free) + point.starts.size) / point.starts.shape[0], 1))
+    left = [
+        _noise_alone(conditioning, rows_time(made), made.measured - run) * wide
+        for made, run in zip(problem.experiments, simulated, strict=True)
+    ]
+    at = _Solution(
+        point,
+        tuple(conditioned(made, run) for made, run in zip(problem.experiments, simulated, strict=True)),
+        tuple(slopes for _, slopes in weighted(problem, point)),
+    )
+    random = np.random.default_rng(seed)
+    found, failed = np.empty((draws, len(free))), 0
+    for k in range(draws):
+        if k % SLOW == 0:
+            report(k / draws, f"{k} of {draws} draws")
+        drawn = tuple(
+            replace(made, target=conditioned(made, run + noise(rest, random)))
+            for made, run, rest in zip(problem.experiments, simulated, left, strict=True)
+        )
+        again = _refit(replace(problem, experiments=drawn), at)
+        if again is None:
+            failed += 1
+        else:
+            found[k - failed] = again[free]
+    if failed > draws // 10:
+        raise IdentifyError(
+            f"{failed} of {draws} refits to redrawn data did not settle: the recordings do not hold these parameters; "
+            "fix one with free = false, or excite the plant more"
+        )
+    return Redrawn(fit.free, found[: draws - failed], failed)
+
+
+def left_over(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> tuple[tuple[Array, Array], ...]:
+    """Return, for each recording, the conditioned residuals (q, r) of a fit and its inputs (q, m) at the same instants.
+
+    Windows of one recording follow each other.
+    """
+    problem, point = _posed(fit, train, conditioning)
+    pairs = []
+    for made, start in zip(problem.experiments, point.starts, strict=True):
+        run = delayed(made, problem.engine.run(made.course, point.constants, start))
+        time = rows_time(made)
+        drive = made.course.drive[made.course.first : made.course.end]
+        pairs.append(
+            (made.target - conditioned(made, run), interpolate(time, drive, compared_time(conditioning, time)))
+        )
+    edges = np.cumsum([0, *problem.windows]).tolist()
+    return tuple(
+        (np.concatenate([e for e, _ in pairs[a:b]]), np.concatenate([u for _, u in pairs[a:b]]))
+        for a, b in pairwise(edges)
+    )
+
+
+def _posed(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> tuple[Problem, Point]:
+    """Pose the fit's problem again, at its solution."""
+    parts = [experiments(fit.plant, recording, conditioning) for recording in train]
+    lagged = [
+        tuple(replace(made, lags=score.lags) for made in windows)
+        for windows, score in zip(parts, fit.train, strict=True)
+    ]
+    problem = make_problem(fit.plant, simulator(fit.plant, train[0].hold), lagged)
+    noise = np.array([fit.noise[signal.name] for signal in fit.plant.outputs])
+    weights = 1.0 / np.where(noise > 0.0, noise, 1.0)
+    starts = np.concatenate([score.starts for score in fit.train])
+    return replace(problem, weights=weights), Point(constants_of(fit.plant), starts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Solution:
+    """The problem at its solution: targets and slopes there, the same for every draw, which the first step needs."""
+
+    point: Point
+    targets: tuple[Array, ...]  # conditioned simulations (q, r)
+    slopes: tuple[Array, ...]  # (q, r, f + n)
+
+
+def _refit(problem: Problem, at: _Solution) -> Array | None:
+    """Gauss-Newton from the solution of the true data; the constants where it settles, None where it does not."""
+    free, count = list(problem.free), len(problem.free)
+    constants, starts = at.point.constants.copy(), at.point.starts.copy()
+    pairs = [
+        ((made.target - ours) * problem.weights, slopes)
+        for made, ours, slopes in zip(problem.experiments, at.targets, at.slopes, strict=True)
+    ]
+    own = constants[free]
+    place = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, own, 1.0)), own)
+    for turn in range(MOST_STEPS):
+        found = _inside(pairs, place, problem, starts.shape)
+        if found is None:
+            return None
+        share = 1.0 if turn < WHOLE_STEPS else 0.5 ** (turn // WHOLE_STEPS)
+        moved, length = found[0] * share, found[1] * share
+        place = np.clip(place + moved[:count], problem.low, problem.high)
+        constants[free] = np.where(problem.logarithmic, np.exp(np.where(problem.logarithmic, place, 0.0)), place)
+        starts = starts + moved[count:].reshape(starts.shape)
+        if length < CLOSE:
+            return constants
+        pairs = list(weighted(problem, Point(constants, starts)))
+    return None
+
+
+def _inside(
+    pairs: Sequence[tuple[Array, Array]], place: Array, problem: Problem, starts: tuple[int, ...]
+) -> tuple[Array, float] | None:
+    """Return the step of all unknowns, those left where they are that stand at a bound and would go beyond it."""
+    count = len(place)
+    held = np.zeros(count, dtype=bool)
+    for _ in range(count + 1):
+        found = _step(pairs, held, starts)
+        if found is None:
+            return None
+        goal = place + found[0][:count]
+        beyond = ((place <= problem.low) & (goal < problem.low)) | ((place >= problem.high) & (goal > problem.high))
+        if not np.any(beyond & ~held):
+            break
+        held = held | beyond
+    return found
+
+
+def _step(
+    pairs: Sequence[tuple[Array, Array]], held: NDArray[np.bool_], starts: tuple[int, ...]
+) -> tuple[Array, float] | None:
+    """Return the step of the unknowns that are not `held`, and how far it moves the weighted residuals.
+
+    A length of 1 is a standard deviation.
+    """
+    states, count = starts[1], len(held)
+    size = count + starts[0] * states
+    square, slope = np.zeros((size, size)), np.zeros(size)
+    for k, (residual, slopes) in enumerate(pairs):
+        tall = slopes.reshape(-1, slopes.shape[2])
+        where = [*range(count), *range(count + k * states, count + (k + 1) * states)]
+        square[np.ix_(where, where)] += tall.T @ tall
+        slope[where] -= tall.T @ residual.reshape(-1)
+    square[:count][held] = square[:, :count][:, held] = slope[:count][held] = 0.0
+    norms = np.sqrt(np.diag(square))
+    norms[norms == 0.0] = 1.0
+    scaled = square / np.outer(norms, norms)
+    if not (np.all(np.isfinite(scaled)) and np.all(np.isfinite(slope))):
+        return None
+    step = np.linalg.lstsq(scaled, slope / norms, rcond=1e-13)[0]
+    return step / norms, float(np.max(np.abs(step)))
+
+
+def _noise_alone(conditioning: Conditioning, time: Array, residual: Array) -> Array:
+    """Take out of residuals (n, r) what cannot be drawn in pieces: a straight line, and lines that are filtered."""
+    scale = np.linspace(-1.0, 1.0, len(residual))[:, None]
+    left = residual - residual.mean(axis=0) - scale * (scale * residual).sum(axis=0) / np.sum(scale**2)
+    return line_free(conditioning, time, left) if conditioning.line_Hz else np.asarray(left)

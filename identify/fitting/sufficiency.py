@@ -1,0 +1,101 @@
+"""Refuse recordings that are too short, or too still, for the model that is asked of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from firmloop.identify.fitting.experiment import Experiment
+from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.simulation.linearize import linearize
+
+_BY_PARAMETER = 5  # readings: fewer, and an interval rests on a guess of the noise
+_BY_STATE = 2  # readings for each initial state, of which every window has its own
+_SETTLED = 3.0  # time constants: within 5 % of the final value
+_DRIFTS = 100.0  # recordings: a time constant as long as that is none
+_STILL = 4.0  # deviations by which the differences of white noise may be smaller than they should be
+_NOISE_FREE = 1e-6  # of a state's largest slope: a pole of zero and what rounding makes of it
+
+
+def check_rows(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
+    """Raise IdentifyError where there are too few readings for the unknowns."""
+    parts = [made for windows in recordings for made in windows]
+    free, states = sum(parameter.free for parameter in plant.parameters), len(plant.states) * len(parts)
+    outputs = len(plant.outputs)
+    rows = sum(len(made.target) for made in parts)
+    needed = -(-(_BY_PARAMETER * free + _BY_STATE * states) // outputs)
+    if rows < needed:
+        sources = ", ".join(dict.fromkeys(made.source for made in parts))
+        raise IdentifyError(
+            f"{sources}: {rows} rows are too few for {plant.kind}: {free} free parameters and {states} initial states "
+            f"need at least {needed} rows of {outputs} output{'s' if outputs > 1 else ''} ({_BY_PARAMETER} readings "
+            f"for each parameter, {_BY_STATE} for each state); record longer, or fix parameters with free = false"
+        )
+
+
+def check_span(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
+    """Raise IdentifyError where a gain is wanted and the recordings end before the fitted plant can show it.
+
+    Where some of the dynamics are given, what was asked may be a ratio of the gain and those: a mass, say.
+    """
+    if not all(parameter.free for parameter in plant.parameters if parameter.name != "delay_s"):
+        return
+    if not any(parameter.name == "gain" for parameter in plant.parameters):
+        return
+    poles = np.linalg.eigvals(linearize(plant).a)
+    poles = poles[np.abs(poles) > _NOISE_FREE * np.max(np.abs(poles), initial=0.0)]
+    decays = -np.real(poles)
+    if not len(decays) or np.min(decays) <= 0.0:
+        return
+    slowest = 1.0 / float(np.min(decays))
+    parts = [made for windows in recordings for made in windows]
+    spans = [float(made.course.time[made.course.end - 1] - made.course.time[made.course.first]) for made in parts]
+    longest = int(np.argmax(spans))
+    if slowest > _DRIFTS * spans[longest]:
+        raise IdentifyError(
+            f"{parts[longest].source}: the output drifts and does not settle within its {spans[longest]:.3g} s, so "
+            f"that {plant.kind} has no gain; take the drift out with [recordings.conditioning] detrend, record longer, "
+            "or fix gain with free = false"
+        )
+    if spans[longest] < slowest:
+        raise IdentifyError(
+            f"{parts[longest].source}: {spans[longest]:.3g} s are too short for {plant.kind}: its slowest time "
+            f"constant comes out as {slowest:.2g} s, so that its gain lies beyond what was recorded; record at least "
+            f"{_SETTLED * slowest:.2g} s ({_SETTLED:.0f} time constants), or fix gain with free = false"
+        )
+
+
+def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
+    """Raise IdentifyError where one input stands still in every row, and with it every output but for white noise.
+
+    Successive differences of white noise have twice its variance (J. von Neumann, Annals of Mathematical Statistics 12
+    (1941) 367-395); those of anything that moves have less.
+    """
+    parts = [made for windows in recordings for made in windows]
+    drive = np.concatenate([made.course.drive for made in parts])
+    if np.any(np.ptp(drive, axis=0) > 0.0):
+        return
+    for made in parts:
+        away = made.target - made.target.mean(axis=0)
+        power, rows = np.sum(away**2, axis=0), len(away)
+        ratio = np.sum(np.diff(away, axis=0) ** 2, axis=0) / np.where(power > 0.0, power, 1.0)
+        if np.any((power > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))):
+            return
+    held = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))
+    raise IdentifyError(
+        f"{parts[0].source}: the step never comes: {held} in every row, and {', '.join(parts[0].names)} "
+        f"show{'s' if len(parts[0].names) == 1 else ''} nothing but noise; record the plant while its input changes"
+    )
+
+
+def check_answer(plant: Plant, interval: tuple[float, float] | None, sources: Sequence[str]) -> None:
+    """Raise IdentifyError where the 95 % interval of a fitted gain holds 0: the output does not answer the input."""
+    if interval is None or not interval[0] <= 0.0 <= interval[1]:
+        return
+    raise IdentifyError(
+        f"{', '.join(dict.fromkeys(sources))}: gain cannot be told from 0 (95 % interval {interval[0]:.2g} to "
+        f"{interval[1]:.2g}): as a {plant.kind}, {plant.outputs[0].name} does not answer {plant.inputs[0].name}, or "
+        "the recording does not hold what the kind needs; check the wiring, excite the plant more, or choose another "
+        "kind"
+    )

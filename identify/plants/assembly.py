@@ -1,0 +1,235 @@
+"""An Assembly: the linear part of a simulation and the terms that effects have added to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.plants.linear_forms import Forms
+from firmloop.identify.plants.plant import Plant
+
+Array = NDArray[np.float64]
+
+ADD, LEVEL, FACTOR, OUTPUT = range(4)  # as in driver/segments.c
+FRICTION, LIMIT = range(2)
+Rate = tuple[float, float, float, float, float, float]  # see Term
+STEADY: Rate = (0.0,) * 6  # constant while the input is
+_QUICK = 1e-8  # s; electrical time constant that stands for none
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One function of the simulator.
+
+    `rate` says how fast it changes, 1/s: constant, per |w|, per |dw/dt|, per i^2, per |position|, and
+    while the current settles. `flank` are the slopes of a function by states, (state, slope) each, if it is linear as
+    long as bodies touch, and zero while they do not.
+    """
+
+    what: int
+    code: str
+    target: int
+    constants: tuple[float, ...]
+    per: float
+    rate: Rate
+    flank: tuple[tuple[int, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """A state that can stick: a friction at zero, or a level at its limit with `share` of the excess passed `to`."""
+
+    what: int
+    row: int
+    per: float
+    limit: float
+    to: int
+    share: float
+
+
+@dataclass(slots=True)
+class Timing:
+    """When inputs act and outputs are read."""
+
+    input_delay: float = 0.0  # s
+    output_delay: dict[int, float] = field(default_factory=dict)  # s, by output
+    stretch: float = 0.0  # of the outputs' clock
+    breaks: tuple[float, ...] = ()  # s
+    slew: float = np.inf  # input unit per s
+    maps: tuple[tuple[str, float], ...] = ()  # what is done to the input: (what, by how much), in order
+
+    def key(self) -> tuple[object, ...]:
+        """Return what the segments of a course depend on."""
+        late = tuple(sorted(self.output_delay.items()))
+        return (self.input_delay, late, self.stretch, self.breaks, self.slew, self.maps)
+
+
+def ringing(stiffness: float, per: float) -> float:
+    """Return how fast (1/s) what a spring of `stiffness` moves rings; `per` is 1 / its inertia.
+
+    Equations of one's own may be tried with an inertia below zero: from there it leaves as fast.
+    """
+    return math.sqrt(abs(stiffness * per))
+
+
+class Assembly:
+    """Grows while effects are attached; `rows` are states, and a form is (factors of states, factors of inputs)."""
+
+    def __init__(self, plant: Plant, forms: Forms) -> None:
+        self.plant = plant
+        self.a = forms.a.copy()
+        self.b = forms.b.copy()
+        self.c = forms.c.copy()
+        self.read_x = forms.read_x.copy()
+        self.read_u = forms.read_u.copy()
+        self.forms = forms
+        self.inputs = self.b.shape[1]
+        self.current_x, self.current_u = np.zeros(len(self.a)), np.zeros(self.inputs)
+        self.effort_x, self.effort_u = np.zeros(len(self.a)), np.zeros(self.inputs)
+        self.speed = self.position = -1
+        self.terms: list[Term] = []
+        self.coordinates: list[Coordinate] = []
+        self.timing = Timing()
+        self.lags: list[tuple[int, int, float]] = []  # output, row, 1/s
+        self.starts: list[Callable[[Array], float]] = []  # start value of each added state, from the plant's own
+        self.per = [balance.per for balance in forms.balances]
+        self.row = [balance.state for balance in plant.balances]
+        for index, balance in enumerate(plant.balances):
+            if balance.kind in ("torque", "force") and self.speed < 0:
+                self.speed, self.position = balance.state, balance.position
+                self.effort_x, self.effort_u = self._split(forms.balances[index].effort)
+            if balance.current is not None:
+                self.current_x, self.current_u = self._split(forms.balances[index].current)
+
+    def _split(self, row: Array) -> tuple[Array, Array]:
+        return row[: len(row) - self.inputs].copy(), row[len(row) - self.inputs :].copy()
+
+    def add_state(self, start: Callable[[Array], float]) -> int:
+        """Add a state at rest in the equations so far; `start` computes its first value from the plant's states."""
+        n = len(self.a)
+        self.a = _grown(self.a, n + 1, n + 1)
+        self.b = _grown(self.b, n + 1, self.inputs)
+        self.read_x = _grown(self.read_x, len(self.read_x), n + 1)
+        self.c, self.current_x, self.effort_x = (np.append(row, 0.0) for row in (self.c, self.current_x, self.effort_x))
+        self.starts.append(start)
+        return n
+
+    def add_term(self, row: int, code: str, constants: tuple[float, ...], per: float, rate: Rate) -> None:
+        """Add per * code(...) to the derivative of a state."""
+        self.terms.append(Term(ADD, code, row, constants, per, rate))
+
+    def add_flank(
+        self, row: int, code: str, constants: tuple[float, ...], per: float, rate: float, *slopes: tuple[int, float]
+    ) -> None:
+        """Add per * code(...) to the derivative of a state, a force of bodies: see Term for its slopes."""
+        self.terms.append(Term(ADD, code, row, constants, per, (rate, *STEADY[1:]), slopes))
+
+    def add_factor(self, row: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
+        """Multiply the derivative of a state by 1 + code(...)."""
+        self.terms.append(Term(FACTOR, code, row, constants, 1.0, rate))
+
+    def add_level(self, balance: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
+        """Add a friction of level code(...) >= 0 against the motion of a balance's state; it sticks at zero."""
+        row = self.row[balance]
+        known = [c.row for c in self.coordinates]
+        if row not in known:
+            self.coordinates.append(Coordinate(FRICTION, row, self.per[balance], 0.0, -1, 0.0))
+            known.append(row)
+        self.terms.append(Term(LEVEL, code, known.index(row), constants, 1.0, rate))
+
+    def add_limit(self, balance: int, limit: float, share: float) -> None:
+        """Keep a state at or below `limit`; `share` of its blocked rate goes to the balance's `to`."""
+        to = self.plant.balances[balance].to
+        self.coordinates.append(Coordinate(LIMIT, self.row[balance], 1.0, limit, to, share))
+
+    def map_output(self, output: int, code: str, constants: tuple[float, ...]) -> None:
+        """Replace an output by code(...) of it."""
+        self.terms.append(Term(OUTPUT, code, output, constants, 1.0, STEADY))
+
+    def map_input(self, what: str, size: float) -> None:
+        """Change the first input as it is recorded: `dead_zone` or `clip`."""
+        self.timing.maps = (*self.timing.maps, (what, size))
+
+    def lag_output(self, output: int, time_constant: float) -> None:
+        """Filter an output by a first-order lag."""
+        rate = 1.0 / time_constant
+        by_x, by_u = self.read_x[output].copy(), self.read_u[output].copy()
+        row = self.add_state(lambda x: float(by_x[: len(x)] @ x[: len(by_x)]) + offset)
+        offset = float(self.forms.read_c[output])
+        self.a[row, : len(by_x)] = rate * by_x
+        self.a[row, row] = -rate
+        self.b[row] = rate * by_u
+        self.c[row] = rate * offset
+        self.read_x[output] = 0.0
+        self.read_x[output, row] = 1.0
+        self.read_u[output] = 0.0
+        self.lags.append((output, row, rate))
+
+    def dynamic_current(self) -> None:
+        """Give an algebraic current a state with a time constant far below anything recorded."""
+        index = next((k for k, b in enumerate(self.plant.balances) if b.kind == "voltage"), -1)
+        if index < 0 or self.row[index] >= 0:
+            return
+        form, torque = self.forms.balances[index], self.speed
+        by_x, by_u = self._split(form.current)
+        row = self.add_state(lambda x: float(by_x @ x[: len(by_x)]))
+        drive = next(k for k, b in enumerate(self.plant.balances) if b.kind == "torque")
+        constant = self._ratio(self.forms.balances[drive].effort, form.current)
+        width = len(by_x)
+        self.a[torque, :width] -= self.per[drive] * constant * by_x
+        self.b[torque] -= self.per[drive] * constant * by_u
+        self.a[torque, row] += self.per[drive] * constant
+        for output, signal in enumerate(self.plant.outputs):
+            if signal.name == "current_A":
+                self.read_x[output, :width] -= by_x
+                self.read_u[output] -= by_u
+                self.read_x[output, row] += 1.0
+        self.a[row, :width] = by_x / _QUICK
+        self.b[row] = by_u / _QUICK
+        self.a[row, row] = -1.0 / _QUICK
+        self.current_x[:], self.current_u[:] = 0.0, 0.0
+        self.current_x[row] = 1.0
+        self.effort_x[:], self.effort_u[:] = 0.0, 0.0
+        self.effort_x[row] = constant
+        self.row[index], self.per[index] = row, 1.0 / (form.resistance * _QUICK)
+
+    def current_rate(self) -> float:
+        """Return how fast the current follows, 1/s; 0 where it does so at once."""
+        for balance in self.plant.balances:
+            if balance.kind == "voltage" and balance.state >= 0:
+                return abs(float(self.a[balance.state, balance.state]))
+        return 0.0
+
+    def current_settles(self) -> Rate:
+        """Return the rate of a term of the current or the effort: quick while it settles, then that of the speed."""
+        if not np.any(self.effort_x):
+            return STEADY
+        quick = self.current_rate()
+        slow = abs(float(self.a[self.speed, self.speed]))
+        if quick > 0.0:
+            row = next(b.state for b in self.plant.balances if b.kind == "voltage")
+            slow += abs(float(self.a[self.speed, row] * self.a[row, self.speed])) / quick
+        return (slow, 0.0, 0.0, 0.0, 0.0, quick)
+
+    @staticmethod
+    def _ratio(effort: Array, current: Array) -> float:
+        k = int(np.argmax(np.abs(current)))
+        return float(effort[k] / current[k])
+
+    def start(self, given: Array) -> Array:
+        """Return the whole start state from that of the plant."""
+        whole = np.asarray(given, dtype=np.float64)
+        for first in self.starts:
+            whole = np.append(whole, first(whole))
+        return whole
+
+
+def _grown(matrix: Array, rows: int, columns: int) -> Array:
+    """Return the matrix with zeroes below and to the right."""
+    whole = np.zeros((rows, columns))
+    whole[: matrix.shape[0], : matrix.shape[1]] = matrix
+    return whole

@@ -1,0 +1,215 @@
+"""Give a plant effects: their parameters join its own, and its equations stay what they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import casadi as ca
+
+from firmloop.identify.plants.effect import Effect, EffectParameter, Site
+from firmloop.identify.plants.effects import applies, candidates, find_effect
+from firmloop.identify.plants.plant import Balance, EffectUse, IdentifyError, Inside, Parameter, Plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.units import ending_of, unit_of
+
+__all__ = [
+    "EffectUse",
+    "all_uses",
+    "inside_of",
+    "label_of",
+    "parameters_of",
+    "placed",
+    "site_of",
+    "values_of",
+    "with_effects",
+    "with_position",
+]
+
+
+def site_of(plant: Plant, effect: Effect, output: str | None) -> Site:
+    """Say where an effect enters; IdentifyError where the plant has no such place."""
+    where = f"plant.effects: {effect.name}"
+    if not applies(effect, plant):
+        raise IdentifyError(f"{where} needs a {effect.place} of the plant, and {plant.kind} has none; leave it out")
+    outputs = [signal.name for signal in plant.outputs]
+    index, balance = 0, _balance(plant, effect, output)
+    if effect.place in ("sensor",):
+        if output is not None and output not in outputs:
+            raise IdentifyError(f"{where}.output {output!r} is no output of the plant, which has {', '.join(outputs)}")
+        index = outputs.index(output) if output is not None else _first_sensor(plant, effect)
+    linear = not any(b.kind == "torque" for b in plant.balances)
+    state = plant.states[plant.balances[balance].state] if balance >= 0 else None
+    return Site(
+        rotary=not linear,
+        effort="N" if linear else "N_m",
+        travel="m" if linear else "rad",
+        input=ending_of(plant.inputs[0].name),
+        input_unit=plant.inputs[0].unit,
+        output=index,
+        output_name=outputs[index],
+        output_ending=ending_of(outputs[index]),
+        output_unit=plant.outputs[index].unit,
+        level_unit=state.unit if state is not None and effect.place == "flow" else "",
+        balance=balance,
+    )
+
+
+def _first_sensor(plant: Plant, effect: Effect) -> int:
+    """Return the output an effect acts on where none is named: the first, or for an encoder the first it can be."""
+    units = [signal.unit for signal in plant.outputs]
+    return next((units.index(unit) for unit in effect.units if unit in units), 0)
+
+
+def _balance(plant: Plant, effect: Effect, output: str | None) -> int:
+    wanted = {"torque": ("torque", "force"), "current": ("torque", "force"), "voltage": ("voltage", "winding")}
+    kinds = wanted.get(effect.place, (effect.place,))
+    fitting = [k for k, b in enumerate(plant.balances) if b.kind in kinds]
+    if effect.place == "flow" and output is not None:
+        named = [k for k in fitting if plant.states[plant.balances[k].state].name == output]
+        if not named:
+            raise IdentifyError(f"plant.effects: {effect.name}.output {output!r} is no state with a flow balance")
+        return named[0]
+    return fitting[0] if fitting else -1
+
+
+def inside_of(plant: Plant, site: Site) -> tuple[int, ...]:
+    """Return the arguments of the plant's inside that an effect sets there; none where it acts from outside."""
+    return plant.balances[site.balance].inside if site.balance >= 0 else ()
+
+
+def label_of(plant: Plant, use: EffectUse) -> str:
+    """Return what the parameters of a use are called after: `coulomb_friction`, `sensor_offset.current_A`."""
+    effect = find_effect(use.name)
+    if effect.place == "sensor":
+        return f"{use.name}.{site_of(plant, effect, use.output).output_name}"
+    if effect.place == "flow":
+        balance = plant.balances[site_of(plant, effect, use.output).balance]
+        return f"{use.name}.{plant.states[balance.state].name}"
+    return use.name
+
+
+def parameters_of(plant: Plant, name: str, output: str | None = None) -> tuple[EffectParameter, ...]:
+    """Return the parameters an effect has on this plant."""
+    effect = find_effect(name)
+    return effect.parameters(site_of(plant, effect, output))
+
+
+def with_effects(plant: Plant, uses: Sequence[EffectUse]) -> Plant:
+    """Return the plant with these effects instead of those it had; IdentifyError where one does not fit."""
+    effects = [find_effect(use.name) for use in uses]
+    if any(effect.needs_position for effect in effects):
+        plant = with_position(plant)
+    nominal = plant.parameters[: plant.rate.numel_in(2)]
+    resolved, parameters, seen = [], list(nominal), set()
+    for effect, use in sorted(zip(effects, uses, strict=True), key=lambda pair: pair[0].stage):
+        label = label_of(plant, use)
+        if label in seen:
+            raise IdentifyError(f"plant.effects: {label} stands twice; an effect can be there once")
+        seen.add(label)
+        resolved.append(use)
+        parameters.extend(_parameters(plant, effect, use, label))
+    return replace(plant, parameters=tuple(parameters), effects=tuple(resolved))
+
+
+def _parameters(plant: Plant, effect: Effect, use: EffectUse, label: str) -> list[Parameter]:
+    where = f"plant.effects: {effect.name}"
+    known = effect.parameters(site_of(plant, effect, use.output))
+    names = [p.name for p in known]
+    for name in (*use.values, *use.free):
+        if name not in names:
+            raise IdentifyError(f"{where}.{name} is unknown; it has {', '.join(names) or 'no parameters'}")
+    made = []
+    for p in known:
+        value = use.values.get(p.name, p.default)
+        if value is None:
+            raise IdentifyError(f"{where}.{p.name} is missing; write {p.name} = ... (in {p.unit or 'no unit'})")
+        if not (p.low <= value <= p.high or value == p.neutral) or math.isnan(value):
+            raise IdentifyError(f"{where}.{p.name} is {value:g} {p.unit}; it must lie within {p.low:g} and {p.high:g}")
+        made.append(
+            Parameter(f"{label}.{p.name}", p.unit, value, p.name in use.free, p.low, p.high, None, p.logarithmic)
+        )
+    return made
+
+
+def placed(plant: Plant) -> tuple[tuple[Effect, Site, tuple[int, ...]], ...]:
+    """List the effects of the plant, where each enters, and which of the plant's constants are its own."""
+    at, result = plant.rate.numel_in(2), []
+    for use in plant.effects:
+        effect = find_effect(use.name)
+        site = site_of(plant, effect, use.output)
+        known = effect.parameters(site)
+        result.append((effect, site, tuple(range(at, at + len(known)))))
+        at += len(known)
+    return tuple(result)
+
+
+def all_uses(plant: Plant) -> tuple[EffectUse, ...]:
+    """Every candidate at its neutral value; sensor effects on every output, overflows on every level."""
+    uses = []
+    for effect in candidates(plant):
+        outputs: Sequence[str | None] = (None,)
+        if effect.place == "sensor":
+            outputs = [s.name for s in plant.outputs if not effect.units or s.unit in effect.units]
+        elif effect.place == "flow":
+            outputs = [plant.states[b.state].name for b in plant.balances if b.kind == "flow"]
+        for output in outputs:
+            known = effect.parameters(site_of(plant, effect, output))
+            values = MappingProxyType({p.name: p.neutral for p in known})
+            uses.append(EffectUse(effect.name, output, values))
+    return tuple(uses)
+
+
+def with_position(plant: Plant) -> Plant:
+    """Add the integral of the speed as the last state where the plant does not have it."""
+    index = next((k for k, b in enumerate(plant.balances) if b.kind in ("torque", "force")), -1)
+    if index < 0 or plant.balances[index].position >= 0:
+        return plant
+    speed = plant.states[plant.balances[index].state]
+    rotary = plant.balances[index].kind == "torque"
+    n = len(plant.states)
+    x, u, p = ca.SX.sym("x", n + 1), ca.SX.sym("u", len(plant.inputs)), ca.SX.sym("p", plant.rate.numel_in(2))
+
+    def wider(function: ca.Function) -> ca.Function:
+        return ca.Function(function.name(), [x, u, p], [ca.densify(function(x[:n], u, p))], ["x", "u", "p"], ["result"])
+
+    inside = plant.inside
+    if inside is not None:
+        z = ca.SX.sym("z", len(inside.neutral))
+        turning = ca.vertcat(inside.rate(x[:n], u, p, z), x[plant.balances[index].state])
+        inside = Inside(
+            ca.Function("rate", [x, u, p, z], [ca.densify(turning)]),
+            ca.Function("reading", [x, u, p, z], [ca.densify(inside.reading(x[:n], u, p, z))]),
+            ca.Function("effort", [x, u, p, z], [inside.effort(x[:n], u, p, z)]),
+            inside.neutral,
+        )
+    rate = ca.vertcat(plant.rate(x[:n], u, p), x[plant.balances[index].state])
+    unit = "rad" if rotary else "m"
+    name = speed.name.replace("speed", "position").removesuffix("_s") if "speed" in speed.name else f"position_{unit}"
+    return replace(
+        plant,
+        states=(*plant.states, Signal(name, unit_of(name) or unit, -math.inf, math.inf)),
+        rate=ca.Function("rate", [x, u, p], [ca.densify(rate)], ["x", "u", "p"], ["result"]),
+        reading=wider(plant.reading),
+        balances=tuple(
+            _placed_balance(b, n if k == index else b.position, wider) for k, b in enumerate(plant.balances)
+        ),
+        inside=inside,
+    )
+
+
+def _placed_balance(balance: Balance, position: int, wider: object) -> Balance:
+    assert callable(wider)
+    effort = wider(balance.effort) if balance.effort is not None else None
+    current = wider(balance.current) if balance.current is not None else None
+    return replace(balance, position=position, effort=effort, current=current)
+
+
+def values_of(plant: Plant, use: EffectUse) -> Mapping[str, float]:
+    """Return the values which the plant's parameters now hold for one of its effects."""
+    label = label_of(plant, use)
+    known = parameters_of(plant, use.name, use.output)
+    held = {p.name: p.value for p in plant.parameters}
+    return {p.name: held[f"{label}.{p.name}"] for p in known}

@@ -1,0 +1,217 @@
+"""An Effect: one piece of physics that a nominal plant leaves out, and how it enters a simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from firmloop.identify.plants.assembly import Assembly
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """One constant of an effect.
+
+    `neutral` is the value at which the effect changes nothing; `default` is what a project may leave out, None where
+    it must be given. `logarithmic`: positive over decades, to be fitted as its logarithm. `low`..`high` is the
+    physical range: a fit that ends on it says that the effect is not what the data shows.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    neutral: float
+    logarithmic: bool
+    default: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where an effect enters a plant, and how its quantities are called there.
+
+    `effort` is `N_m` or `N`, `travel` is `rad` or `m`: the endings of parameter names. `state` is the position in
+    the plant's states of the balance, `output` that of the output which a sensor effect acts on.
+    """
+
+    rotary: bool
+    effort: str
+    travel: str
+    input: str  # ending of the input's name
+    input_unit: str
+    output: int
+    output_name: str
+    output_ending: str
+    output_unit: str
+    level_unit: str
+    balance: int  # in plant.balances, -1 for none
+
+    @property
+    def force(self) -> str:
+        """Unit of what moves the plant."""
+        return "N*m" if self.rotary else "N"
+
+    @property
+    def load(self) -> str:
+        """Name of the inertia or mass of a second body."""
+        return "load_inertia_kg_m2" if self.rotary else "load_mass_kg"
+
+    @property
+    def load_unit(self) -> str:
+        """Unit of that."""
+        return "kg*m^2" if self.rotary else "kg"
+
+    @property
+    def damping(self) -> str:
+        """Ending of the name of a viscous constant."""
+        return "N_m_s_rad" if self.rotary else "N_s_m"
+
+    @property
+    def stiffness(self) -> str:
+        """Ending of the name of a spring constant."""
+        return "N_m_rad" if self.rotary else "N_m"
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Typical sizes in a set of recordings (largest magnitudes, SI), from which starts of a fit are drawn."""
+
+    input: float
+    output: float  # of the output a sensor effect acts on
+    output_low: float
+    output_high: float
+    plateau: (
+        float  # magnitude near the largest one at which that output's readings gather; the largest where they do not
+    )
+    rested: float  # magnitude that a limit of that output is not below; 0 where it does not rest at its largest
+    current: float  # A
+    effort: float  # N m or N: what the drive gives
+    speed: float
+    travel: float  # range of position
+    place_low: float  # lowest position
+    place_high: float
+    inertia: float
+    resistance: float  # ohm
+    step: float  # s, typical sample time
+    span: float  # s
+    begin: float  # s, first row of all recordings
+    end: float  # s, last row
+    slew: float  # largest change of the input from row to row, over the sample time
+    level: float  # of the state an overflow acts on
+
+
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """What a drive has to give, in the unit of the balance, to hold a plant against an effect; nothing where all is 0.
+
+    With w the speed and th the position it is the sum of: `up` for w > 0 and -`down` for w < 0; `extra`
+    exp(-(w/`slow`)^2) sign(w); `drag` w |w|; `constant`; `spring` th + `cubic` th^3; `wave` sin(`turns` th + `phase`);
+    `share` of the rest's magnitude, times sign(w). A dead zone instead takes `dead` from what the drive is told.
+    """
+
+    up: float = 0.0
+    down: float = 0.0
+    extra: float = 0.0
+    slow: float = 1.0
+    drag: float = 0.0
+    constant: float = 0.0
+    spring: float = 0.0
+    cubic: float = 0.0
+    wave: float = 0.0
+    turns: float = 1.0
+    phase: float = 0.0
+    share: float = 0.0
+    dead: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One effect of the library.
+
+    `place` says what it needs: `torque` (a torque or force balance), `current` (a torque balance driven by a current),
+    `voltage`, `actuator`, `sensor`, `flow`, `timing`. `parameters(site)` names its constants, `starts(site, scales)`
+    gives the points a fit begins from, in the order of the parameters. `attach(assembly, site, values)` adds it to a
+    simulation; it is not called where the values are neutral. `code` is C for the simulator: the body of a function
+    of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
+    (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
+    cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
+    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `believable(values, scales)` says
+    whether a fit's values are still this effect's, `becomes(values, scales)` names the simpler effect that they amount
+    to, blank for none; None where they do not matter.
+    `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
+    it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
+    their effects in the order of `stage`. `contact` begins the names of the parameters that say where bodies meet, how
+    stiff they are there and how damped: a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a
+    slow disturbance; `lasting`: it stays the same, as the average of such a one does not; `late`: it may look like
+    another hold of the input. `screened`: what it changes at a start tells how much a fit gains by it. `touches`: its
+    force is zero but where bodies touch, and the simulator finds the moment.
+    """
+
+    name: str
+    equation: str  # torque | voltage | actuator | sensor | flow | timing
+    place: str
+    term: str  # as text
+    says: str  # one sentence for a reader who meets it
+    parameters: Callable[[Site], tuple[EffectParameter, ...]]
+    starts: Callable[[Site, Scales], tuple[tuple[float, ...], ...]]
+    confusable_with: tuple[str, ...]
+    experiment: str  # one sentence: what would tell it apart
+    rotary_only: bool
+    needs_position: bool
+    attach: Callable[[Assembly, Site, tuple[float, ...]], None]
+    codes: tuple[tuple[str, str], ...]  # (name of the C function, its body)
+    switches: tuple[int, ...] = (0,)  # parameters that are all neutral where the effect changes nothing
+    sum_of: tuple[tuple[str, tuple[float, ...]], ...] = ()  # effects it is the sum of: times each one's first parameter
+    holding: Callable[[Site, tuple[float, ...]], Holding] | None = None
+    unmet: str = ""
+    possible: Callable[[Scales], bool] | None = None
+    bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
+    believable: Callable[[Sequence[float], Scales], bool] | None = None
+    becomes: Callable[[Sequence[float], Scales], str] | None = None
+    coordinate: str = ""
+    contains: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    stage: int = 0
+    contact: tuple[str, ...] = ()
+    limits: bool = False
+    slow: bool = False
+    lasting: bool = False
+    late: bool = False
+    screened: bool = True
+    touches: bool = False
+
+    def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
+        """Return the parameters, by position, and their values at which the effect changes nothing."""
+        known = self.parameters(site)
+        return tuple((k, known[k].neutral) for k in self.switches)
+
+
+def size(name: str, unit: str) -> EffectParameter:
+    """Return a parameter that is zero or more, and neutral at zero."""
+    return EffectParameter(name, unit, 0.0, math.inf, 0.0, False, None)
+
+
+def signed(name: str, unit: str) -> EffectParameter:
+    """Return a parameter of either sign that is neutral at zero."""
+    return EffectParameter(name, unit, -math.inf, math.inf, 0.0, False, None)
+
+
+def ceiling(name: str, unit: str) -> EffectParameter:
+    """Return a positive parameter that is neutral where it is infinite."""
+    return EffectParameter(name, unit, 0.0, math.inf, math.inf, True, None)
+
+
+def shape(name: str, unit: str, usual: float) -> EffectParameter:
+    """Return a positive parameter that matters only beside another one; `usual` stands for it while it does not."""
+    return EffectParameter(name, unit, 0.0, math.inf, usual, True, None)
+
+
+def phase(name: str) -> EffectParameter:
+    """Return an angle in rad."""
+    return EffectParameter(name, "rad", -math.inf, math.inf, 0.0, False, 0.0)
+
+
+def ended(name: str, ending: str) -> str:
+    """Put the ending of a unit behind a name, where there is one."""
+    return f"{name}_{ending}" if ending else name

@@ -1,0 +1,81 @@
+"""The library of effects: physics beyond the nominal equations; every file of this folder that has an EFFECT is one.
+
+How to use it (all values SI; a parameter of an effect is called `<effect>.<parameter>`, for sensor effects
+`<effect>.<output>.<parameter>`, for instance `coulomb_friction.torque_N_m`, `sensor_offset.current_A.offset_A`):
+
+    from identify.effects import candidates, effects, find_effect
+    from identify.attach import EffectUse, with_effects, parameters_of, label_of
+    from identify.superset import superset, starts_of
+
+    candidates(plant) -> tuple[Effect, ...]                    every effect this plant can have
+    EffectUse(name, output: str | None, values: Mapping[str, float], free: tuple[str, ...])
+                                                               output None: the first one; a flow effect names its state
+    with_effects(plant, uses) -> Plant                         a Plant like any other: simulate, fit, linearize take it
+    parameters_of(plant, name, output) -> tuple[EffectParameter, ...]
+    starts_of(plant, recordings, name, output) -> tuple[dict[str, float], ...]      starting grid, full parameter names
+    superset(plant) -> Superset                                all candidates (sensor effects on every output), neutral
+        .names                 all parameter names, nominal ones first
+        .neutral               Mapping name -> value that changes nothing (nominal ones: the plant's values)
+        .states                names of the start state (the plant's, and the position where it had none)
+        .simulate(recording, parameters, start) -> (n, r)      `parameters`: those that differ from .neutral; start
+                                                               None: at rest, at the first recorded position; NaN
+                                                               after a divergence
+        .slopes(recording, parameters, names, start) -> (n, r, k)     d output / d parameter, one-sided at a bound;
+                                                               names may hold `start.<state>` too
+    from identify.plant_table import effects_table, plant_from_table
+    effects_table(plant) -> the [[plant.effects]] entries, with the values and intervals the parameters now have
+
+A slope at an infinite neutral value (limits, saturations) is NaN: begin at one of `starts_of`.
+Nothing is compiled after the first simulation of the first plant (`ode` plants: once per set of equations).
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+
+from firmloop.identify.plants.effect import Effect
+from firmloop.identify.plants.plant import IdentifyError, Plant
+
+
+@cache
+def effects() -> Mapping[str, Effect]:
+    """Every effect below this folder, by name and in the order of names."""
+    found = pkgutil.walk_packages(__path__, f"{__name__}.")
+    modules = [importlib.import_module(module.name) for module in found if not module.ispkg]
+    named = {module.EFFECT.name: module.EFFECT for module in modules}
+    return {name: named[name] for name in sorted(named)}
+
+
+def find_effect(name: str) -> Effect:
+    """Return the effect called `name`; IdentifyError says which ones are called alike."""
+    if name not in effects():
+        near = difflib.get_close_matches(name, sorted(effects()), n=3, cutoff=0.4)
+        hint = f"did you mean {' or '.join(near)}?" if near else "one is called coulomb_friction, for instance"
+        raise IdentifyError(f"plant.effects: {name[:60]!r} is none of the {len(effects())} effects; {hint}")
+    return effects()[name]
+
+
+def applies(effect: Effect, plant: Plant) -> bool:
+    """Tell whether the plant has the place where the effect enters."""
+    kinds = {balance.kind for balance in plant.balances}
+    if effect.rotary_only and "torque" not in kinds:
+        return False
+    if effect.place in ("sensor", "actuator", "timing"):
+        # A plant that has a delay of its own already says what another one would say.
+        return not (effect.name == "input_delay" and plant.delay is not None)
+    if effect.place == "torque":
+        return bool(kinds & {"torque", "force"})
+    if effect.place == "current":
+        return any(b.current is not None for b in plant.balances if not b.inside)
+    if effect.name == "resistance_heating":
+        return any(balance.resistance is not None for balance in plant.balances)
+    return effect.place in kinds
+
+
+def candidates(plant: Plant) -> tuple[Effect, ...]:
+    """Every effect that this plant can have."""
+    return tuple(effect for effect in effects().values() if applies(effect, plant))

@@ -1,0 +1,1 @@
+"""Effects between the commanded input and the input that acts."""

@@ -1,0 +1,1 @@
+"""Effects that enter a flow balance."""

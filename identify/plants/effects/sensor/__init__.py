@@ -1,0 +1,1 @@
+"""Effects between an output and what is recorded of it."""

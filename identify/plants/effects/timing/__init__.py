@@ -1,0 +1,1 @@
+"""Effects on the time stamps of the outputs."""

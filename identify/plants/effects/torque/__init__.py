@@ -1,0 +1,1 @@
+"""Effects that enter a torque or force balance."""

@@ -1,0 +1,69 @@
+"""An elastic stop: -k (theta - theta0) beyond theta0, above it where theta0 >= 0 and below it where not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from firmloop.identify.plants.assembly import Assembly, ringing
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, signed, size
+
+_BEFORE, _DEEP = 0.05, 0.3  # of the whole way, or of the way to that side: where a stop may be before its end
+_EARLIEST = 0.1  # of the way to that side: no stop comes before
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (
+        signed(f"position_{site.travel}", site.travel),
+        size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),
+    )
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins: somewhat before either end of the way, on that side of zero."""
+    high = scales.place_high - min(_BEFORE * scales.travel, _DEEP * abs(scales.place_high))
+    low = scales.place_low + min(_BEFORE * scales.travel, _DEEP * abs(scales.place_low))
+    return tuple((place, k * scales.effort / scales.travel) for k in (10.0, 200.0) for place in (high, low))
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    per = assembly.per[site.balance]
+    rate = 4.0 * ringing(values[1], per)
+    assembly.add_flank(assembly.speed, "end_stop", values, per, rate, (assembly.position, -values[1]))
+
+
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether the way goes up to the stop: what acts all the way is a spring."""
+    reach = scales.place_high if values[0] >= 0.0 else scales.place_low
+    return abs(values[0]) >= _EARLIEST * abs(reach)
+
+
+EFFECT = Effect(
+    name="end_stop",
+    equation="torque",
+    place="torque",
+    term="-k (theta - theta0) beyond theta0",
+    says="the travel ends at an elastic stop",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("return_spring", "hardening_spring"),
+    experiment="approach both ends of the travel at two speeds",
+    rotary_only=False,
+    needs_position=True,
+    attach=attach,
+    codes=(
+        (
+            "end_stop",
+            """    const double beyond = v->th - q[0];
+    return (q[0] >= 0.0 ? beyond > 0.0 : beyond < 0.0) ? -q[1] * beyond : 0.0;""",
+        ),
+    ),
+    switches=(1,),
+    unmet="a reference must stay off the stop, not press against it",
+    believable=believable,
+    coordinate="position",
+    slow=True,
+    limits=True,
+    touches=True,
+)

@@ -1,0 +1,64 @@
+"""A second inertia over a spring and a damper: resonance and antiresonance."""
+
+from __future__ import annotations
+
+import math
+
+from firmloop.identify.plants.assembly import Assembly
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, shape, size
+
+
+def parameters(site: Site) -> tuple[EffectParameter, ...]:
+    """Name the constants."""
+    return (
+        shape(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 1.0),
+        size(site.load, site.load_unit),
+        EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0),
+    )
+
+
+def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
+    """Propose where a fit begins."""
+    return tuple(
+        (
+            share * scales.inertia * (2.0 * math.pi * tone / scales.step) ** 2,
+            share * scales.inertia,
+            0.1 * share * scales.inertia * 2.0 * math.pi * tone / scales.step,
+        )
+        for share in (0.3, 1.0)
+        for tone in (0.01, 0.03, 0.1)
+    )
+
+
+def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
+    """Add it to a simulation."""
+    stiffness, inertia, damping = values
+    per, motor = assembly.per[site.balance], assembly.speed
+    load = assembly.add_state(lambda x: float(x[motor]))
+    twist = assembly.add_state(lambda x: 0.0)
+    for row, share in ((motor, -per), (load, 1.0 / inertia)):
+        assembly.a[row, twist] += share * stiffness
+        assembly.a[row, motor] += share * damping
+        assembly.a[row, load] -= share * damping
+    assembly.a[twist, motor] += 1.0
+    assembly.a[twist, load] -= 1.0
+
+
+EFFECT = Effect(
+    name="flexible_coupling",
+    equation="torque",
+    place="torque",
+    term="-k (theta - thetaL) - d (w - wL); JL dwL/dt = the same",
+    says="a second inertia hangs on a flexible coupling",
+    parameters=parameters,
+    starts=starts,
+    confusable_with=("backlash", "input_delay", "sensor_lag", "presliding_friction"),
+    experiment="a chirp across the resonance at two amplitudes",
+    rotary_only=False,
+    needs_position=False,
+    attach=attach,
+    codes=(),
+    switches=(1,),
+    unmet="the second body moves by itself; an observer or a notch meets that",
+    coordinate="frequency",
+)

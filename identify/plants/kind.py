@@ -1,0 +1,66 @@
+"""A Kind: how one family of plants is described by a user and turned into equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from firmloop.identify.plants.plant import Balance, Parameter, Plant
+from firmloop.identify.signal import Signal
+
+# Columns that a recording may have; a lag whose output is none of them may well be a machine that moves.
+_QUANTITIES = ("voltage", "current", "speed", "position", "torque", "force", "temperature", "reference")
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One parameter of a kind: physical range `low`..`high` in `unit`.
+
+    `guessable`: may be left out of a project, because `Kind.shapes` proposes values for it. `open_low`: the value
+    `low` itself is impossible (a time constant of zero), so that the fit works with the logarithm.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    open_low: bool
+    guessable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """`build(input, outputs, parameters)` writes the equations.
+
+    `shapes(step, span)` proposes starting values of every guessable constant but `scale`, for a recording of typical
+    sample time `step` and length `span`, both in s; `scale` names the constant the output is proportional to, which
+    then follows from the data by linear least squares.
+    """
+
+    name: str
+    constants: tuple[Constant, ...]
+    inputs: tuple[str, ...]  # names it insists on, empty: any one
+    outputs: tuple[str, ...]  # names it insists on, empty: any one
+    build: Callable[[Signal, tuple[Signal, ...], tuple[Parameter, ...]], Plant]
+    shapes: Callable[[float, float], tuple[Mapping[str, float], ...]]
+    scale: str | None
+    per_unit: str | None = None  # the constant that turns a named drive signal into the input it insists on
+
+
+def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:
+    """Wrap expressions as the `rate` or `reading` of a Plant."""
+    return ca.Function(name, [state, drive, constants], [ca.densify(result)], ["x", "u", "p"], ["result"])
+
+
+def moving_balance(output: Signal, state: int, position: int, per: ca.Function, effort: ca.Function) -> Balance:
+    """Return the torque or force balance of a lag, in which what drives it and what opposes it are in output units."""
+    linear = output.unit in ("m", "m/s")
+    return Balance("force" if linear else "torque", state, per, position=position, effort=effort)
+
+
+def may_be(output: Signal, quantity: str) -> bool:
+    """Tell whether an output may be of a quantity: it is called so, or by no quantity that a recording knows."""
+    own = output.name.partition("_")[0]
+    return own == quantity or own not in _QUANTITIES

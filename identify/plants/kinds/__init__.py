@@ -1,0 +1,126 @@
+"""Make a Plant of a named kind; every file of this folder that has a KIND is one kind."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import pkgutil
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.kind import Constant, Kind
+from firmloop.identify.plants.plant import IdentifyError, Parameter, Plant
+from firmloop.identify.signal import Signal
+from firmloop.identify.units import unit_of
+
+_ENTRY_KEYS = ("value", "free", "low", "high", "ci95")
+
+
+@cache
+def kinds() -> Mapping[str, Kind]:
+    """Every kind of this folder by name."""
+    modules = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
+    return {module.KIND.name: module.KIND for module in modules}
+
+
+def find_kind(name: str) -> Kind:
+    """Return the kind called `name`; IdentifyError lists those there are."""
+    if name not in kinds():
+        raise IdentifyError(f"plant.kind {name!r} is unknown; known: {', '.join(sorted(kinds()))}")
+    return kinds()[name]
+
+
+def make_plant(
+    kind: str, input: str, outputs: Sequence[str], parameters: Mapping[str, Mapping[str, object] | float]
+) -> Plant:
+    """Build the equations of `kind` between named signals.
+
+    A parameter is `{value, free, low, high, ci95}` (only `value` is needed, `free` defaults to true; `ci95` is what
+    an earlier fit wrote) or a bare number. One that is left out and that the kind can guess gets the value NaN:
+    it has to be fitted before the plant can be simulated.
+    """
+    found = find_kind(kind)
+    if found.inputs and input not in found.inputs and (found.per_unit is None or found.per_unit not in parameters):
+        scale = f", or give {found.per_unit} in [plant.parameters]" if found.per_unit else ""
+        raise IdentifyError(
+            f"plant.input {input!r}: {kind} is driven by {' or '.join(found.inputs)}; "
+            f"map your column in [recordings.rename]{scale}"
+        )
+    _check_outputs(found, outputs)
+    constants = found.constants
+    if found.per_unit is not None and input not in found.inputs:
+        unit = unit_of(input)
+        constants = (
+            *constants,
+            Constant(found.per_unit, f"per {unit}" if unit else "", -math.inf, math.inf, False, False),
+        )
+    known = {constant.name for constant in constants}
+    for name in parameters:
+        if name not in known:
+            raise IdentifyError(f"plant.parameters.{name}: {kind} has no such parameter; it has {', '.join(known)}")
+    made = tuple(read_parameter(kind, constant, parameters) for constant in constants)
+    return found.build(_signal(input), tuple(_signal(name) for name in outputs), made)
+
+
+def _signal(name: str) -> Signal:
+    return Signal(name, unit_of(name), -math.inf, math.inf)
+
+
+def _check_outputs(kind: Kind, outputs: Sequence[str]) -> None:
+    choice = f"any of {', '.join(kind.outputs)}" if kind.outputs else "exactly one, of any name"
+    if not outputs or (not kind.outputs and len(outputs) != 1):
+        raise IdentifyError(f"plant.outputs {list(outputs)}: {kind.name} has {choice}")
+    for position, name in enumerate(outputs):
+        if name in outputs[:position]:
+            raise IdentifyError(f"plant.outputs: {name} stands twice; name every output once")
+        if kind.outputs and name not in kind.outputs:
+            raise IdentifyError(f"plant.outputs: {name!r} is unknown to {kind.name}, which has {choice}")
+
+
+def read_parameter(kind: str, constant: Constant, parameters: Mapping[str, object]) -> Parameter:
+    """Read one entry of `[plant.parameters]`; IdentifyError names key, value and rule."""
+    key = f"plant.parameters.{constant.name}"
+    if constant.name not in parameters:
+        if not constant.guessable:
+            raise IdentifyError(f"{key} is missing; {kind} needs it: {constant.name} = {{ value = ..., free = true }}")
+        return Parameter(
+            constant.name, constant.unit, math.nan, True, constant.low, constant.high, None, constant.open_low
+        )
+    given = parameters[constant.name]
+    entry: Mapping[str, object] = given if isinstance(given, Mapping) else {"value": given}
+    for name in entry:
+        if name not in _ENTRY_KEYS:
+            raise IdentifyError(f"{key}.{name} is unknown; a parameter has {', '.join(_ENTRY_KEYS)}")
+    if "value" not in entry:
+        raise IdentifyError(f"{key}.value is missing; write {constant.name} = {{ value = ..., free = true }}")
+    free = entry.get("free", True)
+    if not isinstance(free, bool):
+        raise IdentifyError(f"{key}.free is {free!r}; it is true (the fit may change it) or false")
+    low = max(_number(f"{key}.low", entry.get("low", constant.low)), constant.low)
+    high = min(_number(f"{key}.high", entry.get("high", constant.high)), constant.high)
+    value = _number(f"{key}.value", entry["value"])
+    if not low <= value <= high or math.isinf(value):
+        raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must lie within {low:g} and {high:g}")
+    if constant.open_low and value <= constant.low:
+        raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must be above {constant.low:g}")
+    deviation = deviation_of(key, entry.get("ci95"))
+    return Parameter(constant.name, constant.unit, value, free, low, high, deviation, constant.open_low)
+
+
+def _number(key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise IdentifyError(f"{key} is {value!r}; it must be a number")
+    return float(value)
+
+
+def deviation_of(key: str, interval: object) -> float | None:
+    """Turn the 95 % interval an earlier fit wrote into a standard deviation."""
+    if interval is None:
+        return None
+    if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:
+        raise IdentifyError(f"{key}.ci95 is {interval!r}; it must be [low, high]")
+    low, high = (_number(f"{key}.ci95", bound) for bound in interval)
+    if low > high:
+        raise IdentifyError(f"{key}.ci95 is [{low:g}, {high:g}]; its first bound must be the smaller one")
+    return (high - low) / (2.0 * NORMAL_95)

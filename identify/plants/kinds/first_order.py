@@ -1,0 +1,57 @@
+"""First-order lag with delay: T dx/dt = gain u(t - delay) - x, the output is x."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+
+import casadi as ca
+
+from firmloop.identify.plants.kind import Constant, Kind, equations, may_be, moving_balance
+from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.signal import Signal
+
+
+def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+    """Write the equations; `gain` is in output units per input unit.
+
+    A speed that lags is a torque balance, T dx/dt = gain u - x - (friction, drag, load), all in output units.
+    """
+    state, command, constants = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 3)
+    gain, lag, _ = ca.vertsplit(constants)
+    per = ca.Function("per", [constants], [1.0 / lag])
+    effort = equations("effort", state, command, constants, gain * command)
+    return Plant(
+        kind=KIND.name,
+        states=outputs,
+        inputs=(drive,),
+        outputs=outputs,
+        parameters=parameters,
+        rate=equations("rate", state, command, constants, (gain * command - state) / lag),
+        reading=equations("reading", state, command, constants, state),
+        delay="delay_s",
+        balances=(moving_balance(outputs[0], 0, -1, per, effort),) if may_be(outputs[0], "speed") else (),
+    )
+
+
+def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
+    """Propose time constants from a fraction of a sample to the whole recording, delays up to 64 samples."""
+    lags = [0.5 * step * (span / step) ** (k / 11) for k in range(12)]
+    delays = [0.0, *(step * 2.0**k for k in range(7))]
+    return tuple({"time_constant_s": lag, "delay_s": delay} for lag, delay in itertools.product(lags, delays))
+
+
+KIND = Kind(
+    name="first_order",
+    constants=(
+        Constant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
+        Constant("time_constant_s", "s", 0.0, math.inf, open_low=True, guessable=True),
+        Constant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
+    ),
+    inputs=(),
+    outputs=(),
+    build=build,
+    shapes=shapes,
+    scale="gain",
+)

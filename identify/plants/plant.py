@@ -1,0 +1,100 @@
+"""A Plant: the equations of a machine, its parameters, and what is uncertain about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import casadi as ca
+
+from firmloop.identify.signal import Signal
+
+
+class IdentifyError(Exception):
+    """A recording or a plant is wrong; the message names the file, row, column or key, the rule and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One physical constant; `deviation` is one standard deviation in `unit`, None where it was not estimated.
+
+    `logarithmic`: the fit works with its logarithm.
+    """
+
+    name: str
+    unit: str
+    value: float
+    free: bool
+    low: float
+    high: float
+    deviation: float | None
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """An equation that effects can attach to: per * (sum of torques, forces, voltages, flows) = rate of a state.
+
+    `state` is the index of that state; -1 where a voltage balance is algebraic (no inductance), so that the current
+    follows at once. `position` is the index of the state that integrates a speed, -1 for none; `to` that of the state
+    an overflow runs into, -1 for none. `effort` is what the drive gives, in N m or N; it is proportional to `current`
+    where there is one. `inside` are the arguments of `Plant.inside` that an effect on this balance sets, in the order
+    of its parameters; `current` and `effort` need not be linear there.
+    """
+
+    kind: str  # torque | force | voltage | flow | capacitor | winding | magnetizing
+    state: int
+    per: ca.Function  # (p (k,)) -> scalar
+    position: int = -1
+    to: int = -1
+    effort: ca.Function | None = None  # (x, u, p) -> scalar; not linear only in an `ode`
+    current: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
+    resistance: ca.Function | None = None  # (p) -> scalar
+    inside: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Inside:
+    """The equations with what effects change in the middle of them, as functions of (x, u, p, z).
+
+    Where z (c,) is `neutral` they are those of the plant, which are quicker.
+    """
+
+    rate: ca.Function  # -> dx/dt (n,)
+    reading: ca.Function  # -> y (r,)
+    effort: ca.Function  # -> scalar, that of the torque or force balance
+    neutral: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EffectUse:
+    """An effect of the library as a plant has it: values of its parameters (SI), and which of them a fit may change.
+
+    `output` names what a sensor effect acts on (or the state of an overflow); None is the first one.
+    """
+
+    name: str
+    output: str | None = None
+    values: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    free: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """Equations x' = rate(x, u, p), y = reading(x, u, p); the input acts `delay` later where a parameter says so.
+
+    Effects come on top: their parameters stand behind the nominal ones and are no arguments of `rate` and `reading`.
+    """
+
+    kind: str
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    parameters: tuple[Parameter, ...]
+    rate: ca.Function  # (x (n,), u (m,), p (k,)) -> dx/dt (n,)
+    reading: ca.Function  # (x (n,), u (m,), p (k,)) -> y (r,)
+    delay: str | None  # name of the parameter that delays every input, s
+    balances: tuple[Balance, ...] = ()
+    effects: tuple[EffectUse, ...] = ()
+    inside: Inside | None = None

@@ -1,0 +1,96 @@
+"""Build a plant from the `[plant]` table of a project: its kind, its parameters, its effects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
+from firmloop.identify.plants.kinds import deviation_of, make_plant
+from firmloop.identify.plants.ode import make_ode
+from firmloop.identify.plants.plant import EffectUse, IdentifyError, Parameter, Plant
+
+_ENTRY_KEYS = ("value", "free", "ci95")
+
+
+def plant_from_table(table: Mapping[str, object]) -> Plant:
+    """Build the plant; IdentifyError begins with the key that is wrong."""
+    if table.get("kind") == "ode":
+        plant = make_ode(table)
+    else:
+        outputs, parameters = table.get("outputs", ()), table.get("parameters", {})
+        assert isinstance(outputs, Sequence) and isinstance(parameters, Mapping)
+        per_unit = {key: value for key, value in table.items() if key in ("force_per_unit", "torque_per_unit")}
+        fixed = {key: {"value": value, "free": False} for key, value in per_unit.items()}
+        plant = make_plant(str(table["kind"]), str(table["input"]), list(outputs), {**fixed, **parameters})
+    entries = table.get("effects", ())
+    assert isinstance(entries, Sequence)
+    if not entries:
+        return plant
+    uses, deviations = [], {}
+    for entry in entries:
+        use, found = _use(entry)
+        uses.append(use)
+        label = label_of(plant, use)
+        deviations.update({f"{label}.{name}": deviation for name, deviation in found.items()})
+    made = with_effects(plant, uses)
+    known = [replace(p, deviation=deviations.get(p.name, p.deviation)) for p in made.parameters]
+    return replace(made, parameters=tuple(known))
+
+
+def effects_table(plant: Plant) -> list[dict[str, object]]:
+    """Return the `[[plant.effects]]` entries that make the plant's effects again, with the values they have now."""
+    held = {parameter.name: parameter for parameter in plant.parameters}
+    entries = []
+    for use in plant.effects:
+        entry: dict[str, object] = {"name": use.name}
+        if use.output is not None:
+            entry["output"] = use.output
+        label = label_of(plant, use)
+        for known in parameters_of(plant, use.name, use.output):
+            parameter = held[f"{label}.{known.name}"]
+            entry[known.name] = _entry(parameter)
+        entries.append(entry)
+    return entries
+
+
+def _entry(parameter: Parameter) -> object:
+    if not parameter.free and parameter.deviation is None:
+        return parameter.value
+    entry: dict[str, object] = {"value": parameter.value, "free": parameter.free}
+    if parameter.deviation is not None:
+        reach = NORMAL_95 * parameter.deviation
+        ends = (max(parameter.value - reach, parameter.low), min(parameter.value + reach, parameter.high))
+        entry["ci95"] = [float(f"{end:.6g}") for end in ends]
+    return entry
+
+
+def _use(entry: object) -> tuple[EffectUse, Mapping[str, float | None]]:
+    if not isinstance(entry, Mapping) or not isinstance(entry.get("name"), str):
+        raise IdentifyError('plant.effects: an entry needs a name, such as name = "coulomb_friction"')
+    name, output = str(entry["name"]), entry.get("output")
+    if output is not None and not isinstance(output, str):
+        raise IdentifyError(f"plant.effects: {name}.output is {output!r}; it must be the name of an output")
+    values: dict[str, float] = {}
+    free: list[str] = []
+    deviations: dict[str, float | None] = {}
+    for key, given in entry.items():
+        if key in ("name", "output"):
+            continue
+        where = f"plant.effects: {name}.{key}"
+        inner = given if isinstance(given, Mapping) else {"value": given, "free": False}
+        for word in inner:
+            if word not in _ENTRY_KEYS:
+                raise IdentifyError(f"{where}.{word} is unknown; a parameter has {', '.join(_ENTRY_KEYS)}")
+        value, movable = inner.get("value"), inner.get("free", True)
+        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+            raise IdentifyError(f"{where} is {value!r}; it must be a number or {{ value = ..., free = true }}")
+        if not isinstance(movable, bool):
+            raise IdentifyError(f"{where}.free is {movable!r}; it is true (the fit may change it) or false")
+        values[key] = float(value)
+        free.extend([key] if movable else [])
+        deviations[key] = deviation_of(where, inner.get("ci95"))
+    return EffectUse(name, output, MappingProxyType(values), tuple(free)), deviations

@@ -1,0 +1,1 @@
+"""Recordings: what a bench measured, read from many formats, checked and conditioned."""

@@ -1,0 +1,21 @@
+"""Read comma-separated text packed by gzip."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+
+from firmloop.identify.recordings.formats import Format
+from firmloop.identify.recordings.formats.csv_text import read_csv
+from firmloop.identify.recordings.table import Misread, Table
+
+
+def read_csv_gzip(content: bytes) -> Table | Misread:
+    """Unpack, then parse as CSV."""
+    try:
+        return read_csv(gzip.decompress(content))
+    except (OSError, EOFError, zlib.error) as error:
+        return Misread("", f"is not a complete gzip file ({error})", "pack it again with gzip, or give the plain .csv")
+
+
+FORMAT = Format((".csv.gz",), read_csv_gzip)

@@ -1,0 +1,47 @@
+"""Read MATLAB files, level 5 (scipy) and 7.3 (HDF5), that hold one vector per column."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from collections.abc import Iterable
+
+import h5py
+import numpy as np
+import scipy.io
+from numpy.typing import NDArray
+
+from firmloop.identify.recordings.formats import Format
+from firmloop.identify.recordings.table import Misread, Table, table_of_arrays
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def read_mat(content: bytes) -> Table | Misread:
+    """Take every numeric vector of the file; text, scalars and structures are left aside."""
+    try:
+        if _HDF5 in content[:1024]:
+            with h5py.File(io.BytesIO(content), "r") as file:
+                found = [(str(name), np.asarray(item[()])) for name, item in file.items() if hasattr(item, "dtype")]
+        else:
+            variables = scipy.io.loadmat(io.BytesIO(content))
+            found = [(name, np.asarray(value)) for name, value in variables.items() if not name.startswith("__")]
+    except (OSError, EOFError, ValueError, TypeError, KeyError, IndexError, NotImplementedError, zlib.error) as error:
+        reason = str(error).partition("\n")[0][:80]
+        return Misread("", f"is not a MATLAB file of level 5 or 7.3 ({reason})", "write it with save(..., '-v7')")
+    except (RuntimeError, MemoryError, scipy.io.matlab.MatReadError) as error:
+        return Misread("", f"is a damaged MATLAB file ({error})", "write it again with save(..., '-v7')")
+    arrays = tuple(_vectors(found))
+    if not arrays:
+        return Misread("", "holds no numeric vector", "save time_s and each signal as a vector of its own")
+    return table_of_arrays(arrays)
+
+
+def _vectors(found: Iterable[tuple[str, NDArray[np.generic]]]) -> Iterable[tuple[str, NDArray[np.generic]]]:
+    """MATLAB has no 1-D arrays: n x 1 and 1 x n become (n,); a real matrix stays as it is and is refused later."""
+    for name, array in found:
+        if array.size > 1 and array.dtype.kind in "fiub":
+            yield name, array.reshape(-1) if array.size == max(array.shape) else array
+
+
+FORMAT = Format((".mat",), read_mat)

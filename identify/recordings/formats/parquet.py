@@ -1,0 +1,31 @@
+"""Read Parquet tables through pyarrow, which is installed on request only."""
+
+from __future__ import annotations
+
+import importlib
+import io
+
+import numpy as np
+
+from firmloop.identify.recordings.formats import Format
+from firmloop.identify.recordings.table import Misread, Table, table_of_arrays
+
+
+def read_parquet(content: bytes) -> Table | Misread:
+    """Take every column as numbers; a missing value becomes NaN and is refused later with its row."""
+    try:
+        # Not at the top of the file: everything else must work without these 40 MB.
+        parquet = importlib.import_module("pyarrow.parquet")
+        arrow = importlib.import_module("pyarrow")
+    except ImportError:
+        return Misread("", "needs pyarrow, which is not installed", "pip install 'firmloop[parquet]', or save as CSV")
+    try:
+        table = parquet.read_table(io.BytesIO(content))
+        arrays = tuple((str(name), np.asarray(table.column(name).to_numpy())) for name in table.column_names)
+    except (OSError, ValueError, TypeError, KeyError, arrow.ArrowException) as error:
+        reason = str(error).partition("\n")[0][:80]
+        return Misread("", f"is not a Parquet table ({reason})", "write it again, or save as CSV")
+    return table_of_arrays(arrays)
+
+
+FORMAT = Format((".parquet", ".pq"), read_parquet)

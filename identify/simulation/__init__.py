@@ -1,0 +1,1 @@
+"""Simulation: a plant with its effects, compiled and driven over the rows of a recording."""

@@ -1,0 +1,118 @@
+"""Run the host's C compiler, and keep what it built in a private cache."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+from firmloop.identify.simulation.own_folder import why_not_own
+
+
+class ToolError(Exception):
+    """A tool is missing or failed; the message names it and the command that gets it."""
+
+
+_PACKAGES = {
+    "gcc": "gcc",
+    "make": "make",
+    "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
+    "arm-none-eabi-size": "binutils-arm-none-eabi",
+    "arm-none-eabi-nm": "binutils-arm-none-eabi",
+    "arm-none-eabi-objdump": "binutils-arm-none-eabi",
+    "arm-none-eabi-objcopy": "binutils-arm-none-eabi",
+    "qemu-system-arm": "qemu-system-arm",
+    "clang-format": "clang-format",
+}
+
+LONGEST_BUILD = 300.0  # s; a compiler that takes longer hangs
+_SHOWN_LINES = 12  # of the compiler's words; the first error is what matters
+
+
+def find_tool(name: str) -> Path:
+    """Return the path of a program, or raise ToolError with the command that installs it."""
+    found = shutil.which(name)
+    if found is None:
+        package = _PACKAGES.get(name)
+        remedy = f"install it with: apt-get install {package}" if package else "install it and put it on PATH"
+        raise ToolError(f"{name} is not installed; {remedy}")
+    return Path(found)
+
+
+def run_compiler(command: Sequence[str], folder: Path) -> str:
+    """Run `command` in `folder` and return what it said; ToolError with its first lines where it failed."""
+    tool = find_tool(command[0])
+    # C locale: the words shown to the user, and hashed into caches, must not depend on the machine's language.
+    environment = {**os.environ, "LC_ALL": "C"}
+    try:
+        done = subprocess.run(
+            [str(tool), *command[1:]],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=LONGEST_BUILD,
+            check=False,
+        )
+    except OSError as error:
+        raise ToolError(f"{command[0]} could not be started ({error.strerror}); install it again") from None
+    except subprocess.TimeoutExpired:
+        raise ToolError(f"{command[0]} did not end within {LONGEST_BUILD:.0f} s; try again") from None
+    said = done.stdout.decode(errors="replace")
+    if done.returncode != 0:
+        first = "\n".join(said.splitlines()[:_SHOWN_LINES])
+        raise ToolError(f"{command[0]} failed with status {done.returncode}:\n{first}")
+    return said
+
+
+def shared_library(files: Mapping[str, str], sources: Sequence[str], flags: Sequence[str]) -> Path:
+    """Compile `sources` (names in `files`) into one library; what was built once is taken from the cache.
+
+    The cache key is the SHA-256 of every text, the flags and the compiler's version. The library is built under a
+    temporary name and renamed, so that two processes building the same one do not disturb each other.
+    """
+    parts = [compiler_version("gcc"), *flags, *sources, *(f"{name}\n{text}" for name, text in sorted(files.items()))]
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    library = cache_folder() / f"{key}.so"
+    if library.is_file():
+        return library
+    with tempfile.TemporaryDirectory(dir=library.parent, prefix="build.") as name:
+        folder = Path(name)
+        for relative, text in files.items():
+            target = folder / relative
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
+        run_compiler(["gcc", "-shared", "-fPIC", *flags, "-o", "library.so", *sources, "-lm"], folder)
+        os.replace(folder / "library.so", library)
+    return library
+
+
+@cache
+def compiler_version(name: str) -> str:
+    """First line of what the compiler says about itself."""
+    return run_compiler([name, "--version"], Path.cwd()).partition("\n")[0]
+
+
+def cache_folder() -> Path:
+    """Return a folder that only this user can write: under $XDG_CACHE_HOME, else under the temporary folder."""
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    if os.path.isabs(base):  # the XDG Base Directory Specification has others ignored
+        folder = Path(base) / "firmloop"
+    else:
+        folder = Path(tempfile.gettempdir()) / f"firmloop-{os.getuid()}"
+    try:
+        for missing in reversed([place for place in (folder, *folder.parents) if not os.path.lexists(place)]):
+            missing.mkdir(mode=0o700, exist_ok=True)
+        # Libraries in it are loaded and run: nobody else may have put them there.
+        fault = why_not_own(folder)
+    except OSError as error:
+        fault = f"{folder} cannot be made ({error.strerror})"
+    if fault:
+        raise ToolError(f"{fault}: nothing may be built in {folder}; set XDG_CACHE_HOME to a folder of yours")
+    return folder

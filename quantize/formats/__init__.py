@@ -1,0 +1,1 @@
+"""Formats: one number format per value, and per table."""

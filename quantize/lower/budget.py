@@ -1,0 +1,59 @@
+"""Choose how much work one search of a law's quadratic program may take, from its whole declared region.
+
+SPARE times the work of the worst of the searches drawn that end where they should is the budget; a search that would
+take more is cut short, with its status: a rounded search can go round in circles, and no budget would end that. So the
+work of every step is bounded, and the bound is near to what is needed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.design.law import Law, Quadratic
+from firmloop.design.outcome import CAPPED, SOLVED
+from firmloop.design.quadratic.active_set import Raw, Solution, exact, solve
+from firmloop.design.quadratic.region import drawn_parameters
+from firmloop.quantize.formats.quadratic import rows_of, table_of
+
+DRAWN, LEAST_DRAWN = 2000, 300
+SPARE = 1.4
+NEAR = 5e-4  # share of a move's range by which the two arithmetics may differ
+LEAST = 100  # work, for a problem that hardly ever meets a limit
+LONGEST = 50_000  # work of a budget at most
+ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
+CHECKS = 6  # times that, where answers are checked
+NUMBERS = 2**26  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
+
+
+def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]:
+    """Return the work that one search may take, and whether its answers need a check in this arithmetic.
+
+    They do where one of the drawn searches finds moves where float64 finds none, others, or none where it does; the
+    work of one that is checked is that of the search and of what the checks add.
+    """
+    drawn = max(LEAST_DRAWN, min(DRAWN, NUMBERS // len(problem.low) ** 2))
+    rounded = drawn_parameters(law, drawn, 0).astype(arithmetic)
+    best = solve(exact(problem), rounded.astype(np.float64))
+    found, right = _tried(problem, arithmetic, rounded, best, False)
+    known = best.status != CAPPED
+    checked = bool(np.any(known & ~right & ((best.status == SOLVED) | (found.status == SOLVED))))
+    if checked:
+        found, right = _tried(problem, arithmetic, rounded, best, True)
+    work = found.work[right].max(initial=0)
+    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work)))), checked
+
+
+def _tried(
+    problem: Quadratic, arithmetic: str, parameters: Raw, best: Solution, checked: bool
+) -> tuple[Solution, NDArray[np.bool_]]:
+    """Search in this arithmetic with work to spare; return which searches end as `best` does."""
+    spare = ENDLESS * (CHECKS if checked else 1)
+    known = best.status != CAPPED  # even float64 goes round in circles, from states where no moves keep every limit
+    longest = min(LONGEST, max(LEAST, spare * int(best.work[known].max(initial=0))))
+    rows = rows_of(table_of(problem, arithmetic, "drawn", longest, checked), np.dtype(arithmetic))
+    found = solve(rows, parameters)
+    low, high = (ends[: len(problem.scale)] * problem.scale for ends in (problem.low, problem.high))
+    away = np.abs(np.clip(found.moves, low, high) - np.clip(best.moves, low, high)).max(axis=1)
+    near = (found.status != SOLVED) | (away <= NEAR * float(np.max(high - low)))
+    return found, known & (found.status == best.status) & near

@@ -1,0 +1,1 @@
+"""Twins: the support functions of the generated C once more in Python, bit for bit."""

@@ -1,0 +1,298 @@
+"""What a fixed-point program does by itself while its inputs stand still: dead bands and limit cycles, and how large.
+
+Near rest a program is linear in its state but for its roundings: x+ = A x + E n, y = C x + F n, where n holds one
+number of at most half a unit in the last place per rounding operation. So whatever it does by itself stays within
+sum_j |A^j E| / 2 of where the exact law would settle (Jackson, Digital Filters and Signal Processing, 3rd ed.,
+ch. 11): a bound on every limit cycle. Then the program is run from states within that bound, all of them where they
+are few enough, and what does not come to rest, or to another rest, is told. State that nothing moves (an integrator at
+zero error) is held and makes no cycle. Where a limit acts at rest, or the law has an edge there, there is no bound and
+no search.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.design.linear.reach import ON_CIRCLE, reach
+from firmloop.quantize.ops import EVERY
+from firmloop.quantize.program import Op, Program
+from firmloop.verify.reference import Machine, start_state, working_type
+
+Array = NDArray[np.float64]
+States = NDArray[np.int64]
+
+MOST_STARTS = 4096  # states of an exhaustive search
+DRAWN_STARTS = 128  # of one that is not
+SETTLING = 1000  # steps until a lane should have come to rest
+LONGEST = 128  # steps in which a cycle must return
+SEED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """One output of a program whose inputs stand still.
+
+    `bound` limits what roundings alone can move it, either way, None where the program is not linear near rest;
+    `cycle` is the largest swing found, `offset` the farthest rest from that of the start; all in `unit`.
+    """
+
+    output: str
+    unit: str
+    bound: float | None
+    cycle: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroInput:
+    """What was found, from how many states; `exhaustive`: these were all within the bound."""
+
+    outputs: tuple[AtRest, ...]
+    starts: int
+    exhaustive: bool
+    unsettled: int  # starts that were still moving without a period
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the entry of proof.json."""
+        return {
+            "starts": self.starts,
+            "exhaustive": self.exhaustive,
+            "unsettled": self.unsettled,
+            "outputs": {
+                r.output: {"bound": r.bound, "cycle": r.cycle, "offset": r.offset, "unit": r.unit} for r in self.outputs
+            },
+        }
+
+
+def zero_input(program: Program) -> ZeroInput | None:
+    """Bound and search what `program` does by itself; None in floating point."""
+    if not program.arithmetic.startswith("fixed"):
+        return None
+    machine = Machine(program)
+    rest = _rest(program, machine)
+    model = _linear(program, machine, rest)
+    spread, bounds = _bounds(program, model) if model is not None else (np.zeros(len(rest)), None)
+    if bounds is None:
+        unknown = tuple(AtRest(value.name, value.unit, None, 0.0, 0.0) for value in program.outputs)
+        return ZeroInput(unknown, 0, False, 0)
+    starts, exhaustive = _starts(program, rest, spread)
+    cycle, offset, unsettled = _search(program, machine, starts)
+    outputs = tuple(
+        AtRest(value.name, value.unit, float(bounds[j]), float(cycle[j]), float(offset[j]))
+        for j, value in enumerate(program.outputs)
+    )
+    return ZeroInput(outputs, len(starts), exhaustive, unsettled)
+
+
+# -- the linear program -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """x+ = a x + e n, y = c x + f n in raw numbers, and what |deviation| of some values must stay below."""
+
+    a: Array  # (n, n)
+    e: Array  # (n, k)
+    c: Array  # (r, n)
+    f: Array  # (r, k)
+    conditions: tuple[tuple[Array, float], ...]  # row (n + k), margin
+
+
+def _linear(program: Program, machine: Machine, rest: list[States]) -> _Model | None:
+    """Follow every operation at rest; None where one of them has an edge there."""
+    order, noises = len(program.state), len(program.body)
+    named = machine.named(machine.step(_still(program, 1), rest))
+    rows: dict[str, Array | None] = {f"in.{v.name}": np.zeros(order + noises) for v in program.inputs}
+    rows |= {f"self.{v.name}": row for v, row in zip(program.state, np.eye(order, order + noises), strict=True)}
+    rows |= {f"table.{table.name}": np.zeros(order + noises) for table in program.tables}
+    conditions: list[tuple[Array, float]] = []
+    for k, op in enumerate(program.body):
+        rows[op.result.name] = _row(op, rows, named, order + k, order, conditions)
+    found = [rows[a.source] for a in (*program.next_state, *program.results)]
+    if any(row is None for row in found):
+        return None
+    table = np.array(found, dtype=np.float64).reshape(-1, order + noises)
+    return _Model(
+        table[:order, :order], table[:order, order:], table[order:, :order], table[order:, order:], tuple(conditions)
+    )
+
+
+def _row(
+    op: Op,
+    rows: Mapping[str, Array | None],
+    named: Mapping[str, States],
+    own: int,
+    order: int,
+    conditions: list[tuple[Array, float]],
+) -> Array | None:
+    """Return how the result depends on state and roundings; None where that has an edge at rest."""
+    width = len(next(row for row in rows.values() if row is not None))
+    still = np.zeros(width)
+    given: list[Array | None] = [rows[a] if isinstance(a, str) else still for a in op.arguments]
+    moving = [k for k, row in enumerate(given) if row is None or np.any(row != 0)]
+    if not moving:
+        return still
+    if any(given[k] is None for k in moving):
+        return None
+    if EVERY[op.function].record:
+        return None  # a table's operation
+    values = [_one(named[a]) if isinstance(a, str) else float(a) for a in op.arguments]
+    a, b = given[0], given[1] if len(given) > 1 else still
+    assert a is not None and b is not None
+    match op.function:
+        case "add":
+            return a + b
+        case "sub":
+            return a - b
+        case "neg":
+            return -a
+        case "copy":
+            return a
+        case "shl":
+            return a * float(2.0 ** values[1])
+        case "mac":
+            if {1, 2} <= set(moving):
+                return None
+            c = given[2]
+            assert c is not None
+            return a + b * values[2] + c * values[1]
+        case "high":
+            return _rounded(a * float(2.0 ** -values[1]), own, order)
+        case "asr" | "high_down":  # rounded down: up to a whole unit
+            return 2.0 * _rounded(a * float(2.0 ** -values[1]) / 2.0, own, order)
+        case "shr":
+            return _rounded(a * float(2.0 ** -values[1]), own, order)
+        case "mul" | "wide" | "mul_shift" | "mul_down":
+            if moving == [0, 1]:
+                return None
+            shift = values[2] if op.function in ("mul_shift", "mul_down") else 0.0
+            row: Array = (a * values[1] + b * values[0]) * 2.0**-shift
+            if op.function == "mul_down":
+                return 2.0 * _rounded(row / 2.0, own, order)
+            return _rounded(row, own, order) if shift else row
+        case "min" | "max" | "clamp":
+            if moving != [0]:
+                return None
+            return _kept(a, values, op.function, conditions)
+        case "select":
+            return None if 0 in moving else given[1 if values[0] else 2]
+        case "lt" | "le" | "eq" | "ne":
+            if values[0] == values[1]:
+                return None
+            conditions.append((a - b, abs(values[0] - values[1])))
+            return still
+        case _:
+            return None  # a truth value of one that may change, a magnitude
+
+
+def _one(value: object) -> float:
+    """Return the value of the only lane."""
+    return float(np.asarray(value).ravel()[0])
+
+
+def _rounded(row: Array, own: int, order: int) -> Array:
+    """Add the rounding of operation `own`; a whole multiple of state variables is exact."""
+    row = row.copy()
+    if np.any(row[order:]) or not np.array_equal(row, np.round(row)):
+        row[own] += 1.0
+    return row
+
+
+def _kept(a: Array, values: list[float], function: str, conditions: list[tuple[Array, float]]) -> Array | None:
+    """Return the row of a limited value: its own inside the limits, none beyond one, no linear one at one."""
+    low = values[1] if function in ("max", "clamp") else -math.inf
+    high = {"min": values[1], "max": math.inf, "clamp": values[-1]}[function]
+    margin = min(values[0] - low, high - values[0])
+    if margin == 0:
+        return None
+    conditions.append((a, abs(margin)))
+    return a if margin > 0 else np.zeros_like(a)
+
+
+def _bounds(program: Program, model: _Model) -> tuple[Array, Array | None]:
+    """Return the raw bound of each state and the physical one of each output; none where it cannot be given."""
+    order = len(model.a)
+    held = np.array(
+        [not np.any(model.e[j]) and np.array_equal(model.a[j], np.eye(order)[j]) for j in range(order)], dtype=bool
+    )
+    free = ~held
+    a, e = model.a[np.ix_(free, free)], model.e[free]
+    spread = np.zeros(order)
+    if len(a) and np.max(np.abs(np.linalg.eigvals(a))) >= 1 - ON_CIRCLE:
+        return np.zeros(order), None
+    half = np.full(e.shape[1], 0.5)
+    spread[free] = reach(a, e, -half, half)[1]
+    for row, margin in model.conditions:
+        if np.abs(row[:order]) @ spread + np.abs(row[order:]) @ half >= margin:
+            return np.zeros(order), None
+    scale = np.array([2.0**-v.number.fraction for v in program.outputs])
+    return spread, (np.abs(model.c) @ spread + np.abs(model.f) @ half) * scale
+
+
+# -- the search -------------------------------------------------------------------------------------------------------
+
+
+def _still(program: Program, lanes: int) -> list[States]:
+    """Return inputs that stand at zero, or at the end of their range next to it."""
+    return [np.full(lanes, min(max(0, int(v.low)), int(v.high)), dtype=np.int64) for v in program.inputs]
+
+
+def _rest(program: Program, machine: Machine) -> list[States]:
+    """Return the state after a while of still inputs from the start."""
+    state = start_state(program, 1)
+    for _ in range(LONGEST):
+        values = machine.step(_still(program, 1), state)
+        state = [np.broadcast_to(values[s], 1) for s in machine.next]
+    return state
+
+
+def _starts(program: Program, rest: list[States], spread: Array) -> tuple[States, bool]:
+    """Return start states (lanes, n): all within the bound where they are few, else drawn from twice of it."""
+    center = np.array([int(x[0]) for x in rest], dtype=np.int64)
+    whole = np.array([math.floor(x) for x in spread], dtype=np.int64)
+    if math.prod(int(2 * w + 1) for w in whole) <= MOST_STARTS:
+        offsets = list(itertools.product(*(range(-w, w + 1) for w in whole)))
+        return _inside(program, center + np.array(offsets, dtype=np.int64).reshape(len(offsets), -1)), True
+    random = np.random.default_rng(SEED)
+    return _inside(program, center + random.integers(-2 * whole, 2 * whole + 1, size=(DRAWN_STARTS, len(whole)))), False
+
+
+def _inside(program: Program, states: States) -> States:
+    low, high = ([int(getattr(v, end)) for v in program.state] for end in ("low", "high"))
+    return np.clip(states, low, high) if states.shape[1] else states
+
+
+def _search(program: Program, machine: Machine, starts: States) -> tuple[Array, Array, int]:
+    """Return the largest swing and the farthest rest of every output, and how many starts did neither."""
+    lanes = len(starts)
+    inputs = _still(program, lanes)
+    state = [np.array(column, dtype=working_type(program)) for column in starts.T]
+    for _ in range(SETTLING if state else 1):
+        values = machine.step(inputs, state)
+        following = [np.broadcast_to(values[s], lanes) for s in machine.next]
+        settled = all(np.array_equal(one, other) for one, other in zip(state, following, strict=True))
+        state = following
+        if settled:
+            break
+    first = np.array(state).reshape(len(state), lanes)
+    returned = np.zeros(lanes, dtype=bool)
+    seen = []
+    for _ in range(LONGEST):
+        values = machine.step(inputs, state)
+        state = [np.broadcast_to(values[s], lanes) for s in machine.next]
+        seen.append([np.broadcast_to(values[s], lanes) for s in machine.results])
+        returned |= np.all(np.array(state).reshape(first.shape) == first, axis=0)
+    outputs = np.array(seen, dtype=np.float64)  # (steps, r, lanes)
+    scale = np.array([2.0**-v.number.fraction for v in program.outputs])
+    at_start = machine.step(_still(program, 1), _rest(program, machine))
+    origin = np.array([_one(at_start[s]) for s in machine.results])
+    low, high = outputs.min(axis=0)[:, returned], outputs.max(axis=0)[:, returned]
+    swing = np.max(high - low, axis=1, initial=0.0) * scale
+    away = np.where(high == low, np.abs(high - origin[:, None]), 0.0)
+    return swing, np.max(away, axis=1, initial=0.0) * scale, int(np.count_nonzero(~returned))

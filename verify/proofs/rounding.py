@@ -1,0 +1,190 @@
+"""Measure how far a Program stands from its Law, in physical units.
+
+Two figures per output. `worst` compares one step from the same state and inputs, all within their ranges: this is what
+the proven bound speaks of. It is sought along the stimuli, and by a search among all states and inputs that climbs
+from the farthest ones found. `drift` lets the law run on its own state through each lane; nothing bounds it, for an
+integrator keeps what it rounded until feedback or a limit removes it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from firmloop.design.law import Law
+from firmloop.quantize.lower.graph import Graph, evaluate, law_graph
+from firmloop.quantize.program import Program, Value
+from firmloop.verify.reference import Machine, Raw, Trace, working_type
+from firmloop.verify.stimuli.stimuli import Block, by_length, side_by_side, to_physical
+from firmloop.verify.verdict import Rounded
+
+Array = NDArray[np.float64]
+SEARCHED = 20_000  # points of one round
+ROUNDS = 8
+SOLVED = 400  # points of one round, where each is a quadratic program
+KEPT = 200  # of a round, to climb from
+LEAST = -(2**31)  # what the unset state of a fixed-point program holds
+
+
+def measure_rounding(
+    law: Law, program: Program, blocks: Sequence[Block], traces: Sequence[Trace]
+) -> tuple[Rounded, ...]:
+    """Return the worst differences over all blocks, output by output.
+
+    A step of the law is computed in float64; in this machine's long double where the program is in float64, else
+    nothing would be seen.
+    """
+    real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
+    graph = law_graph(law)
+    groups = by_length(blocks)
+    blocks, traces = (
+        [side_by_side([blocks[i] for i in group]) for group in groups],
+        [_all_of([traces[i] for i in group]) for group in groups],
+    )
+    drift = np.zeros(len(program.outputs))
+    with np.errstate(all="ignore"):
+        worst = _searched(law, program, graph, real)
+        for block, trace in zip(blocks, traces, strict=True):
+            raw = [block.inputs[..., j] for j in range(len(program.inputs))]
+            held = [trace.state[..., j] for j in range(len(program.state))]
+            got = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
+            apart = _apart(law, program, graph, raw, held, got, real)
+            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
+            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 2))
+            if np.any(calm):
+                inputs = [to_physical(v, x[calm]) for v, x in zip(program.inputs, raw, strict=True)]
+                state = [to_physical(v, x[calm]) for v, x in zip(program.state, held, strict=True)]
+                free = _free_run(program, law, graph, inputs, state)
+                away = (np.max(np.abs(g[calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
+                drift = np.maximum(drift, list(away))
+    bounds = {r.output: r for r in program.rounding}
+    return tuple(
+        Rounded(v.name, float(worst[j]), bounds[v.name].bound, v.unit, float(drift[j]))
+        for j, v in enumerate(program.outputs)
+    )
+
+
+def _all_of(traces: Sequence[Trace]) -> Trace:
+    """Return one trace with the lanes of all these, which have one length."""
+    return Trace(*(np.concatenate([getattr(t, name) for t in traces]) for name in ("outputs", "status", "state")))
+
+
+def _apart(
+    law: Law,
+    program: Program,
+    graph: Graph,
+    raw: Sequence[Raw],
+    held: Sequence[Raw],
+    got: Sequence[Array],
+    real: DTypeLike,
+) -> list[Array]:
+    """Return |program - law| of each output and sample; 0 where an input or a state is not in its range."""
+    fresh = _fresh(program, raw, held)
+    valid = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=0)
+    own = [fresh | _inside(v, x) for v, x in zip(program.state, held, strict=True)]
+    valid &= np.all(own, axis=0) if own else True
+    by_name = dict(zip((v.name for v in program.state), map(to_physical, program.state, held), strict=True))
+    state = []
+    for signal, start in zip(law.state, law.start, strict=True):
+        if signal.name == law.opening:
+            state.append(np.where(fresh, 0.0, 1.0))
+        elif signal.name in law.tunable:
+            state.append(by_name[signal.name])
+        else:
+            state.append(np.where(fresh, start, by_name[signal.name]))
+    inputs = [to_physical(v, x) for v, x in zip(program.inputs, raw, strict=True)]
+    expected = evaluate(graph, [[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
+    return [np.where(valid, np.abs(g - e), 0.0).astype(np.float64) for g, e in zip(got, expected, strict=True)]
+
+
+def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:
+    """Tell where the controller itself finds that it stands before its first sample, or has to start afresh."""
+    unset = (f"self.{program.unset}", LEAST)
+    asks = [
+        k
+        for k, op in enumerate(program.body)
+        if (op.function in ("lost", "none") and op.result.name == "fresh")
+        or (op.function == "eq" and op.arguments == unset)
+    ]
+    if not asks:
+        return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)
+    asking = replace(program, body=program.body[: asks[0] + 1], next_state=(), results=(), status=())
+    machine, kind = Machine(asking), working_type(program)
+    slots = machine.step([x.astype(kind) for x in raw], [x.astype(kind) for x in held])
+    return np.asarray(machine.named(slots)[asking.body[-1].result.name], dtype=bool)
+
+
+def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
+    return (raw >= value.low) & (raw <= value.high)
+
+
+def _searched(law: Law, program: Program, graph: Graph, real: DTypeLike) -> Array:
+    """Return the worst differences that a search finds, output by output."""
+    random = np.random.default_rng(1)
+    machine = Machine(program)
+    count = SEARCHED if law.solve is None else SOLVED
+    kept = KEPT * count // SEARCHED
+    values = (*program.inputs, *program.state)
+    worst = np.zeros(len(program.outputs))
+    if not all(np.isfinite(v.low) and np.isfinite(v.high) for v in values):
+        return worst
+    low, high = np.transpose([_drawn(law, v) for v in values])[:, :, None]
+    for j in range(len(program.outputs)):
+        points = low + (high - low) * random.random((len(values), count))
+        points[:, : count // 2] *= 10.0 ** random.uniform(-3, 0, size=count // 2)
+        for _ in range(ROUNDS):
+            points = np.clip(points, low, high)
+            raw = [_whole(v, x) for v, x in zip(values, points, strict=True)]
+            inputs, held = raw[: len(program.inputs)], raw[len(program.inputs) :]
+            kind = working_type(program)
+            slots = machine.step([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
+            outputs = zip(program.outputs, machine.results, strict=True)
+            got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
+            apart = _apart(law, program, graph, inputs, held, got, real)
+            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
+            best = points[:, np.argsort(-apart[j])[:kept]]
+            again = np.repeat(best, count // kept, axis=1)
+            moves = random.normal(size=again.shape) * 10.0 ** random.uniform(-8, -0.5, size=(1, count))
+            points = again + (high - low) * moves * (random.random(again.shape) < 0.5)
+    return worst
+
+
+def _drawn(law: Law, value: Value) -> tuple[float, float]:
+    """Return the raw range in which a value is sought: of a state, what the law proves, though its word holds more.
+
+    The program saturates at a power of two above that; a state that no step leaves, such as an output of the sample
+    before that is beyond its limits, is not compared. What a trace has reached is, wherever it is.
+    """
+    proven = next((s for s in law.state if s.name == value.name and s.name not in law.tunable), None)
+    if proven is None or value.number.kind == "float":
+        return value.low, value.high
+    scale = 2.0**value.number.fraction
+    return max(value.low, math.ceil(proven.low * scale)), min(value.high, math.floor(proven.high * scale))
+
+
+def _whole(value: Value, x: Array) -> Raw:
+    """Round to what the value's type holds, within its range."""
+    if value.number.kind == "fixed":
+        return np.clip(np.rint(x), value.low, value.high).astype(np.int64)
+    return x.astype(np.float32 if value.number.bits == 32 else np.float64)
+
+
+def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
+    """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
+    lanes, steps = inputs[0].shape
+    if not law.state:  # no step knows of another: all at once
+        return [np.broadcast_to(y, (lanes, steps)) for y in evaluate(graph, [[], inputs])[1]]
+    state = [np.full(lanes, x) for x in law.start]
+    outputs = [np.empty((lanes, steps)) for _ in law.outputs]
+    for k in range(steps):
+        for j in range(1, len(program.tunable) + 1):
+            state[-j] = held[-j][:, k]
+        row = evaluate(graph, [state, [x[:, k] for x in inputs]])
+        state = [np.broadcast_to(x, lanes) for x in row[0]]
+        for y, value in zip(outputs, row[1], strict=True):
+            y[:, k] = value
+    return outputs

@@ -1,0 +1,1 @@
+"""Stimuli: inputs that make a controller show its differences."""
