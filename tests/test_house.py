@@ -22,6 +22,23 @@ MAY_IMPORT = {
     "firmloop": ("identify", "design", "quantize", "codegen", "verify", "diagnose"),
 }
 LONGEST_FILE = 400
+# Libraries that take a tenth of a second or more, or 40 MB, and that most commands do without: imported where used.
+HEAVY = {
+    "scipy.signal",
+    "scipy.optimize",
+    "matplotlib",
+    "casadi",
+    "pandas",
+    "numba",
+    "z3",
+    "h5py",
+    "control",
+    "nfoursid",
+}
+LATE = {  # files whose imports of our own code stand inside a function, with the reason
+    ROOT / "firmloop" / "cli.py": "a command imports what it needs when it is called, so that help answers at once",
+    ROOT / "design" / "quadratic" / "active_set.py": "only a search waits half a second for the compiler of its loops",
+}
 
 
 def _linked(path: Path) -> bool:
@@ -89,13 +106,25 @@ def test_source(path: Path) -> None:
 
 @pytest.mark.parametrize("path", SOURCES, ids=_id)
 def test_imports_stand_at_the_top(path: Path) -> None:
-    if path == ROOT / "firmloop" / "cli.py":
-        pytest.skip("a command imports what it needs when it is called, so that help answers at once")
-    if path == ROOT / "design" / "quadratic" / "active_set.py":
-        pytest.skip("only a search waits half a second for the compiler of its loops")
-    top = set(_tree(path).body)
-    late = [node for node in ast.walk(_tree(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
-    assert len(late) == sum(isinstance(node, ast.Import | ast.ImportFrom) for node in top)
+    if path in LATE:
+        pytest.skip(LATE[path])
+    tree = _tree(path)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom) and node not in tree.body:
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
+            if isinstance(node, ast.ImportFrom) and node.module == "scipy":
+                names = [f"scipy.{alias.name}" for alias in node.names]
+            slow = all(any(name == heavy or name.startswith(f"{heavy}.") for heavy in HEAVY) for name in names)
+            typed = isinstance(_holder(tree, node), ast.If)  # if TYPE_CHECKING: only a type checker reads it
+            assert slow or typed, f"line {node.lineno} imports {names} late; only {sorted(HEAVY)} may be"
+
+
+def _holder(tree: ast.Module, node: ast.AST) -> ast.AST | None:
+    """Return the `if TYPE_CHECKING` at the top of a file that holds `node`, if one does."""
+    for part in tree.body:
+        if isinstance(part, ast.If) and node in part.body and ast.unparse(part.test) == "TYPE_CHECKING":
+            return part
+    return None
 
 
 @pytest.mark.parametrize("path", [path for path in OURS if path.suffix == ".py"], ids=_id)
