@@ -1,0 +1,1 @@
+"""Build: the images and libraries that are compared, and what they occupy."""
