@@ -29,7 +29,7 @@ from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program, QuantizeError
 from firmloop.quantize.proof import proof
-from firmloop.verify.build.host import run_sanitized
+from firmloop.verify.build.sanitized import run_sanitized
 from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
@@ -127,9 +127,10 @@ def faults_of(law: Law, program: Program) -> list[str]:
     block = _block(program)
     trace = run(program, block.inputs, block.settings)
     try:
-        agreed = run_sanitized(program, bundle, block, trace)
-        steps = block.inputs.shape[0] * block.inputs.shape[1]
-        found += [f"{steps - agreed} of {steps} steps differ"] if agreed != steps else []
+        done = run_sanitized(program, bundle, [block], [trace])
+        found += [done.undefined.sentence()] if done.undefined else []
+        found += [f"{done.differences} differences in {done.steps} steps"] if done.differences else []
+        found += [done.not_run] if done.not_run else []
     except ToolError as error:
         found.append(str(error))
     for rounded in measure_rounding(law, program, [block], [trace]):
