@@ -37,11 +37,11 @@ from firmloop.codegen.target import load_target
 from firmloop.design.kinds import design
 from firmloop.design.law import Law
 from firmloop.design.outcome import COLUMN
-from firmloop.design.quadratic.active_set import Solution, solve
 from firmloop.identify.signal import Signal
 from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
+from firmloop.quantize.twins.qp import Solution, solve
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.host import build_host
 from firmloop.verify.build.image import build_image

@@ -15,9 +15,9 @@ import numpy as np
 from bench.mpc import _on_target
 from firmloop.codegen.emit import emit
 from firmloop.design.kinds import design
-from firmloop.design.quadratic.active_set import exact, solve
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.twins.qp import optimum
 from firmloop.verify.reference import run
 from firmloop.verify.stimuli.stimuli import Block
 
@@ -34,7 +34,7 @@ def measure(solver: str, arithmetic: str) -> int:
     """Print one row; return the differences."""
     inputs = tuple(Signal(name, unit, -size, size) for name, unit, size in RANGES)
     outputs = (Signal("voltage", "V", -LIMIT, LIMIT),)
-    law = design("mpc", "servo", {**TABLE, "solver": solver}, 0.01, inputs, outputs, None).law
+    law = design("mpc", "servo", {**TABLE, "solver": solver}, 0.01, inputs, outputs, None, optimum).law
     program = lower(law, arithmetic)
     random = np.random.default_rng(1)
     states = random.uniform(-1, 1, (300, 2)) * [size for *_, size in RANGES] * random.uniform(0, 1, (300, 1))
@@ -44,7 +44,7 @@ def measure(solver: str, arithmetic: str) -> int:
     trace = run(program, block.inputs)
     counts, differences, _, sizes = _on_target(program, emit(program, "bench.mpc_methods"), [block], [trace])
     assert law.solve is not None
-    best = np.clip(solve(exact(law.solve.quadratic), block.inputs[:, 0] / scale).moves[:, 0], -LIMIT, LIMIT)
+    best = np.clip(optimum(law.solve.quadratic, block.inputs[:, 0] / scale).moves[:, 0], -LIMIT, LIMIT)
     away = np.abs(trace.outputs[:, 0, 0] * 2.0 ** -program.outputs[0].number.fraction - best)
     print(
         f"{solver:17} {arithmetic:8} median {np.median(counts):,.0f}, worst {counts.max():,} instructions; "

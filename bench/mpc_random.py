@@ -25,11 +25,11 @@ import scipy.linalg
 from firmloop.design.kinds import design
 from firmloop.design.law import DesignError, Law
 from firmloop.design.outcome import INFEASIBLE, SOLVED
-from firmloop.design.quadratic.active_set import exact, solve, tolerance_of
 from firmloop.design.quadratic.region import drawn_parameters
 from firmloop.identify.signal import Signal
 from firmloop.quantize.formats.quadratic import rows_of, table_of
 from firmloop.quantize.lower.budget import budget_of
+from firmloop.quantize.twins.qp import exact, solve, tolerance_of
 
 HORIZONS = (5, 10, 20, 30, 50)
 ALLOWED = 1e-3

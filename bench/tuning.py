@@ -18,7 +18,7 @@ import control
 import numpy as np
 
 from firmloop.design.analysis.contest import Entry, contest
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.tuning import rules
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant import Plant

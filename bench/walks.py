@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from firmloop.cli import main as firmloop
-from firmloop.design.kinds import Request, kinds
+from firmloop.design.design import Request
+from firmloop.design.kinds import kinds
 from firmloop.verify.proofs.checker import check_proof
 
 KINDS = ("fuzzy_pid", "sliding_mode", "self_tuning", "sensorless_speed", "gain_schedule", "start_monitor")

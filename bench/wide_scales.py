@@ -22,7 +22,8 @@ import numpy as np
 
 from bench.random_laws import KINDS, Draw, Random, Table
 from firmloop.codegen.emit import emit
-from firmloop.design.kinds import Kind, Request, design, kinds
+from firmloop.design.design import Kind, Request
+from firmloop.design.kinds import design, kinds
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.compiler import ToolError

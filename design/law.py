@@ -113,7 +113,7 @@ class Tree:
 
 @dataclass(frozen=True, slots=True)
 class Horizon:
-    """A nonlinear program over N samples, of which every sample takes one or more steps: see `real_time.py`.
+    """A nonlinear program over N samples, of which every sample takes one or more steps: see `quantize/twins/rti.py`.
 
     `model` is a law without state from x and u (n + m) to x of the next sample and its slopes by both, row by row.
     `low`, `high` and `weight`, one over the span between them, are of the m inputs, then of the `limited` states.

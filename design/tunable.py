@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.law import DesignError, Law, Scalar
 from firmloop.design.table import choice, numbers
 from firmloop.identify.signal import Signal

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.output import results_folder
 from firmloop.presentation.code_words import about_code
 from firmloop.project.project import Project, require

@@ -11,7 +11,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table
 from firmloop.design.analysis.contest import Entry, contest
-from firmloop.design.kinds import Design, Request
+from firmloop.design.design import Design, Request
 from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import results_folder

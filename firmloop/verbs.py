@@ -8,7 +8,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import write_files
 from firmloop.codegen.target import load_target
 from firmloop.console import Console, complain, progress, table
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.generate import as_json, c_files, generate_files, written
 from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.plants.plant import Plant

@@ -19,9 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.design.outcome import CAPPED, INFEASIBLE
-from firmloop.design.quadratic.active_set import Rows, solve
-from firmloop.design.quadratic.course import Course
-from firmloop.design.quadratic.real_time import Model, improve
 from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.formats.rti import course_from
 from firmloop.quantize.program import Table
@@ -36,6 +33,9 @@ from firmloop.quantize.twins.elementary import (
     quotient_bound,
     sine,
 )
+from firmloop.quantize.twins.qp import Rows, solve
+from firmloop.quantize.twins.rti import Model, improve
+from firmloop.quantize.twins.rti_course import Course
 
 Operand = Any  # numpy array, or a literal of the same element type
 Interval = tuple[float, float]

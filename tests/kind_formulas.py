@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 import scipy.signal
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.identify.signal import Signal
 from tests import motor_formulas
 from tests.pid_formula import pid_steps

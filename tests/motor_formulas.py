@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from scipy.stats import t as student
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 
 RULES = {
     "kp": [[1.5, 1.3, 1.0], [1.0, 0.8, 1.0], [1.0, 1.3, 1.5]],

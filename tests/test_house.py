@@ -37,7 +37,7 @@ HEAVY = {
 }
 LATE = {  # files whose imports of our own code stand inside a function, with the reason
     ROOT / "firmloop" / "cli.py": "a command imports what it needs when it is called, so that help answers at once",
-    ROOT / "design" / "quadratic" / "active_set.py": "only a search waits half a second for the compiler of its loops",
+    ROOT / "quantize" / "twins" / "qp.py": "only a search waits half a second for the compiler of its loops",
 }
 
 

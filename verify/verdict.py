@@ -80,7 +80,7 @@ class Searches:
     """What the searches of a predictive controller did around the step that took longest, and what bounds them.
 
     `side` has a row a step and a place a limit: -1 where the low one is active, 1 the high one, else 0. `work` and
-    `budget` are counted as `design/quadratic/active_set.py` says; `capped` and `infeasible` are steps of the whole run,
+    `budget` are counted as `quantize/twins/qp.py` says; `capped` and `infeasible` are steps of the whole run,
     `within` are those of both that read nothing beyond its range. No search takes more work than its budget, by
     construction; `instructions_bound` takes it at the most that a unit of work was seen to take.
     """

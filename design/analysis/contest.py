@@ -21,7 +21,7 @@ from firmloop.design.analysis.loop import (
     step_profile,
 )
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
-from firmloop.design.kinds import Design, Request, check_signals
+from firmloop.design.design import Design, Request, check_signals
 from firmloop.design.kinds.pid.kind import GAIN_KEYS, find_wires, room
 from firmloop.design.kinds.pid.kind import KEYS as PID_KEYS
 from firmloop.design.kinds.pid.kind import design as design_pid

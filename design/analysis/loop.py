@@ -19,7 +19,8 @@ import scipy.optimize
 
 from firmloop.design.analysis.small_signal import LinearLaw, linearize_law
 from firmloop.design.discretize.zero_order_hold import Sampled, state_space, zero_order_hold
-from firmloop.design.law import DesignError, Law, Solve
+from firmloop.design.law import DesignError, Law
+from firmloop.design.optimum import QuadraticSolver, Solution
 from firmloop.design.outcome import CAPPED, INFEASIBLE
 from firmloop.design.quadratic.solver import solver
 from firmloop.design.roles import reference_and_measurement
@@ -140,12 +141,17 @@ def step_profile(law: Law, linear: Linear) -> Array:
     return np.full(int(np.clip(12 / speeds.min(), 200, 50_000)), top / 4)
 
 
-def closed_loop(law: Law, linear: Linear, reference: Array) -> Trajectory:
-    """Run the law, limits included, with the plant from rest; `reference` (n,) holds one value a sample."""
-    return disturbed_loop(law, linear, reference, np.zeros(len(reference)))
+def closed_loop(law: Law, linear: Linear, reference: Array, optimum: QuadraticSolver | None = None) -> Trajectory:
+    """Run the law, limits included, with the plant from rest; `reference` (n,) holds one value a sample.
+
+    `optimum` solves for a law that searches, and is needed by no other.
+    """
+    return disturbed_loop(law, linear, reference, np.zeros(len(reference)), optimum)
 
 
-def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> Trajectory:
+def disturbed_loop(
+    law: Law, linear: Linear, reference: Array, load: Array, optimum: QuadraticSolver | None = None
+) -> Trajectory:
     """Run the law as `closed_loop` does, with `load` (n,) added to its output where that enters the plant."""
     at_reference, _ = reference_and_measurement(law.inputs)
     sampled = zero_order_hold(linear, law.period)
@@ -170,15 +176,18 @@ def disturbed_loop(law: Law, linear: Linear, reference: Array, load: Array) -> T
         _, rows = step.mapaccum(steps)(start, told, np.zeros((0, steps)))
     else:
         parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
-        rows = _solved_run(law.solve, parameters, step, start, told)
+        assert optimum is not None, "a law that solves is run with what solves it"
+        rows = _solved_run(solver(law.solve, optimum), parameters, step, start, told)
     measured, output, flagged = np.array(rows, dtype=np.float64)
     time = np.arange(steps, dtype=np.float64) * law.period
     return Trajectory(time, np.asarray(reference, dtype=np.float64), measured, output, flagged > 0)
 
 
-def _solved_run(solve: Solve, parameters: ca.Function, step: ca.Function, start: Array, told: Array) -> Array:
-    """Run `step` with the moves of `solve` at `parameters`; `told` holds reference and load, a column a sample."""
-    find, state, results = solver(solve), start, []
+def _solved_run(
+    find: Callable[[Array], Solution], parameters: ca.Function, step: ca.Function, start: Array, told: Array
+) -> Array:
+    """Run `step` with the moves that `find` returns at `parameters`; `told`: reference and load, a column a sample."""
+    state, results = start, []
     for outside in told.T:
         found = find(np.array(parameters(state, outside[0])).T)
         moves = [*found.moves[0], found.status[0] == CAPPED, found.status[0] == INFEASIBLE]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.law import DesignError
 from firmloop.design.models.model import Model, weights
 from firmloop.design.models.regulator import check_stable, kalman, lqr, luenberger, reference_gain

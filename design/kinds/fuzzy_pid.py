@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import check_names, symbols, write
 from firmloop.design.linear.sectioned_law import one_output

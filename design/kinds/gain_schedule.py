@@ -30,8 +30,9 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from firmloop.design.design import Design, Kind, Operating, Request
 from firmloop.design.draft import Draft
-from firmloop.design.kinds import Design, Kind, Operating, Request, kind_of, kinds
+from firmloop.design.kinds import kind_of, kinds
 from firmloop.design.kinds.pid.schedule import scheduled_pid
 from firmloop.design.law import DesignError, Law
 from firmloop.design.linear.blend import Schedule, blended

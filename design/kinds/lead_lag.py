@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.draft import Draft
-from firmloop.design.kinds import Design, Kind, Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import designed
 from firmloop.design.linear.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, below_nyquist, sampled, sectioned

@@ -3,7 +3,7 @@
     min 1/2 sum (x - t)'Q(x - t) + u'Ru + d'R_change d + 1/2 (x[N] - t)'P(x[N] - t),   u_min <= u <= u_max
 
 for x[k+1] the plant one period later, from [plant] with the effects that can be made smooth
-(`design/models/smooth.py`), and d the change of u from sample to sample. `design/quadratic/real_time.py` says how a
+(`design/models/smooth.py`), and d the change of u from sample to sample. `quantize/twins/rti.py` says how a
 step is taken. Keys beside those:
 
 - `states` names the inputs that carry x[0], in the plant's order; without it they are all inputs but the reference.
@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.mpc.read import whole
 from firmloop.design.law import DesignError, Flag, Horizon, Law, Scalar, Solve
 from firmloop.design.linear.linear_law import check_names, symbols

@@ -21,8 +21,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.draft import Draft, Element
-from firmloop.design.kinds import Design, Kind, Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import limited_law, symbols, weighted_sum
 from firmloop.design.table import check_keys, limits, positive, real

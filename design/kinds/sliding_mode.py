@@ -19,7 +19,7 @@ import math
 
 import casadi as ca
 
-from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import check_names, symbols, weighted_sum, write
 from firmloop.design.linear.sectioned_law import one_output

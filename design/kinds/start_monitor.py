@@ -43,7 +43,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.law import DesignError, Flag, Law, Scalar
 from firmloop.design.linear.linear_law import check_names, symbols
 from firmloop.design.table import check_keys, positive, real

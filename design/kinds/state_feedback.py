@@ -25,8 +25,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.draft import Draft, Element
-from firmloop.design.kinds import Design, Kind, Request
 from firmloop.design.kinds.feedback_gains import OBSERVERS, Gains, find_gains
 from firmloop.design.law import DesignError, Law
 from firmloop.design.linear.linear_law import INTEGRAL_WHY, check_names, symbols, weighted_sum, write

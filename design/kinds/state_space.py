@@ -14,8 +14,8 @@ import math
 
 import numpy as np
 
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.draft import Draft, Element
-from firmloop.design.kinds import Design, Kind, Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import designed, symbols, weighted_sum
 from firmloop.design.table import check_keys, each, matrix

@@ -13,9 +13,9 @@ which only floating point can hold.
 
 from __future__ import annotations
 
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.discretize.rational import from_z
 from firmloop.design.draft import Draft
-from firmloop.design.kinds import Design, Kind, Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import designed
 from firmloop.design.linear.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, sampled, sectioned

@@ -29,8 +29,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from firmloop.design.design import Request
 from firmloop.design.draft import Draft
-from firmloop.design.kinds import Request
 from firmloop.design.law import DesignError, Law
 from firmloop.design.linear.linear_law import (
     INTEGRAL_WHY,

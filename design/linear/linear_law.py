@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from firmloop.design.design import Design, Request
 from firmloop.design.draft import Draft, Element
-from firmloop.design.kinds import Design, Request
 from firmloop.design.law import DesignError, Flag, Law, Scalar
 from firmloop.design.linear.reach import WIDER, forgets, reach, rounding_share, widened
 from firmloop.design.table import limits

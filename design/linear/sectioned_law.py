@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 
 import casadi as ca
 
+from firmloop.design.design import Request
 from firmloop.design.discretize.rational import METHODS, Rational, from_s
 from firmloop.design.discretize.sections import FORMS, Section, sections
 from firmloop.design.draft import Draft, Element
-from firmloop.design.kinds import Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import symbols, weighted_sum
 from firmloop.design.roles import check_meeting, reference_and_measurement

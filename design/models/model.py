@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from firmloop.design.design import Request
 from firmloop.design.discretize.zero_order_hold import state_space, zero_order_hold
-from firmloop.design.kinds import Request
 from firmloop.design.law import DesignError
 from firmloop.design.table import matrix, real
 from firmloop.identify.plants.plant import Plant

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.law import Tree
+from firmloop.design.optimum import Solution
 from firmloop.design.outcome import INFEASIBLE, SOLVED
-from firmloop.design.quadratic.active_set import Solution
 
 Array = npt.NDArray[np.float64]
 

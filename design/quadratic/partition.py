@@ -19,8 +19,8 @@ import scipy.optimize
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from firmloop.design.law import DesignError, Quadratic
+from firmloop.design.optimum import QuadraticSolver
 from firmloop.design.outcome import INFEASIBLE, SOLVED
-from firmloop.design.quadratic.active_set import Rows, exact, solve
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Region:
     law: Array  # (k, p + 1): the moves are law (t, 1)
 
 
-def partition(problem: Quadratic, middle: Array, half: Array) -> list[Region]:
+def partition(problem: Quadratic, middle: Array, half: Array, optimum: QuadraticSolver) -> list[Region]:
     """Return the regions within the box `middle` +- `half`, each (p,); the first is that where no limit acts.
 
     Raises
@@ -56,15 +56,14 @@ def partition(problem: Quadratic, middle: Array, half: Array) -> list[Region]:
             f"outputs, disturbances) into regions; at most {MOST_PARAMETERS} can be cut: leave some out, or use "
             'solver = "online"'
         )
-    return _Walk(problem, middle, half).regions()
+    return _Walk(problem, middle, half, optimum).regions()
 
 
 class _Walk:
     """The regions found so far, by their active set."""
 
-    def __init__(self, problem: Quadratic, middle: Array, half: Array) -> None:
-        self.problem, self.middle, self.half = problem, middle, half
-        self.rows: Rows = exact(problem)
+    def __init__(self, problem: Quadratic, middle: Array, half: Array, optimum: QuadraticSolver) -> None:
+        self.problem, self.middle, self.half, self.optimum = problem, middle, half, optimum
         size = max(2, len(middle))  # a line is cut as a strip
         self.slope = np.zeros((len(problem.low), size))
         self.slope[:, : len(middle)] = problem.slope * half
@@ -103,7 +102,7 @@ class _Walk:
     def _solved(self, points: Array) -> tuple[list[npt.NDArray[np.int64]], npt.NDArray[np.int64]]:
         """Return the active sets at points t, of those that have an optimum, and the status of each."""
         parameters = self.middle + self.half * np.clip(points[:, : len(self.middle)], -1.0, 1.0)
-        solution = solve(self.rows, parameters)
+        solution = self.optimum(self.problem, parameters)
         return list(solution.side[solution.status == SOLVED]), solution.status
 
     def _region(self, side: npt.NDArray[np.int64]) -> tuple[Region | None, list[npt.NDArray[np.int64]]]:

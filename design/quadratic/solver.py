@@ -9,17 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.law import Solve, Tree
-from firmloop.design.quadratic.active_set import Solution, exact, solve
+from firmloop.design.optimum import QuadraticSolver, Solution
 from firmloop.design.quadratic.located import located
 from firmloop.design.quadratic.splitting import swept
 
 Array = npt.NDArray[np.float64]
 
 
-def solver(stage: Solve) -> Callable[[Array], Solution]:
-    """Return the function from parameters (lanes, p) to their solution."""
+def solver(stage: Solve, optimum: QuadraticSolver) -> Callable[[Array], Solution]:
+    """Return the function from parameters (lanes, p) to their solution; `optimum` is that of a search."""
     if stage.method is None:
-        return partial(solve, exact(stage.quadratic))
+        return partial(optimum, stage.quadratic)
     if isinstance(stage.method, Tree):
         return partial(located, stage.method)
     return partial(swept, stage.method)

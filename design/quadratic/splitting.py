@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.law import DesignError, Law, Quadratic, Sweeps
+from firmloop.design.optimum import QuadraticSolver, Solution
 from firmloop.design.outcome import CAPPED, SOLVED
-from firmloop.design.quadratic.active_set import Solution, exact, solve
 from firmloop.design.quadratic.region import drawn_parameters
 
 Array = npt.NDArray[np.float64]
@@ -49,7 +49,7 @@ class Judged:
     count: int
 
 
-def choose_sweeps(law: Law, accuracy: float) -> tuple[Sweeps, Judged]:
+def choose_sweeps(law: Law, accuracy: float, optimum: QuadraticSolver) -> tuple[Sweeps, Judged]:
     """Return the fewest sweeps whose outputs are within `accuracy`, a share of their ranges, of the optimum.
 
     Raises
@@ -59,7 +59,7 @@ def choose_sweeps(law: Law, accuracy: float) -> tuple[Sweeps, Judged]:
     """
     assert law.solve is not None
     problem, least = law.solve.quadratic, np.inf
-    pool = _starts(problem, drawn_parameters(law, JUDGED, 0))
+    pool = _starts(problem, drawn_parameters(law, JUDGED, 0), optimum)
     chosen = pool.part(np.argsort(-pool.active, kind="stable")[:HARDEST])
     ratios = RATIOS if problem.moves < len(problem.low) else RATIOS[:1]
     weighed = [_weighed(problem, *pair) for pair in itertools.product(WEIGHTS, ratios)]
@@ -69,7 +69,7 @@ def choose_sweeps(law: Law, accuracy: float) -> tuple[Sweeps, Judged]:
             weighed, found, least = _fewest(weighed, chosen, accuracy)
         if found is None:
             break
-        fresh = _starts(problem, drawn_parameters(law, JUDGED, seed))
+        fresh = _starts(problem, drawn_parameters(law, JUDGED, seed), optimum)
         errors = fresh.errors(swept(found, fresh.parameters).moves)
         least = float(np.max(errors, initial=0.0))
         if least <= accuracy:
@@ -136,8 +136,8 @@ class _Starts:
         return found
 
 
-def _starts(problem: Quadratic, parameters: Array) -> _Starts:
-    found = solve(exact(problem), parameters)
+def _starts(problem: Quadratic, parameters: Array, optimum: QuadraticSolver) -> _Starts:
+    found = optimum(problem, parameters)
     low, high = (ends[: len(problem.scale)] * problem.scale for ends in (problem.low, problem.high))
     good = found.status == SOLVED
     active = np.count_nonzero(found.side[good], axis=1)

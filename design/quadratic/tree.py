@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.law import DesignError, Law, Quadratic, Tree
+from firmloop.design.optimum import QuadraticSolver
 from firmloop.design.outcome import SOLVED
-from firmloop.design.quadratic.active_set import exact, solve
 from firmloop.design.quadratic.located import located
 from firmloop.design.quadratic.partition import SAME, THIN, Region, partition
 from firmloop.design.quadratic.region import box_of, drawn_parameters
@@ -36,8 +36,8 @@ class Judged:
     count: int
 
 
-def choose_tree(law: Law) -> tuple[Tree, Judged]:
-    """Return the tree of a law's quadratic program.
+def choose_tree(law: Law, optimum: QuadraticSolver) -> tuple[Tree, Judged]:
+    """Return the tree of a law's quadratic program, judged by its optimum.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def choose_tree(law: Law) -> tuple[Tree, Judged]:
     problem = law.solve.quadratic
     low, high = box_of(law)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-12)
-    regions = partition(problem, middle, half)
+    regions = partition(problem, middle, half, optimum)
     tree = _Builder(problem, regions, middle, half).tree()
     parameters = drawn_parameters(law, JUDGED, 3)
-    best, found = solve(exact(problem), parameters), located(tree, parameters)
+    best, found = optimum(problem, parameters), located(tree, parameters)
     good = best.status == SOLVED
     ends = [limit[: len(problem.scale)] * problem.scale for limit in (problem.low, problem.high)]
     away = np.abs(np.clip(found.moves, *ends) - np.clip(best.moves, *ends))[good] / (ends[1] - ends[0])

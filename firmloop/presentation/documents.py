@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.identify.fitting.fit import Fit, RecordingScore, interval95
 from firmloop.identify.plants.plant import Parameter
 from firmloop.stages.pipeline import Loop, Outcome

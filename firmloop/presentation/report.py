@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from firmloop.design.analysis.contest import Entry
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.fitting.fit import Fit, RecordingScore
 from firmloop.identify.recordings.recording import Recording

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from firmloop.console import table
 from firmloop.design.analysis.loop import Margins, StepMetrics
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Parameter

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.design.tuning import rules
 from firmloop.identify.fitting.fit import interval95
 from firmloop.identify.plants.plant import Parameter, Plant

@@ -11,7 +11,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import Bundle, CodegenError
 from firmloop.codegen.emit import emit, manifest
 from firmloop.codegen.package import package
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.design.law import DesignError
 from firmloop.identify.plants.plant import IdentifyError, Plant
@@ -20,6 +20,7 @@ from firmloop.project.project import Project, check_units
 from firmloop.quantize.lower.word_length import lower_within
 from firmloop.quantize.program import Program, QuantizeError
 from firmloop.quantize.proof import proof
+from firmloop.quantize.twins.qp import optimum
 from firmloop.verify.proofs.checker import Checked, ProofError, check_proof
 from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input
 from firmloop.verify.stimuli.vectors import golden
@@ -61,6 +62,7 @@ def design(project: Project, plant: Plant | None) -> Design:
             project.controller_inputs,
             project.controller_outputs,
             plant,
+            optimum,
         )
 
 

@@ -20,7 +20,7 @@ from firmloop.design.analysis.loop import (
     step_profile,
 )
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.design.law import DesignError, Horizon, Law, Scalar
 from firmloop.design.models.feedforward import position_of
@@ -37,6 +37,7 @@ from firmloop.project.project import Campaign, Project
 from firmloop.project.project_text import settled
 from firmloop.quantize.lower.word_length import lower_within
 from firmloop.quantize.program import QuantizeError
+from firmloop.quantize.twins.qp import optimum
 from firmloop.stages.making import Generated, command_of, design, formats_of, generate, located, plant_of
 from firmloop.stages.saturation import cut_input, cut_output, saturated
 from firmloop.verify.build.trial import Trial, try_out
@@ -144,7 +145,7 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
     with located(project):
         linear = linearize(plant)
         law, profile = designed.law, step_profile(designed.law, linear)
-        step = closed_loop(law, linear, profile)
+        step = closed_loop(law, linear, profile, optimum)
 
         def figures(moved: Linear) -> Mapping[str, float]:
             measured = () if law.solve else (step_metrics(closed_loop(law, moved, profile)),)  # seconds for a search
@@ -274,7 +275,9 @@ def controller_of(project: Project) -> Controller | None:
         if limits is not None:
             outputs = (replace(outputs[0], low=limits[0], high=limits[1]), *outputs[1:])
         try:
-            return design_law(part.kind, project.name, table, period, project.controller_inputs, outputs, plant)
+            return design_law(
+                part.kind, project.name, table, period, project.controller_inputs, outputs, plant, optimum
+            )
         except DesignError:
             return None
 

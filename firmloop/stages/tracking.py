@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
-from firmloop.design.kinds import Design
+from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.design.models.feedforward import position_of
 from firmloop.design.roles import reference_and_measurement
@@ -20,6 +20,7 @@ from firmloop.project.project import Project
 from firmloop.project.project_text import settled
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
+from firmloop.quantize.twins.qp import optimum
 from firmloop.verify.build.host import build_host
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.closed_loop import LoopRun, PlantLoop, close_loop
@@ -75,7 +76,7 @@ def tracking(project: Project, designed: Design, program: Program, plant: Plant 
     table = {key: value for key, value in settled(part.settings, designed).items() if key != "feedforward"}
     position = position_of(part.settings)
     inputs = tuple(wire for wire in law.inputs if wire.name != position)
-    bare = design_law(part.kind, project.name, table, part.period, inputs, law.outputs, plant).law
+    bare = design_law(part.kind, project.name, table, part.period, inputs, law.outputs, plant, optimum).law
     turn = 2.0 * math.pi * np.arange(ROUND * ROUNDS) / ROUND
     middle, reach = (reference.low + reference.high) / 2.0, (reference.high - reference.low) / SHARE
     course = middle + reach * np.sin(turn)

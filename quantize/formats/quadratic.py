@@ -8,8 +8,8 @@ import numpy as np
 
 from firmloop.design.law import Quadratic
 from firmloop.design.outcome import COLUMN
-from firmloop.design.quadratic.active_set import FAR, Raw, Rows, tolerance_of
 from firmloop.quantize.program import Table
+from firmloop.quantize.twins.qp import FAR, Raw, Rows, tolerance_of
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of the limits by which a row may be violated
 SHARE = {"float32": 2.0**-20, "float64": 2.0**-46}  # of the first violation: what roundings leave of it

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from firmloop.design.law import Horizon
-from firmloop.design.quadratic.course import FAR, Course, Raw, course_of
 from firmloop.quantize.program import Table
+from firmloop.quantize.twins.rti_course import FAR, Course, Raw, course_of
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of a span by which a row may be violated
 TRUSTED = {"float32": 2.0**-10, "float64": 2.0**-20}  # share of the spans by which an answer may miss its optimum

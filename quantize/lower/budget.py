@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.design.law import Law, Quadratic
+from firmloop.design.optimum import Solution
 from firmloop.design.outcome import CAPPED, SOLVED
-from firmloop.design.quadratic.active_set import Raw, Solution, exact, solve
 from firmloop.design.quadratic.region import drawn_parameters
 from firmloop.quantize.formats.quadratic import rows_of, table_of
+from firmloop.quantize.twins.qp import Raw, optimum, solve
 
 DRAWN, LEAST_DRAWN = 2000, 300
 SPARE = 1.4
@@ -34,7 +35,7 @@ def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]
     """
     drawn = max(LEAST_DRAWN, min(DRAWN, NUMBERS // len(problem.low) ** 2))
     rounded = drawn_parameters(law, drawn, 0).astype(arithmetic)
-    best = solve(exact(problem), rounded.astype(np.float64))
+    best = optimum(problem, rounded.astype(np.float64))
     found, right = _tried(problem, arithmetic, rounded, best, False)
     known = best.status != CAPPED
     checked = bool(np.any(known & ~right & ((best.status == SOLVED) | (found.status == SOLVED))))

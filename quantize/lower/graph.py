@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from firmloop.design.law import Horizon, Law, Solve
 from firmloop.design.outcome import CAPPED, INFEASIBLE
-from firmloop.design.quadratic.course import course_of
-from firmloop.design.quadratic.real_time import improve
 from firmloop.design.quadratic.solver import solver as quadratic_solver
 from firmloop.quantize.program import QuantizeError
+from firmloop.quantize.twins.qp import optimum
+from firmloop.quantize.twins.rti import improve
+from firmloop.quantize.twins.rti_course import course_of
 
 Array = NDArray[np.float64]
 
@@ -249,13 +250,13 @@ def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Ar
 def solver_of(solve: Solve) -> Callable[[Array], Array]:
     """Return what solves a problem in float64: parameters (lanes, p) -> results and status, a row each."""
     if not isinstance(solve.problem, Horizon):
-        found = quadratic_solver(solve)
+        found = quadratic_solver(solve, optimum)
 
-        def optimum(parameters: Array) -> Array:
+        def solved(parameters: Array) -> Array:
             solution = found(parameters)
             return np.vstack([solution.moves.T, solution.status])
 
-        return optimum
+        return solved
     course = course_of(solve.problem, np.dtype(np.float64), 2.0**-40, 2.0**-12, 2.0**-36)
     model = law_graph(solve.problem.model)
 

@@ -7,7 +7,8 @@ import pytest
 
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
-from firmloop.design.kinds import Request, kinds
+from firmloop.design.design import Request
+from firmloop.design.kinds import kinds
 from firmloop.design.law import Law
 from firmloop.quantize.lower.graph import evaluate, law_graph
 from firmloop.quantize.lower.lower import ARITHMETICS, lower

@@ -13,7 +13,8 @@ from bench import start_monitor as bench
 from bench import walks
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
-from firmloop.design.kinds import Request, design, kinds
+from firmloop.design.design import Request
+from firmloop.design.kinds import design, kinds
 from firmloop.design.kinds.start_monitor import STUDENT
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.kinds.mpc.kind import design
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.graph import evaluate, law_graph
+from firmloop.quantize.twins.qp import optimum
 
 Array = np.ndarray
 PERIOD = 0.01
@@ -58,7 +59,7 @@ def table(model: tuple[Array, Array], **keys: object) -> dict[str, object]:
 
 
 def request(own: dict[str, object], inputs: tuple[Signal, ...], outputs: tuple[Signal, ...] = (VOLT,)) -> Request:
-    return Request("test_mpc", own, PERIOD, inputs, outputs, None)
+    return Request("test_mpc", own, PERIOD, inputs, outputs, None, optimum)
 
 
 ANGLE, SPEED = Signal("angle", "rad", -10.0, 10.0), Signal("speed", "rad/s", -60.0, 60.0)

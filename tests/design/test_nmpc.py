@@ -12,7 +12,7 @@ import pytest
 
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.kinds.nmpc import KIND, design
 from firmloop.design.law import DesignError, Horizon, Law
 from firmloop.identify.plants.plant import Plant

@@ -10,7 +10,8 @@ import pytest
 
 from firmloop.design.analysis.contest import contest
 from firmloop.design.analysis.loop import margins, noise_gain
-from firmloop.design.kinds import Request, design
+from firmloop.design.design import Request
+from firmloop.design.kinds import design
 from firmloop.design.law import DesignError
 from firmloop.design.models.reaction import reaction, ultimate
 from firmloop.design.tuning import rules

@@ -14,13 +14,13 @@ from firmloop.codegen.target import load_target
 from firmloop.design.kinds.mpc.kind import design
 from firmloop.design.law import Law
 from firmloop.design.outcome import CAPPED, INFEASIBLE, SOLVED
-from firmloop.design.quadratic.active_set import exact, solve
 from firmloop.design.quadratic.region import drawn_parameters
 from firmloop.identify.signal import Signal
 from firmloop.quantize.formats.quadratic import rows_of, table_of
 from firmloop.quantize.lower.budget import DRAWN, budget_of
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
+from firmloop.quantize.twins.qp import exact, solve
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink

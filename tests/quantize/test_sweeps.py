@@ -11,11 +11,11 @@ import pytest
 
 from firmloop.design.law import DesignError, Law
 from firmloop.design.outcome import CAPPED, INFEASIBLE, SOLVED
-from firmloop.design.quadratic.active_set import exact, solve
 from firmloop.design.quadratic.solver import solver
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.proof import proof
+from firmloop.quantize.twins.qp import optimum
 from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
@@ -41,7 +41,7 @@ def test_every_output_is_as_near_to_the_optimum_as_asked(keys: dict[str, object]
     law = sweeping(**keys)
     assert law.solve is not None and law.solve.method is not None
     states = random_states(law, 2000, seed=77) * np.geomspace(0.02, 1.0, 2000)[:, None]
-    best, found = solve(exact(law.solve.problem), states), solver(law.solve)(states)
+    best, found = optimum(law.solve.problem, states), solver(law.solve, optimum)(states)
     assert set(best.status) == {SOLVED}
     away = np.abs(found.moves - np.clip(best.moves, -6, 6))
     assert away.max() <= float(keys.get("accuracy", 0.01)) * 12.0  # type: ignore[arg-type]
@@ -58,7 +58,7 @@ def test_what_has_no_optimum_is_called_capped() -> None:
     law = sweeping(x_min=[-0.5, -np.inf], x_max=[0.5, np.inf], horizon=5, accuracy=0.05)
     assert law.solve is not None
     states = random_states(law, 500)
-    best, found = solve(exact(law.solve.problem), states), solver(law.solve)(states)
+    best, found = optimum(law.solve.problem, states), solver(law.solve, optimum)(states)
     assert np.count_nonzero(best.status == INFEASIBLE) > 300
     assert np.mean(found.status[best.status == INFEASIBLE] == CAPPED) > 0.98
     assert np.all(found.status[best.status == SOLVED] == SOLVED)

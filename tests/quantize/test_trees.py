@@ -13,11 +13,11 @@ import pytest
 from firmloop.design.kinds.mpc.kind import design
 from firmloop.design.law import DesignError, Law, Tree
 from firmloop.design.outcome import INFEASIBLE, SOLVED
-from firmloop.design.quadratic.active_set import exact, solve
 from firmloop.design.quadratic.solver import solver
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.proof import proof
+from firmloop.quantize.twins.qp import optimum
 from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
@@ -68,7 +68,7 @@ def test_in_every_region_the_law_is_the_optimum(case: str) -> None:
     split = law.solve.function.size1_in(0)
     past = np.random.default_rng(2).uniform(-6, 6, (len(states), split))
     parameters = np.array(law.solve.function.map(len(states))(past.T, states.T)).T
-    best, found = solve(exact(law.solve.problem), parameters), solver(law.solve)(parameters)
+    best, found = optimum(law.solve.problem, parameters), solver(law.solve, optimum)(parameters)
     np.testing.assert_array_equal(found.status, best.status)
     good = best.status == SOLVED
     assert np.count_nonzero(good) > 300 and np.any(~good) == (case == "hard limits of x")
@@ -100,7 +100,7 @@ def test_c_is_the_program_with_more_of_everything(case: str, arithmetic: str) ->
 def test_outside_the_output_is_the_free_one_limited(hard: Law) -> None:
     assert hard.solve is not None
     parameters = np.array([[9.0, 50.0], [0.01, 0.0]])
-    found = solver(hard.solve)(parameters)
+    found = solver(hard.solve, optimum)(parameters)
     assert list(found.status) == [INFEASIBLE, SOLVED]
     problem = hard.solve.problem
     np.testing.assert_allclose(found.moves, parameters @ problem.slope[:1].T * problem.scale, rtol=1e-9)

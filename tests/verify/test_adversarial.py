@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bench.bounds import worst
-from firmloop.design.kinds import Kind, kinds
+from firmloop.design.design import Kind
+from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.reference import run
 from firmloop.verify.stimuli.stimuli import adversarial, stimuli, to_physical

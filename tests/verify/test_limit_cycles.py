@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from firmloop.design.kinds import Request, design, kinds
+from firmloop.design.design import Request
+from firmloop.design.kinds import design, kinds
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input

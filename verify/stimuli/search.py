@@ -1,6 +1,6 @@
 """Look into the searches of a run: which limits were active, how much work each took, and what its budget bounds.
 
-The work of a search is counted as `design/quadratic/active_set.py` says. An instruction of the target is bounded by
+The work of a search is counted as `quantize/twins/qp.py` says. An instruction of the target is bounded by
 what it takes without a search, and the most that one unit of work took in the hardest steps seen, times the budget and
 what a search may take beyond it before it notices.
 """
@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.design.quadratic.active_set import solve
 from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.program import Program
+from firmloop.quantize.twins.qp import solve
 from firmloop.verify.reference import Machine, Raw, Trace, working_type
 from firmloop.verify.stimuli.stimuli import Block
 from firmloop.verify.verdict import Searches

@@ -20,7 +20,7 @@ every sample (`condense.py`). Keys beside those:
   other than the reference are then measurements of C x, in order.
 - `offset_free = true`: a constant disturbance at the plant's input is estimated and met; `disturbance_noise` is the
   variance of its change in a sample.
-- `budget`: the work that one search may take before it is cut short (`design/quadratic/active_set.py` says how it is
+- `budget`: the work that one search may take before it is cut short (`quantize/twins/qp.py` says how it is
 counted);
   without it the worst over the ranges in [signals] and some more. The output is then the second move of the last
   sample's plan, or the saturated LQR's where that sample had none either, and the status says `capped`; likewise
@@ -41,7 +41,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.mpc.method import FLAGS, with_method
 from firmloop.design.kinds.mpc.predict import prediction_of, seen_samples
 from firmloop.design.kinds.mpc.read import KEYS, Setup, setup_of, whole
@@ -80,7 +80,7 @@ def design(request: Request) -> Design:
         problem = eliminate(condensed, budget, prediction.b.shape[1] + (own.second or 0))
         return _law(request, own, Solve(_parameters(request, own), problem), FLAGS[solver])
 
-    law, more = with_method(built, request.table, solver)
+    law, more = with_method(built, request.table, solver, request.optimum)
     return Design(law, figures | more, None, {})
 
 

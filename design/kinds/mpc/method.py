@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from firmloop.design.law import DesignError, Flag, Law
+from firmloop.design.optimum import QuadraticSolver
 from firmloop.design.quadratic.splitting import choose_sweeps
 from firmloop.design.quadratic.tree import choose_tree
 from firmloop.design.table import real
@@ -26,34 +27,41 @@ FLAGS = {
 }
 
 
-def with_method(built: Callable[[bool], Law], table: Mapping[str, object], solver: str) -> tuple[Law, dict[str, float]]:
-    """Return the law as `solver`, a key of FLAGS, has it, and the figures of that.
+def with_method(
+    built: Callable[[bool], Law], table: Mapping[str, object], solver: str, optimum: QuadraticSolver | None
+) -> tuple[Law, dict[str, float]]:
+    """Return the law as `solver`, a key of FLAGS, has it, and the figures of that, judged by the `optimum`.
 
     `built` returns the law for a search, which may end without an answer, where it is told True.
     """
+    if solver == "online":
+        return built(True), {}
+    if optimum is None:
+        raise DesignError(
+            f"controller.solver = '{solver}' is judged by the optimum, and no solver of quadratic programs was passed; "
+            "call design with optimum = firmloop.quantize.twins.qp.optimum"
+        )
     match solver:
         case "fixed_iterations":
-            return _with_sweeps(built(False), real(table, "accuracy", ACCURACY, LEAST_ACCURACY))
+            return _with_sweeps(built(False), real(table, "accuracy", ACCURACY, LEAST_ACCURACY), optimum)
         case "explicit":
-            return _with_tree(built(False))
-        case "auto":
-            return _smaller(built)
-    return built(True), {}
+            return _with_tree(built(False), optimum)
+    return _smaller(built, optimum)
 
 
-def _smaller(built: Callable[[bool], Law]) -> tuple[Law, dict[str, float]]:
+def _smaller(built: Callable[[bool], Law], optimum: QuadraticSolver) -> tuple[Law, dict[str, float]]:
     """Take a table where it is smaller than a search, which it is faster than anyway."""
     try:
-        found, figures = _with_tree(built(False))
+        found, figures = _with_tree(built(False), optimum)
     except DesignError:
         return built(True), {}
     return (found if figures["flash_bytes"] < figures["online_flash_bytes"] else built(True)), figures
 
 
-def _with_tree(law: Law) -> tuple[Law, dict[str, float]]:
+def _with_tree(law: Law, optimum: QuadraticSolver) -> tuple[Law, dict[str, float]]:
     """Let the law look its moves up in a table of regions; return its figures too."""
     assert law.solve is not None
-    tree, judged = choose_tree(law)
+    tree, judged = choose_tree(law, optimum)
     rows, parameters = law.solve.quadratic.slope.shape
     width = -(-rows // 4) * 4
     figures = {
@@ -70,10 +78,10 @@ def _with_tree(law: Law) -> tuple[Law, dict[str, float]]:
     return replace(law, says=f"{law.says}, {judged.regions} regions", stages=stages), figures
 
 
-def _with_sweeps(law: Law, accuracy: float) -> tuple[Law, dict[str, float]]:
+def _with_sweeps(law: Law, accuracy: float, optimum: QuadraticSolver) -> tuple[Law, dict[str, float]]:
     """Let the law find its moves by a fixed number of sweeps; return its figures too."""
     assert law.solve is not None
-    sweeps, judged = choose_sweeps(law, accuracy)
+    sweeps, judged = choose_sweeps(law, accuracy, optimum)
     figures = {
         "iterations": float(sweeps.times),
         "worst_error_share": judged.worst,

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.kinds.mpc.read import Setup, blocks_of
 from firmloop.design.law import DesignError
 from firmloop.design.models.model import Model, weights

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.law import DesignError
 from firmloop.design.linear.reach import ON_CIRCLE, poles
 from firmloop.design.models.model import Model, model_of, weights

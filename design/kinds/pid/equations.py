@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.kinds.pid.ranges import Pid
 from firmloop.design.law import Flag, Law, Scalar
 from firmloop.design.linear.linear_law import check_names

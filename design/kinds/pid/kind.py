@@ -49,7 +49,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from firmloop.design.kinds import Design, Kind, Request
+from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.pid.equations import Wires, factors, write
 from firmloop.design.kinds.pid.ranges import Pid, state_ranges
 from firmloop.design.kinds.pid.tunable import pid_parameters, tunable_law

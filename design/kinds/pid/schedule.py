@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from firmloop.design.kinds import Design, Request
+from firmloop.design.design import Design, Request
 from firmloop.design.kinds.pid.box import box_ranges, whole_pid
 from firmloop.design.kinds.pid.equations import Factor, Factors, Wires, factors, write
 from firmloop.design.kinds.pid.kind import KEYS as PID_KEYS

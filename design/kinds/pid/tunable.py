@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from firmloop.design.kinds import Request
+from firmloop.design.design import Request
 from firmloop.design.kinds.pid.box import box_ranges, whole_pid
 from firmloop.design.kinds.pid.equations import Wires, factors, write
 from firmloop.design.kinds.pid.ranges import Pid

@@ -17,7 +17,7 @@ and leave again, of which there are few: `bench/mpc.py` prints what even the rig
 What stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau,
 which is taken from the gram's column through the pivots so far (product form: Dantzig and Orchard-Hays, 1954).
 
-`design/quadratic/dual_search.py` holds the steps; `fl_qp.h` is the same in C, operation by operation: every product is
+`quantize/twins/qp_search.py` holds the steps; `fl_qp.h` is the same in C, operation by operation: every product is
 rounded before it is added, the first of equal candidates is taken, and a row that is no number is never violated.
 
 Where single precision is near its end (limits of moves and of their changes beside stiff soft ones), multipliers get so
@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.design.law import Quadratic
+from firmloop.design.optimum import Solution
 from firmloop.design.outcome import COLUMN
 
 Raw = NDArray[Any]
@@ -83,16 +84,6 @@ class Rows:
         return self.budget + 3 * COLUMN + 5 * self.room + 2 * self.moves
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """`moves` (lanes, k), `status` (lanes,), `work` (lanes,), and `side` (lanes, m): -1 at low, 1 at high, else 0."""
-
-    moves: Raw
-    status: NDArray[np.int64]
-    work: NDArray[np.int64]
-    side: NDArray[np.int64]
-
-
 def exact(problem: Quadratic) -> Rows:
     """Make a problem ready for `solve` in float64, its search long enough for any that ends."""
     low, high = (np.clip(ends, -FAR, FAR) for ends in (problem.low, problem.high))
@@ -105,6 +96,11 @@ def exact(problem: Quadratic) -> Rows:
     )  # fmt: skip
 
 
+def optimum(problem: Quadratic, parameters: Raw) -> Solution:
+    """Solve in float64: what design asks for, a `QuadraticSolver`."""
+    return solve(exact(problem), parameters)
+
+
 def tolerance_of(problem: Quadratic) -> float:
     """Return the size of the limits, of which a share is the tolerance."""
     spans = (problem.high - problem.low)[np.isfinite(problem.high - problem.low)]
@@ -113,7 +109,7 @@ def tolerance_of(problem: Quadratic) -> float:
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
     """Solve for every row of `parameters` (lanes, p), in the element type of `rows`."""
-    from firmloop.design.quadratic.dual_search import (  # half a second, which only a search should cost
+    from firmloop.quantize.twins.qp_search import (  # half a second, which only a search should cost
         Problem,
         Search,
         search_all,

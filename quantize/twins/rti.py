@@ -10,7 +10,7 @@ is none, from the states that the moves lead to. The steps of the states are eli
 
     min 1/2 v'Hv + g'v,   low <= G v <= high,   H = L D L'
 
-and solved by the dual active-set method of `tableau.py`. What is found counts only where it meets the optimality
+and solved by the dual active-set method of `rti_search.py`. What is found counts only where it meets the optimality
 conditions of the problem's own H, g and G.
 """
 
@@ -21,8 +21,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.design.quadratic.course import CAPPED, FAR, SOLVED, Course, Raw, add_up
-from firmloop.design.quadratic.tableau import Search
+from firmloop.quantize.twins.rti_course import CAPPED, FAR, SOLVED, Course, Raw, add_up
+from firmloop.quantize.twins.rti_search import Search
 
 Model = Callable[[Sequence[Raw]], Sequence[Raw]]  # x and u -> x of the next sample, then its slopes row by row
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.design.quadratic.course import CAPPED, FAR, INFEASIBLE, Course, Raw, add_up
+from firmloop.quantize.twins.rti_course import CAPPED, FAR, INFEASIBLE, Course, Raw, add_up
 
 
 class Search:

@@ -1,7 +1,7 @@
 """Search one quadratic program after the other as `fl_qp.h` does, compiled from this Python when first used.
 
 The functions are those of `fl_qp.h` without its prefix, and what they compute is the same in every bit: a number keeps
-its type, every product is rounded before it is added. See `design/quadratic/active_set.py` for the method. Nothing but
+its type, every product is rounded before it is added. See `quantize/twins/qp.py` for the method. Nothing but
 time is won by the compiler (numba, kept for the next run): a search is some ten thousand numbers, one after the other.
 
 Whole slices are not assigned: what numba takes for their errors compiles longer than all the rest.
