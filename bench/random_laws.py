@@ -20,6 +20,7 @@ import numpy as np
 
 from firmloop.design.kinds import design, kinds
 from firmloop.design.law import DesignError, Law
+from firmloop.design.models.anti_windup import MODES
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import QuantizeError
@@ -47,7 +48,7 @@ def pid_table(random: Random) -> Table:
     table: Table = {"kp": kp, "ki": kp * _decades(random, -1, 2), "b": random.uniform(0, 1), "c": random.uniform(0, 1)}
     if random.random() < 0.6:
         table |= {"kd": kp * _decades(random, -3, -1), "tf_s": _decades(random, -3, -1)}
-    table["anti_windup"] = str(random.choice(["back_calculation", "clamping"]))
+    table["anti_windup"] = str(random.choice([mode.name for mode in MODES.values() if mode.why]))
     table["form"] = str(random.choice(["default", "tustin"]))
     if random.random() < 0.3:
         table["rate_limit_per_s"] = _decades(random, 1, 4)

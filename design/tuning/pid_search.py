@@ -24,9 +24,11 @@ import scipy.optimize
 
 from firmloop.design.discretize.zero_order_hold import state_space, zero_order_hold
 from firmloop.design.law import DesignError
+from firmloop.design.models.anti_windup import Sample, anti_windup_of
+from firmloop.design.models.pid_form import form_of
 from firmloop.design.models.process import Process
 from firmloop.design.models.reaction import sampled_response
-from firmloop.design.table import choice, real
+from firmloop.design.table import real
 from firmloop.identify.simulation.linearize import Linear
 
 Array = npt.NDArray[np.float64]
@@ -123,7 +125,7 @@ def search(task: Task, cost: Cost, limits: Limits, starts: tuple[Point, ...]) ->
 
 
 def filter_time(table: Mapping[str, object], point: Point) -> float:
-    """Time constant of the derivative's filter, s: the table's or Td/10, as `kinds/pid.py` chooses it."""
+    """Time constant of the derivative's filter, s: the table's or Td/10, as `kinds/pid/kind.py` chooses it."""
     kp, _, kd = point
     return real(table, "tf_s", abs(kd / kp) / 10 if kp else 0.0, 0.0)
 
@@ -171,18 +173,15 @@ def _controller(table: Mapping[str, object], point: Point, h: float) -> tuple[Ar
     """Write e -> u as x+ = f x + g e, u = k x + d e; the derivative's slope/(1) (z - 1)/(z - forget) is split up."""
     kp, ki, kd = point
     tf = filter_time(table, point)
-    tustin = choice(table, "form", "default", FORMS) == "tustin"
-    forget, slope = ((2 * tf - h) / (2 * tf + h), 2 * kd / (2 * tf + h)) if tustin else (tf / (tf + h), kd / (tf + h))
-    direct = kp + slope + (ki * h / 2 if tustin else 0.0)
+    rule = form_of(table).rule
+    forget, slope = rule.forget(tf, h), rule.slope(kd, tf, h)
+    direct = kp + slope + rule.half_step(ki, h)
     return (
         np.diag([1.0, forget]),
         np.array([[ki * h], [1.0]]),
         np.array([[1.0, slope * (forget - 1)]]),
         np.array([[direct]]),
     )
-
-
-FORMS = ("default", "parallel", "tustin", "ideal", "series")
 
 
 def _run(task: Task, cost: Cost) -> Callable[[Point], float]:
@@ -194,20 +193,14 @@ def _run(task: Task, cost: Cost) -> Callable[[Point], float]:
     reference, load, time = ca.vertsplit(drive)
     kp, ki, kd, tf, tracking = ca.vertsplit(gains)
     integral, derivative, last = ca.vertsplit(held)
-    tustin = choice(table, "form", "default", FORMS) == "tustin"
-    windup = choice(table, "anti_windup", "back_calculation", ("back_calculation", "clamping", "none"))
+    rule, windup = form_of(table).rule, anti_windup_of(table)
     y = (c @ plant)[0]
     e, x = reference - y, real(table, "c", 0.0) * reference - y
-    forget, slope = ((2 * tf - h) / (2 * tf + h), 2 * kd / (2 * tf + h)) if tustin else (tf / (tf + h), kd / (tf + h))
-    rate = forget * derivative + slope * (x - last)
-    v = kp * (real(table, "b", 1.0) * reference - y) + integral + rate + (ki * h / 2 * e if tustin else 0)
+    rate = rule.forget(tf, h) * derivative + rule.slope(kd, tf, h) * (x - last)
+    v = kp * (real(table, "b", 1.0) * reference - y) + integral + rate + rule.half_step(ki, h) * e
     u = ca.fmin(ca.fmax(v, task.u_min), task.u_max)
-    grown = integral + ki * h * e
-    if windup == "back_calculation":
-        grown = grown + tracking * (u - v)
-    elif windup == "clamping":
-        outward = ca.logic_or(ca.logic_and(v > task.u_max, ki * e > 0), ca.logic_and(v < task.u_min, ki * e < 0))
-        grown = ca.if_else(outward, integral, grown)
+    above, below = v > task.u_max, v < task.u_min
+    grown = windup.moved(Sample(integral, ki * h * e, tracking * (u - v), above, below, ki * e > 0, ki * e < 0))
     step = ca.Function(
         "step",
         [ca.vertcat(plant, held), drive, gains],
@@ -226,7 +219,7 @@ def _run(task: Task, cost: Cost) -> Callable[[Point], float]:
         if not tt:
             usual = (math.sqrt(abs(three / two)) if three else abs(one / two)) if two else math.inf
             tt = max(usual, h)
-        values = np.array([*point, filter_time(table, point), h / tt if windup == "back_calculation" else 0.0])
+        values = np.array([*point, filter_time(table, point), h / tt if windup.tracks else 0.0])
         _, added = whole(start, rows, values.reshape(-1, 1) @ np.ones((1, 2 * n)))
         return float(np.sum(np.array(added)))
 

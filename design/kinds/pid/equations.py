@@ -16,6 +16,7 @@ from firmloop.design.design import Request
 from firmloop.design.kinds.pid.ranges import Pid
 from firmloop.design.law import Flag, Law, Scalar
 from firmloop.design.linear.linear_law import check_names
+from firmloop.design.models.anti_windup import Sample
 from firmloop.design.models.feedforward import LAST, Feedforward
 from firmloop.identify.signal import Signal
 
@@ -210,17 +211,12 @@ def _integral(
     pid: Pid, given: Factors, integral: ca.SX, error: ca.SX, free: ca.SX, limited: ca.SX, target: ca.SX
 ) -> ca.SX:
     """Return I[k+1] in automatic mode."""
-    step = given.step * error
-    if pid.anti_windup == "back_calculation":
-        return integral + step + given.tracking * (target - free)
-    if pid.anti_windup == "none":
-        return integral + step
     upward, downward = (error > 0, error < 0) if pid.ki > 0 else (error < 0, error > 0)
     above, below = (
         (free > pid.u_max, free < pid.u_min) if not math.isfinite(pid.rate) else (free > limited, free < limited)
     )
-    outward = ca.logic_or(ca.logic_and(above, upward), ca.logic_and(below, downward))
-    return integral + ca.if_else(ca.logic_not(outward), step, 0)
+    back = given.tracking * (target - free)
+    return pid.anti_windup.moved(Sample(integral, given.step * error, back, above, below, upward, downward))
 
 
 def _rest(request: Request, wires: Wires) -> tuple[float, ...]:

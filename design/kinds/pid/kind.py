@@ -33,12 +33,12 @@ Further forms and keys:
 - `manual` and `automatic` name inputs. While automatic is below 0.5, u is `manual` within all limits and
   I[k+1] = I[k] + u[k] - v[k]: v follows u, and the change back to automatic is bumpless.
 - `[controller.feedforward] from = "effects"`: what meets the plant's friction, load, gravity, cogging and dead zone is
-  added to v, see `feedforward.py`.
-- `tunable` lists those of kp, ki, kd, b and c that can be set on the running target, see `pid_tunable.py`.
+  added to v, see `models/feedforward.py`.
+- `tunable` lists those of kp, ki, kd, b and c that can be set on the running target, see `tunable.py`.
 - `tracking` names an input that stands for u in the tracking term, such as the output an outer selector has chosen, or
   what the inner loop of a cascade really does.
 
-The range of each state variable is proven in `pid_range.py`.
+The range of each state variable is proven in `ranges.py`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ from firmloop.design.kinds.pid.equations import Wires, factors, write
 from firmloop.design.kinds.pid.ranges import Pid, state_ranges
 from firmloop.design.kinds.pid.tunable import pid_parameters, tunable_law
 from firmloop.design.law import DesignError
+from firmloop.design.models.anti_windup import anti_windup_of, tracking_modes
 from firmloop.design.models.feedforward import feedforward, position_of
+from firmloop.design.models.pid_form import Rule, form_of
 from firmloop.design.roles import check_meeting, reference_and_measurement
 from firmloop.design.table import check_keys, choice, limits, positive, real
 from firmloop.design.tunable import KEYS as TUNABLE_KEYS
@@ -68,9 +70,6 @@ KEYS = (
     *(*GAIN_KEYS, "ti_s", "td_s", "tf_s", "b", "c", "u_min", "u_max", "tt_s", "anti_windup", "form", "tune"),
     *("rate_limit_per_s", "feedforward", *WIRE_KEYS, *TUNABLE_KEYS),
 )
-ANTI_WINDUP = ("back_calculation", "clamping", "none")
-FORMS = ("default", "parallel", "tustin", "ideal", "series")
-TIMES = ("ideal", "series")  # forms that give times in place of ki and kd
 
 
 def design(request: Request) -> Design:
@@ -92,13 +91,13 @@ def design(request: Request) -> Design:
         ranges = (*ranges, *ahead.states(pid.differentiates))
     z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
     says = _says(pid, wires.measurement, wires.output) + (ahead.says() if ahead else "")
-    plain_gains = choice(request.table, "form", "default", FORMS) not in TIMES
+    plain_gains = not form_of(request.table).times
     parameters = pid_parameters(request.table, pid, _units(wires.measurement, wires.output), plain_gains)
     if parameters:
         law = tunable_law(request, says, pid, parameters, wires, ahead)
     else:
         law = write(request, says, pid, factors(pid), z, wires, ranges, {}, ahead)
-    settings: dict[str, object] | None = {} if choice(request.table, "form", "default", FORMS) in TIMES else None
+    settings: dict[str, object] | None = {} if form_of(request.table).times else None
     return Design(law, figures, tuned_by, settings, ahead.missed if ahead else {})
 
 
@@ -176,27 +175,26 @@ def room(wires: Wires) -> dict[str, float]:
 
 def given_gains(table: Mapping[str, object]) -> Gains:
     """Read the gains in the words of their form, and return those of the parallel one."""
-    form = choice(table, "form", "default", FORMS)
+    form = form_of(table)
     kp = real(table, "kp", None)
     times, rates = ("ti_s", "td_s"), ("ki", "kd")
-    for key in rates if form in TIMES else times:
+    for key in rates if form.times else times:
         if key in table:
-            words = ("ti_s and td_s" if form in TIMES else "ki and kd", form)
+            words = ("ti_s and td_s" if form.times else "ki and kd", form.name)
             raise DesignError(
                 f"controller.{key} has no place in form = '{words[1]}', which takes {words[0]}; convert it"
             )
-    if form not in TIMES:
+    if not form.times:
         return Gains(kp, real(table, "ki", 0.0), real(table, "kd", 0.0), "given")
     inverse = 1 / positive(table, "ti_s", None) if "ti_s" in table else 0.0
     td = real(table, "td_s", 0.0, 0.0)
-    return Gains(kp * (1 + td * inverse) if form == "series" else kp, kp * inverse, kp * td, "given")
+    return Gains(kp * (1 + td * inverse) if form.series else kp, kp * inverse, kp * td, "given")
 
 
 def read_pid(table: Mapping[str, object], period: float, wires: Wires, gains: Gains) -> Pid:
     """Fill every constant in, with the defaults of the module docstring."""
     output = wires.output
-    form = "tustin" if choice(table, "form", "default", FORMS) == "tustin" else "default"
-    anti_windup = choice(table, "anti_windup", "back_calculation", ANTI_WINDUP)
+    form, anti_windup = form_of(table).rule, anti_windup_of(table)
     (u_min,), (u_max,) = limits(table, (output,))
     rate = positive(table, "rate_limit_per_s", None) if "rate_limit_per_s" in table else math.inf
     pid = Pid(
@@ -209,14 +207,14 @@ def read_pid(table: Mapping[str, object], period: float, wires: Wires, gains: Ga
         c=real(table, "c", 0.0),
         u_min=u_min,
         u_max=u_max,
-        tracking=_tracking(table, gains, period) if anti_windup == "back_calculation" else 0.0,
+        tracking=_tracking(table, gains, period) if anti_windup.tracks else 0.0,
         anti_windup=anti_windup,
         form=form,
         rate=rate,
         target=_target(wires, rate, u_min, u_max),
     )
-    if wires.tracking is not None and anti_windup != "back_calculation":
-        raise DesignError(f"controller.tracking needs anti_windup = 'back_calculation', but it is '{anti_windup}'")
+    if wires.tracking is not None and not anti_windup.tracks:
+        raise DesignError(f"controller.tracking needs anti_windup = {tracking_modes()}, but it is '{anti_windup}'")
     if (wires.tracking is not None or wires.manual is not None) and not pid.integrates:
         raise DesignError("controller.tracking and manual act on the integral, but there is none; give ki or tt_s")
     for what, factor in {"ki h": pid.ki * period, "kd/(tf+h)": pid.slope, "kp b": pid.kp * pid.b}.items():
@@ -233,7 +231,7 @@ def _target(wires: Wires, rate: float, u_min: float, u_max: float) -> tuple[floa
     return (min(low, u_min), max(high, u_max)) if wires.manual is not None else (low, high)
 
 
-def _filter(table: Mapping[str, object], gains: Gains, form: str) -> float:
+def _filter(table: Mapping[str, object], gains: Gains, form: Rule) -> float:
     """Choose the time constant of the derivative's filter, s."""
     if gains.kd == 0:
         return real(table, "tf_s", 0.0, 0.0)
@@ -242,8 +240,8 @@ def _filter(table: Mapping[str, object], gains: Gains, form: str) -> float:
             "controller.tf_s is missing; with kp = 0 there is no Td to choose it from: give it in seconds"
         )
     tf = real(table, "tf_s", gains.filter_time, 0.0)
-    if form == "tustin" and tf == 0:
-        raise DesignError("controller.tf_s = 0 with form = 'tustin' rings for ever; give a filter time above 0")
+    if form.trapezoidal and tf == 0:
+        raise DesignError(f"controller.tf_s = 0 with form = '{form}' rings for ever; give a filter time above 0")
     return tf
 
 
@@ -274,10 +272,8 @@ def _says(pid: Pid, measurement: Signal, output: Signal) -> str:
     units = _units(measurement, output)
     gains = [(name, getattr(pid, name)) for name in GAIN_KEYS if getattr(pid, name) != 0]
     letters = "".join(name[1].upper() for name, _ in gains)
-    form = ", Tustin" if pid.form == "tustin" else ""
-    windup = {"back_calculation": ", back-calculation", "clamping": ", clamping", "none": ""}[pid.anti_windup]
     figures = ", ".join(f"{name} {value:.6g} {units[name]}" for name, value in gains)
-    return f"{letters} controller{form}{windup if pid.integrates else ''}: {figures}"
+    return f"{letters} controller{pid.form.says}{pid.anti_windup.says if pid.integrates else ''}: {figures}"
 
 
 KIND = Kind(

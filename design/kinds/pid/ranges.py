@@ -1,6 +1,6 @@
 r"""Prove how far each state variable of a PID can go.
 
-The equations and their symbols stand in `pid.py`. For all inputs within their ranges:
+The equations and their symbols stand in `kind.py`. For all inputs within their ranges:
 
 - D, where the controller keeps it. Let q = tf/(tf+h) (or Tustin's factor), g = kd/(tf+h) (or Tustin's), X the width of
   x's range. D[k] = g sum q^j
@@ -36,6 +36,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from firmloop.design.law import DesignError
+from firmloop.design.models.anti_windup import AntiWindup
+from firmloop.design.models.pid_form import Rule
 from firmloop.identify.signal import Signal
 
 WIDER = 0.01  # far above the rounding of any format that has the resolution to run the law at all
@@ -55,8 +57,8 @@ class Pid:
     u_min: float
     u_max: float
     tracking: float  # h/tt; 0 without back-calculation
-    anti_windup: str
-    form: str
+    anti_windup: AntiWindup
+    form: Rule
     rate: float = math.inf  # most that u moves, per s
     added: float = 0.0  # most that a feedforward adds to v, either way; it is no part of w above
     target: tuple[float, float] | None = None  # range of what I tracks where that is not u = v within its limits
@@ -74,9 +76,7 @@ class Pid:
     @property
     def forget(self) -> float:
         """Factor of the previous D."""
-        if self.form == "tustin":
-            return (2 * self.tf - self.period) / (2 * self.tf + self.period)
-        return self.tf / (self.tf + self.period)
+        return float(self.form.forget(self.tf, self.period))
 
     @property
     def filters(self) -> bool:
@@ -86,21 +86,17 @@ class Pid:
     @property
     def follow(self) -> float:
         """1 less `forget`: the share of x - f that f moves by."""
-        if self.form == "tustin":
-            return 2 * self.period / (2 * self.tf + self.period)
-        return self.period / (self.tf + self.period)
+        return float(self.form.follow(self.tf, self.period))
 
     @property
     def slope(self) -> float:
         """Factor of x[k] - x[k-1]."""
-        if self.form == "tustin":
-            return 2 * self.kd / (2 * self.tf + self.period)
-        return self.kd / (self.tf + self.period)
+        return float(self.form.slope(self.kd, self.tf, self.period))
 
     @property
     def half_step(self) -> float:
         """Factor of e[k] in the integral that acts at once: ki h/2 in Tustin's form, none in the default one."""
-        return self.ki * self.period / 2 if self.form == "tustin" else 0.0
+        return float(self.form.half_step(self.ki, self.period))
 
 
 def state_ranges(
@@ -115,7 +111,7 @@ def state_ranges(
     found: list[tuple[Signal, str]] = []
     if pid.integrates:
         low, high = integral_range(pid, reference, measurement, d_high)
-        why = INTEGRAL_WHY[pid.anti_windup] if pid.target is None else TRACKED_WHY
+        why = (pid.anti_windup.why or NO_BOUND) if pid.target is None else TRACKED_WHY
         found.append((_widened("integral", output.unit, low - pid.added, high + pid.added), why))
     if pid.differentiates and varying:
         if pid.filters:
@@ -131,16 +127,12 @@ def state_ranges(
         found.append((Signal("output_last", output.unit, pid.u_min, pid.u_max), "the output of the sample before"))
     for signal, _ in found:
         bounded = math.isfinite(signal.low) and math.isfinite(signal.high)
-        if not bounded and not (signal.name == "integral" and pid.anti_windup == "none"):
+        if not bounded and not (signal.name == "integral" and not pid.anti_windup.why):
             raise DesignError(f"the pid's state '{signal.name}' would leave all numbers; give smaller gains or ranges")
     return tuple(found)
 
 
-INTEGRAL_WHY = {
-    "back_calculation": "tracking pulls it to where the unlimited output meets a limit, plus ki tt times the error",
-    "clamping": "it moves outward only while the unlimited output is within its limits, at most one step beyond",
-    "none": "no bound: without anti-windup a constant error moves the integral without end",
-}
+NO_BOUND = "no bound: without anti-windup a constant error moves the integral without end"
 TRACKED_WHY = "it follows a value of known range less the rest of the output, plus ki tt times the error"
 DERIVATIVE_WHY = "a gain times the distance of c r - y from a mean of its past, hence at most the gain times its range"
 FILTERED_WHY = "a mean of c r - y over its past, hence within its range, or around it where the mean alternates"
@@ -149,7 +141,7 @@ LAST_WHY = "c r - y of the sample before, from the ranges of reference and measu
 
 def integral_range(pid: Pid, reference: Signal, measurement: Signal, d_high: float) -> tuple[float, float]:
     """Find the extremes of f(1), f(1/a) and g of the module docstring, and of the start, 0; |D| <= `d_high`."""
-    if pid.anti_windup == "none":
+    if not pid.anti_windup.why:
         return -math.inf, math.inf
     corners = list(itertools.product(_ends(reference), _ends(measurement)))
     meeting = max(reference.low, measurement.low), min(reference.high, measurement.high)

@@ -78,9 +78,9 @@ def _check_alike(pids: Sequence[Pid]) -> None:
                     f"points 1 and {k} of the gain_schedule have {name} = {getattr(first, name)} and "
                     f"{getattr(pid, name)}; every point must have the same"
                 )
-        if pid.anti_windup == "clamping" and (pid.ki > 0) != (first.ki > 0):
+        if pid.anti_windup.one_sign and (pid.ki > 0) != (first.ki > 0):
             raise DesignError(
-                f"points 1 and {k} of the gain_schedule have ki of different signs; clamping needs one sign"
+                f"points 1 and {k} of the gain_schedule have ki of different signs; {pid.anti_windup} needs one sign"
             )
 
 

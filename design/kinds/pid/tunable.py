@@ -18,6 +18,7 @@ from firmloop.design.kinds.pid.box import box_ranges, whole_pid
 from firmloop.design.kinds.pid.equations import Wires, factors, write
 from firmloop.design.kinds.pid.ranges import Pid
 from firmloop.design.law import DesignError, Law
+from firmloop.design.models.anti_windup import tracking_modes
 from firmloop.design.models.feedforward import Feedforward
 from firmloop.design.tunable import Parameter, held, read_parameters, with_parameters
 
@@ -34,12 +35,12 @@ def pid_parameters(
             f"controller.tunable = {list(names)} has no place in form = '{table['form']}', whose gains depend on each "
             "other; use form = 'parallel' with kp, ki and kd"
         )
-    if "ki" in names and pid.anti_windup == "back_calculation" and not pid.tracking:
+    if "ki" in names and pid.anti_windup.tracks and not pid.tracking:
         raise DesignError("controller.tt_s is missing; ki can be tuned, so it cannot be chosen from ki = 0: give it")
-    if "ki" in names and pid.anti_windup == "clamping" and names["ki"].low * names["ki"].high < 0:
+    if "ki" in names and pid.anti_windup.one_sign and names["ki"].low * names["ki"].high < 0:
         raise DesignError(
             f"controller.ranges.ki = [{names['ki'].low:g}, {names['ki'].high:g}] holds both signs; "
-            "clamping needs one: choose one, or anti_windup = 'back_calculation'"
+            f"{pid.anti_windup} needs one: choose one, or anti_windup = {tracking_modes()}"
         )
     if "kd" in names and pid.kd == 0 and "tf_s" not in table:
         raise DesignError("controller.tf_s is missing; kd can be tuned, so it cannot be chosen from kd = 0: give it")
@@ -54,7 +55,7 @@ def tunable_law(
     ends = [{p.signal.low, p.signal.high, p.default} for p in parameters]
     corners = [_with(pid, dict(zip(names, values, strict=True))) for values in itertools.product(*ends)]
     whole = whole_pid(corners)
-    if "ki" in names and pid.anti_windup == "clamping":
+    if "ki" in names and pid.anti_windup.one_sign:
         whole = replace(whole, ki=max((corner.ki for corner in corners), key=abs))
     larger = with_parameters(request, parameters)
     z = {signal.name: ca.SX.sym(signal.name) for signal in larger.inputs}
@@ -64,7 +65,7 @@ def tunable_law(
         if name == "ki":
             named["ki_step"] = (wires.output.unit + "/" + wires.measurement.unit, symbol * pid.period)
             given = replace(given, step=named["ki_step"][1])
-            if pid.form == "tustin":
+            if pid.form.trapezoidal:
                 given = replace(given, half_step=symbol * (pid.period / 2))
         elif name == "kd":
             named["kd_step"] = (wires.output.unit + "/" + wires.measurement.unit, symbol * (replace(pid, kd=1.0).slope))
