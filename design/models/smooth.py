@@ -1,53 +1,35 @@
 """The equations of a plant as a predictive controller needs them: with their effects, smooth, and sampled.
 
-An effect whose law jumps with the sign of a speed w takes s(w) = tanh(w/smooth) instead::
+Every effect says itself what holds a plant against it (`holding` in identify/plants/effects); the equations get the
+opposite of that, with s(w) = tanh(w/smooth) in place of the sign of the speed w, where it jumps::
 
-    coulomb_friction        -T s(w)
-    asymmetric_friction     -Tp (1 + s(w))/2 + Tn (1 - s(w))/2
-    stribeck_friction       -(Tc + (Ts - Tc) exp(-(w/ws)^2)) s(w)
-    quadratic_drag          -c w^2 s(w)
-    load_torque             -T
-    gravity_torque          -T sin(theta + phi)
-    cogging_torque          -T sin(n theta + phi)
-    return_spring           -k theta
-    hardening_spring        -k3 theta^3
+    dry friction            -Tp (1 + s(w))/2 + Tn (1 - s(w))/2;   -T s(w) where both are one T
+    Stribeck                -(Tc + (Ts - Tc) exp(-(w/ws)^2)) s(w)
+    load, drag              -T - c w^2 s(w)
+    gravity, cogging        -T sin(n theta + phi)
+    springs                 -k theta - k3 theta^3
 
-Others (delays, sensors, backlash, what has a state of its own) are left out; the law's first line names them. Sampling
+Others (delays, sensors, backlash, what depends on the load) are left out; the law's first line names them. Sampling
 is the Runge-Kutta method of order four with its slopes carried along (internal differentiation: Bock, 1981).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from firmloop.design.law import DesignError, Law, Scalar
-from firmloop.identify.plants.attach import label_of, values_of
+from firmloop.identify.plants.attach import label_of, placed
+from firmloop.identify.plants.effect import Holding
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import constants_of
 
 LONGEST = 1.0  # of one Runge-Kutta step, over the fastest eigenvalue's magnitude
 MOST_PARTS = 10  # of one sample: what every sample computes
-
-Values = tuple[float, ...]  # of an effect's parameters, in their order
-Term = Callable[[ca.SX, ca.SX, ca.SX, Values], ca.SX]  # speed, its smooth sign, position, values -> torque or force
-
-TERMS: Mapping[str, Term] = {
-    "coulomb_friction": lambda w, s, th, q: -q[0] * s,
-    "asymmetric_friction": lambda w, s, th, q: -q[0] * (1 + s) / 2 + q[1] * (1 - s) / 2,
-    "stribeck_friction": lambda w, s, th, q: -(q[0] + (q[1] - q[0]) * ca.exp(-((w / q[2]) ** 2))) * s,
-    "quadratic_drag": lambda w, s, th, q: -q[0] * w * w * s,
-    "load_torque": lambda w, s, th, q: ca.SX(-q[0]),
-    "gravity_torque": lambda w, s, th, q: -q[0] * ca.sin(th + q[1]),
-    "cogging_torque": lambda w, s, th, q: -q[0] * ca.sin(q[1] * th + q[2]),
-    "return_spring": lambda w, s, th, q: -q[0] * th,
-    "hardening_spring": lambda w, s, th, q: -q[0] * th * th * th,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +48,14 @@ def smooth_rate(plant: Plant, smooth: float) -> Smooth:
     rate = plant.rate(x, u, constants)
     missed = []
     place = next((balance for balance in plant.balances if balance.kind in ("torque", "force")), None)
-    for use in plant.effects:
-        if use.name not in TERMS or place is None or place.state < 0:
+    for use, (effect, site, at) in zip(plant.effects, placed(plant), strict=True):
+        held = None
+        if effect.holding is not None and effect.place == "torque":
+            held = effect.holding(site, tuple(plant.parameters[k].value for k in at))
+        if held is None or held.share or place is None or place.state < 0:
             missed.append(label_of(plant, use))
             continue
-        values = tuple(values_of(plant, use).values())
-        rate[place.state] += place.per(constants) * TERMS[use.name](*_motion(x, place, smooth), values)
+        rate[place.state] += place.per(constants) * _effort(held, *_motion(x, place, smooth))
     if plant.delay is not None:
         missed.append(plant.delay)
     return Smooth(ca.Function("rate", [x, u], [rate]), plant.states, tuple(missed))
@@ -80,6 +64,28 @@ def smooth_rate(plant: Plant, smooth: float) -> Smooth:
 def _motion(x: ca.SX, place: Balance, smooth: float) -> tuple[ca.SX, ca.SX, ca.SX]:
     speed = x[place.state]
     return speed, ca.tanh(speed / smooth), x[place.position] if place.position >= 0 else ca.SX(0)
+
+
+def _effort(held: Holding, w: ca.SX, sign: ca.SX, th: ca.SX) -> ca.SX:
+    """Return the torque or force of an effect at speed w, its smooth sign, and position th."""
+    terms = []
+    if held.extra:
+        terms.append(-(held.up + held.extra * ca.exp(-((w / held.slow) ** 2))) * sign)
+    elif held.up == held.down != 0:
+        terms.append(-held.up * sign)
+    elif held.up or held.down:
+        terms.append(-held.up * (1 + sign) / 2 + held.down * (1 - sign) / 2)
+    if held.drag:
+        terms.append(-held.drag * w * w * sign)
+    if held.constant:
+        terms.append(ca.SX(-held.constant))
+    if held.wave:
+        terms.append(-held.wave * ca.sin(held.turns * th + held.phase))
+    if held.spring:
+        terms.append(-held.spring * th)
+    if held.cubic:
+        terms.append(-held.cubic * th * th * th)
+    return sum(terms, start=ca.SX(0))
 
 
 def parts_of(plant: Smooth, period: float, points: np.ndarray) -> int:
