@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from firmloop.quantize.formats.q_formats import WIDENED, fit
 from firmloop.quantize.lower.builder import Builder, Constant, Operand, Term
 from firmloop.quantize.lower.places import (
     HIGH,
@@ -35,6 +34,7 @@ from firmloop.quantize.lower.places import (
     split,
     vanishes,
 )
+from firmloop.quantize.lower.q_formats import WIDENED, fit
 from firmloop.quantize.lower.rounds import ROUNDINGS, Dropping
 from firmloop.quantize.program import TOO_FAR, Number, QuantizeError, Value
 

@@ -8,11 +8,8 @@ from dataclasses import replace
 
 from firmloop.design.law import Horizon, Law, Quadratic, Tree
 from firmloop.identify.signal import Signal
-from firmloop.quantize.formats.q_formats import Formats, choose_formats
 from firmloop.quantize.formats.quadratic import table_of
 from firmloop.quantize.formats.rti import table_of as course_table
-from firmloop.quantize.formats.sweep_formats import Planned, fixed_sweeps, float_sweeps
-from firmloop.quantize.formats.tree_formats import fixed_tree, float_tree
 from firmloop.quantize.lower.budget import budget_of
 from firmloop.quantize.lower.builder import Builder, Constant, Operand, Term
 from firmloop.quantize.lower.first_sample import in_one_branch
@@ -21,8 +18,11 @@ from firmloop.quantize.lower.floating import FloatBuilder
 from firmloop.quantize.lower.graph import FLOATING_ONLY, Node, needed, with_own_constants
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
+from firmloop.quantize.lower.q_formats import Formats, choose_formats
 from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.sums import Sum, gather, is_linear
+from firmloop.quantize.lower.sweep_formats import Planned, fixed_sweeps, float_sweeps
+from firmloop.quantize.lower.tree_formats import fixed_tree, float_tree
 from firmloop.quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 
 PLAN, PLAN_DATA, MODEL = "plan", "plan_data", "plan_model"  # a program's solution, its constants and its model

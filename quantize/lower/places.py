@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from firmloop.quantize.formats.q_formats import FINEST, fit
 from firmloop.quantize.lower.builder import Term
+from firmloop.quantize.lower.q_formats import FINEST, fit
 from firmloop.quantize.lower.sums import near_one
 from firmloop.quantize.program import QuantizeError
 

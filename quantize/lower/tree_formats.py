@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.law import Quadratic, Tree
-from firmloop.quantize.formats.sweep_formats import LONG, MOST_SHIFT, WORD, Planned
 from firmloop.quantize.lower.builder import Term
+from firmloop.quantize.lower.sweep_formats import LONG, MOST_SHIFT, WORD, Planned
 from firmloop.quantize.program import QuantizeError, Table
 from firmloop.quantize.twins.trees import ONE
 
