@@ -22,7 +22,7 @@ OBSERVERS = ("none", "luenberger", "kalman")
 
 
 @dataclass(frozen=True, slots=True)
-class Gains:
+class FeedbackGains:
     """Every constant of the law, and which inputs it reads; `feedback` (m, n), `forward` (m,), `correction` (n, r)."""
 
     feedback: Array
@@ -33,7 +33,7 @@ class Gains:
     measured: tuple[int, ...]  # indices of the states, or of the measurements
 
 
-def find_gains(request: Request, model: Model | None) -> tuple[Gains, Model]:
+def find_gains(request: Request, model: Model | None) -> tuple[FeedbackGains, Model]:
     """Return them, and the model with the rows of C that are measured; None is no model."""
     table, drives = request.table, len(request.outputs)
     kind = choice(table, "observer", "none", OBSERVERS)
@@ -60,7 +60,7 @@ def find_gains(request: Request, model: Model | None) -> tuple[Gains, Model]:
             else reference_gain(model.a, model.b, model.c, feedback)
         )
     correction = _correction(request, model, kind)
-    return Gains(feedback, forward, ki, correction, reference, tuple(others)), model
+    return FeedbackGains(feedback, forward, ki, correction, reference, tuple(others)), model
 
 
 def _gain_alone(request: Request, kind: str, states: int) -> Model:

@@ -57,7 +57,7 @@ PLAN_WHY = "limited: a plan is where the next sample starts from, and what it la
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class NmpcSetup:
     """What the table asks for, read and checked."""
 
     plant: Smooth
@@ -80,7 +80,7 @@ def design(request: Request) -> Design:
     return Design(_law(request, setup), figures, None, {})
 
 
-def _setup(request: Request) -> Setup:
+def _setup(request: Request) -> NmpcSetup:
     table, plant = request.table, request.plant
     if plant is None:
         raise DesignError("controller.kind = 'nmpc' needs the plant's equations: give [plant]")
@@ -122,7 +122,7 @@ def _setup(request: Request) -> Setup:
         whole(table, "iterations", 1, 1, 20), whole(table, "budget", changes, 1, 10_000),
     )  # fmt: skip
     led = _led(plant) if reference is not None else 0
-    return Setup(smooth, wires, reference, led, target, horizon, _flag(table))
+    return NmpcSetup(smooth, wires, reference, led, target, horizon, _flag(table))
 
 
 def _wires(request: Request, plant: Plant) -> tuple[int | None, tuple[int, ...]]:
@@ -208,7 +208,7 @@ def _flag(table: object) -> bool:
     return value
 
 
-def _law(request: Request, setup: Setup) -> Law:
+def _law(request: Request, setup: NmpcSetup) -> Law:
     horizon, (n, m) = setup.horizon, (len(setup.target), len(request.outputs))
     planned = _planned(request, setup)
     check_names(request, [signal.name for signal in planned])
@@ -269,7 +269,7 @@ def _kept(horizon: Horizon) -> int:
     return max(1, horizon.length - 1)
 
 
-def _planned(request: Request, setup: Setup) -> tuple[Signal, ...]:
+def _planned(request: Request, setup: NmpcSetup) -> tuple[Signal, ...]:
     """Name all that the law keeps: the last outputs, whether there is a plan, and its states and moves."""
     ranges = [request.inputs[k] for k in setup.wires]
     m, horizon = len(request.outputs), setup.horizon

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from firmloop.design.design import Design, Kind, Request
 from firmloop.design.draft import Draft, Element
-from firmloop.design.kinds.feedback_gains import OBSERVERS, Gains, find_gains
+from firmloop.design.kinds.feedback_gains import OBSERVERS, FeedbackGains, find_gains
 from firmloop.design.law import DesignError, Law
 from firmloop.design.linear.linear_law import INTEGRAL_WHY, check_names, symbols, weighted_sum, write
 from firmloop.design.linear.reach import reach, widened
@@ -77,7 +77,7 @@ def draft(request: Request) -> Draft:
     )
 
 
-def _figures(gains: Gains) -> dict[str, float]:
+def _figures(gains: FeedbackGains) -> dict[str, float]:
     figures = {f"K_{i}_{j}": float(gains.feedback[i, j]) for i, j in np.ndindex(*gains.feedback.shape)}
     if gains.reference is not None:
         figures |= {f"N_{i}": float(value) for i, value in enumerate(gains.forward)}
@@ -101,7 +101,7 @@ class _Parts:
     named: Mapping[str, tuple[str, ca.SX]]
 
 
-def _parts(request: Request, model: Model, gains: Gains) -> _Parts:
+def _parts(request: Request, model: Model, gains: FeedbackGains) -> _Parts:
     """Write -K x + N r, what the observer sees, and what it does with it."""
     z = symbols([wire.name for wire in request.inputs])
     seen = [z[k] for k in gains.measured]
@@ -132,7 +132,7 @@ def _parts(request: Request, model: Model, gains: Gains) -> _Parts:
     return _Parts(z, first, held, tuple(sums), error, moved, named)
 
 
-def _law(request: Request, model: Model, gains: Gains) -> Law:
+def _law(request: Request, model: Model, gains: FeedbackGains) -> Law:
     """Write the equations of the module docstring."""
     low, high = limits(request.table, request.outputs)
     parts = _parts(request, model, gains)
@@ -158,7 +158,7 @@ def _law(request: Request, model: Model, gains: Gains) -> Law:
 
 
 def _ranges(
-    request: Request, model: Model, gains: Gains, first: int, limit: tuple[tuple[float, ...], tuple[float, ...]]
+    request: Request, model: Model, gains: FeedbackGains, first: int, limit: tuple[tuple[float, ...], tuple[float, ...]]
 ) -> list[tuple[Signal, str]]:
     """Bound the estimate by the L1 norm from u and y; the past inputs by the limits of u, likewise."""
     estimated = gains.correction is not None
@@ -179,7 +179,7 @@ def _ranges(
 
 
 def _integral_range(
-    request: Request, model: Model, gains: Gains, held: list[Signal], limit: tuple[float, float]
+    request: Request, model: Model, gains: FeedbackGains, held: list[Signal], limit: tuple[float, float]
 ) -> tuple[Signal, str]:
     """I grows only while v <= u_max: then I <= u_max less the least of -K x + N r, and one step more."""
     wires = [request.inputs[k] for k in gains.measured]
@@ -209,7 +209,7 @@ def _state_names(model: Model) -> list[str]:
     return names + [f"past_{k}" for k in range(1, len(model.a) - model.order + 1)]
 
 
-def _says(request: Request, model: Model, gains: Gains) -> str:
+def _says(request: Request, model: Model, gains: FeedbackGains) -> str:
     how = "LQR" if "Q" in request.table else "state feedback"
     observer = choice(request.table, "observer", "none", OBSERVERS)
     seen = {"none": "states measured", "luenberger": "Luenberger observer", "kalman": "Kalman filter"}[observer]

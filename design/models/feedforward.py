@@ -70,6 +70,7 @@ class Feedforward:
     smooth: float  # unit of the reference, per s where it is a position
     position: Signal | None  # what carries th
     dead: float  # unit of the output
+    dead_zones: tuple[str, ...]  # the effects that it is of
     soft: float
     most: float  # largest magnitude of the output
     missed: Mapping[str, str]
@@ -149,7 +150,7 @@ class Feedforward:
     def says(self) -> str:
         """Write what the law's first line adds."""
         left = f" (not for {', '.join(self.missed)})" if self.missed else ""
-        met = [part.name for part in self.parts] + (["dead_zone"] if self.dead else [])
+        met = [part.name for part in self.parts] + list(self.dead_zones)
         return f"; feedforward for {', '.join(met)}{left}"
 
     def size(self) -> float:
@@ -211,7 +212,7 @@ def feedforward(
             "controller.feedforward has nothing to work from; add [[plant.effects]], or let diagnose find them"
         )
     carried = _carried(own, plant, reference, inputs)
-    parts, dead, missed = [], 0.0, {}
+    parts, dead, dead_zones, missed = [], 0.0, [], {}
     for effect, site, at in placed(plant):
         values = tuple(plant.parameters[k].value for k in at)
         if effect.holding is None:
@@ -222,6 +223,7 @@ def feedforward(
         held = effect.holding(site, values)
         if held.dead:
             dead += held.dead
+            dead_zones.append(effect.name)
         elif carried[1] is None and any((held.wave, held.spring, held.cubic)):
             missed[effect.name] = 'a speed tells no position; name an input that carries it: position = "..."'
         else:
@@ -230,7 +232,16 @@ def feedforward(
         told = "; ".join(f"{name}: {why}" for name, why in missed.items())
         raise DesignError(f"controller.feedforward can meet none of the plant's effects ({told}); remove it")
     return Feedforward(
-        tuple(parts), reference, period if carried[0] else 0.0, smooth, carried[1], dead, soft, most, missed
+        parts=tuple(parts),
+        reference=reference,
+        step=period if carried[0] else 0.0,
+        smooth=smooth,
+        position=carried[1],
+        dead=dead,
+        dead_zones=tuple(dead_zones),
+        soft=soft,
+        most=most,
+        missed=missed,
     )
 
 

@@ -14,7 +14,7 @@ from firmloop.design.table import choice
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class Discretization:
     """One way to discretize: backward Euler, or the trapezoidal rule (Tustin)."""
 
     name: str
@@ -42,8 +42,8 @@ class Rule:
         return ki * h / 2 if self.trapezoidal else 0.0
 
 
-EULER = Rule("default", "", False)
-TUSTIN = Rule("tustin", ", Tustin", True)
+EULER = Discretization("default", "", False)
+TUSTIN = Discretization("tustin", ", Tustin", True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Form:
     """One form; `times`: it takes `ti_s` and `td_s` in place of ki and kd; `series`: its terms follow each other."""
 
     name: str
-    rule: Rule
+    rule: Discretization
     times: bool = False
     series: bool = False
 

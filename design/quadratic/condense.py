@@ -32,7 +32,7 @@ NONE = 1e-9  # a row this small beside its kind cannot be moved
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class Constraints:
     """Limits of inputs (m,), of their changes (m,) and of states (n,), infinite where there is none; `soft` (n,)."""
 
     u_low: Array
@@ -78,7 +78,7 @@ class Condensed:
     feasible: bool
 
 
-def condense(prediction: Prediction, limits: Limits) -> Condensed:
+def condense(prediction: Prediction, limits: Constraints) -> Condensed:
     """Eliminate the states.
 
     Raises
@@ -185,7 +185,7 @@ def _trajectory(prediction: Prediction, horizon: int) -> tuple[Array, Array]:
 
 def _rows(
     prediction: Prediction,
-    limits: Limits,
+    limits: Constraints,
     h: Array,
     f: Array,
     free: Array,

@@ -41,7 +41,7 @@ HALVINGS = 8  # of how far the sweeps may go, while that costs no sweep
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedSweeps:
     """What was seen from `count` drawn parameters that have an optimum."""
 
     worst: float  # error of an output, over its range
@@ -49,7 +49,7 @@ class Judged:
     count: int
 
 
-def choose_sweeps(law: Law, accuracy: float, optimum: QuadraticSolver) -> tuple[Sweeps, Judged]:
+def choose_sweeps(law: Law, accuracy: float, optimum: QuadraticSolver) -> tuple[Sweeps, JudgedSweeps]:
     """Return the fewest sweeps whose outputs are within `accuracy`, a share of their ranges, of the optimum.
 
     Raises
@@ -75,7 +75,7 @@ def choose_sweeps(law: Law, accuracy: float, optimum: QuadraticSolver) -> tuple[
         if least <= accuracy:
             sweeps = replace(found, tolerance=_tolerance(found, pool))
             capped = swept(sweeps, fresh.parameters).status == CAPPED
-            return sweeps, Judged(least, float(np.mean(capped)) if len(capped) else 0.0, len(capped))
+            return sweeps, JudgedSweeps(least, float(np.mean(capped)) if len(capped) else 0.0, len(capped))
         chosen = chosen.with_parts(fresh.part(np.argsort(-errors, kind="stable")[:HARDEST]))
     raise DesignError(
         f"controller.solver = 'fixed_iterations': {MOST} iterations leave an error of {least:.3g} of the output's "

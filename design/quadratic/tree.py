@@ -28,7 +28,7 @@ MOST_NODES = 4000
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedTree:
     """How a tree was found and judged."""
 
     regions: int
@@ -36,7 +36,7 @@ class Judged:
     count: int
 
 
-def choose_tree(law: Law, optimum: QuadraticSolver) -> tuple[Tree, Judged]:
+def choose_tree(law: Law, optimum: QuadraticSolver) -> tuple[Tree, JudgedTree]:
     """Return the tree of a law's quadratic program, judged by its optimum.
 
     Raises
@@ -62,7 +62,7 @@ def choose_tree(law: Law, optimum: QuadraticSolver) -> tuple[Tree, Judged]:
             "the output's range: some are too thin to be found; narrow the ranges in [signals], or use "
             'solver = "online"'
         )
-    return tree, Judged(len(regions), worst, int(np.count_nonzero(good)))
+    return tree, JudgedTree(len(regions), worst, int(np.count_nonzero(good)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from firmloop.design.law import DesignError
 from firmloop.design.models.process import half_rule, natural_period, process, zero_pole
 from firmloop.design.table import choice, positive, real
 from firmloop.design.tuning import Gains, Rule
-from firmloop.design.tuning.pid_search import Cost, Limits, Point, Task, run_length, search
+from firmloop.design.tuning.pid_search import Cost, GainTriple, RobustnessLimits, Task, run_length, search
 from firmloop.design.tuning.simc import tune as simc
 from firmloop.identify.simulation.linearize import Linear
 
@@ -30,7 +30,7 @@ def error_integral_rule(name: str, says: str, cost: Cost) -> Rule:
         full = process(zero_pole(linear), period)
         usual = "pid" if _derivative_pays(linear, period) else "pi"
         terms = choice(table, "terms", usual, ("pi", "pid"))
-        limits = Limits(
+        limits = RobustnessLimits(
             real(table, "ms_max", 1.6, 1.05),
             positive(table, "noise_gain_max", None) if "noise_gain_max" in table else math.inf,
         )
@@ -74,7 +74,7 @@ def _derivative_pays(linear: Linear, period: float) -> bool:
     return second.integrators >= 2 or lag2 > second.delay or natural_period(plant, full) > 0
 
 
-def _start(linear: Linear, period: float, table: Mapping[str, object], terms: str, slower: float) -> Point:
+def _start(linear: Linear, period: float, table: Mapping[str, object], terms: str, slower: float) -> GainTriple:
     """SIMC with a slower closed loop; a PID for a plant of one lag starts with a small derivative."""
     own: dict[str, object] = {"terms": terms} | ({"tf_s": table["tf_s"]} if "tf_s" in table else {})
     model = process(zero_pole(linear), period)

@@ -40,7 +40,7 @@ SHORTEST, LONGEST = 150, 3000  # samples in each half of the run
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class RobustnessLimits:
     """What every candidate must keep."""
 
     ms: float  # sensitivity peak
@@ -61,7 +61,7 @@ class Task:
     samples: int  # of each half
 
 
-Point = tuple[float, float, float]  # kp, ki, kd
+GainTriple = tuple[float, float, float]  # kp, ki, kd
 Cost = Callable[[ca.SX, ca.SX], ca.SX]  # (error, time since the step) -> what a sample adds
 
 
@@ -72,7 +72,7 @@ def run_length(model: Process, period: float) -> int:
     return int(np.clip((12 * own + 2 * lag) / period, SHORTEST, LONGEST))
 
 
-def search(task: Task, cost: Cost, limits: Limits, starts: tuple[Point, ...]) -> Point:
+def search(task: Task, cost: Cost, limits: RobustnessLimits, starts: tuple[GainTriple, ...]) -> GainTriple:
     """Return the gains of least cost found from the first of `starts` that keeps the limits.
 
     Raises
@@ -92,7 +92,7 @@ def search(task: Task, cost: Cost, limits: Limits, starts: tuple[Point, ...]) ->
     signs = [math.copysign(1.0, gain) for gain in begin]
     free = [k for k in range(3) if begin[k] != 0]
 
-    def point_at(place: Array) -> Point:
+    def point_at(place: Array) -> GainTriple:
         made = [0.0, 0.0, 0.0]
         for k, value in zip(free, place, strict=True):
             made[k] = signs[k] * math.exp(float(np.clip(value, -60, 60)))
@@ -124,7 +124,7 @@ def search(task: Task, cost: Cost, limits: Limits, starts: tuple[Point, ...]) ->
     return best
 
 
-def filter_time(table: Mapping[str, object], point: Point) -> float:
+def filter_time(table: Mapping[str, object], point: GainTriple) -> float:
     """Time constant of the derivative's filter, s: the table's or Td/10, as `kinds/pid/kind.py` chooses it."""
     kp, _, kd = point
     return real(table, "tf_s", abs(kd / kp) / 10 if kp else 0.0, 0.0)
@@ -133,7 +133,7 @@ def filter_time(table: Mapping[str, object], point: Point) -> float:
 class _Check:
     """Whether a point keeps the limits, from the frequency response."""
 
-    def __init__(self, task: Task, limits: Limits) -> None:
+    def __init__(self, task: Task, limits: RobustnessLimits) -> None:
         self._task, self._limits = task, limits
         top = math.pi / task.period
         speeds = np.abs(np.linalg.eigvals(np.atleast_2d(task.linear.a)))
@@ -144,7 +144,7 @@ class _Check:
         self._plant = sampled_response(task.linear, task.period)(grid)
         self._abc = state_space(zero_order_hold(task.linear, task.period))
 
-    def excess(self, point: Point) -> float:
+    def excess(self, point: GainTriple) -> float:
         """By which share the worst limit is broken; at most 0 where all are kept."""
         own = controller_response(self._task.table, point, self._task.period, self._z)
         with np.errstate(all="ignore"):
@@ -154,7 +154,7 @@ class _Check:
         worst = max(ms / self._limits.ms, noise / self._limits.noise_gain) / INSIDE - 1
         return worst if math.isfinite(worst) else math.inf
 
-    def stable(self, point: Point) -> bool:
+    def stable(self, point: GainTriple) -> bool:
         """Whether every pole of the loop lies inside the unit circle."""
         a, b, c = self._abc
         f, g, k, d = _controller(self._task.table, point, self._task.period)
@@ -162,14 +162,14 @@ class _Check:
         return bool(np.max(np.abs(np.linalg.eigvals(ring))) < 1 - 1e-9)
 
 
-def controller_response(table: Mapping[str, object], point: Point, period: float, z: Response) -> Response:
+def controller_response(table: Mapping[str, object], point: GainTriple, period: float, z: Response) -> Response:
     """Return u/e (n,) of the PID at points z (n,)."""
     f, g, k, d = _controller(table, point, period)
     (integral, forget), (in_integral, in_filter) = np.diag(f), g[:, 0]
     return np.asarray(d[0, 0] + k[0, 0] * in_integral / (z - integral) + k[0, 1] * in_filter / (z - forget))
 
 
-def _controller(table: Mapping[str, object], point: Point, h: float) -> tuple[Array, Array, Array, Array]:
+def _controller(table: Mapping[str, object], point: GainTriple, h: float) -> tuple[Array, Array, Array, Array]:
     """Write e -> u as x+ = f x + g e, u = k x + d e; the derivative's slope/(1) (z - 1)/(z - forget) is split up."""
     kp, ki, kd = point
     tf = filter_time(table, point)
@@ -184,7 +184,7 @@ def _controller(table: Mapping[str, object], point: Point, h: float) -> tuple[Ar
     )
 
 
-def _run(task: Task, cost: Cost) -> Callable[[Point], float]:
+def _run(task: Task, cost: Cost) -> Callable[[GainTriple], float]:
     """Build the loop with symbolic gains; the function returned runs it once."""
     table, h = task.table, task.period
     a, b, c = (ca.sparsify(ca.DM(part)) for part in state_space(zero_order_hold(task.linear, h)))
@@ -213,7 +213,7 @@ def _run(task: Task, cost: Cost) -> Callable[[Point], float]:
     start = np.zeros(a.shape[0] + 3)
     start[-1] = real(table, "c", 0.0) * task.step  # D is 0 at the first sample
 
-    def run(point: Point) -> float:
+    def run(point: GainTriple) -> float:
         one, two, three = point
         tt = real(table, "tt_s", 0.0)
         if not tt:

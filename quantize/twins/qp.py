@@ -1,4 +1,4 @@
-"""Solve a quadratic program with constant data by a dual active-set method, bit for bit.
+"""Solve a quadratic program with constant data by a dual active-set method: the twin of fl_qp.h, bit for bit.
 
 The problem, in the rows y of its constraints alone (the unknowns are eliminated):
 
@@ -110,8 +110,8 @@ def tolerance_of(problem: Quadratic) -> float:
 def solve(rows: Rows, parameters: Raw) -> Solution:
     """Solve for every row of `parameters` (lanes, p), in the element type of `rows`."""
     from firmloop.quantize.twins.qp_search import (  # half a second, which only a search should cost
-        Problem,
-        Search,
+        QpProblem,
+        QpSearch,
         search_all,
     )
 
@@ -120,7 +120,7 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
     def typed(values: Raw) -> Raw:
         return np.ascontiguousarray(values, dtype=kind)
 
-    problem = Problem(
+    problem = QpProblem(
         slope=typed(rows.slope.T),
         low=typed(rows.low),
         high=typed(rows.high),
@@ -141,7 +141,7 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
         onward=typed(rows.onward),
         softness=typed(rows.softness),
     )
-    search = Search(
+    search = QpSearch(
         np.zeros(count, kind), np.zeros(count, kind), np.zeros((rows.room, count), kind), np.zeros(rows.room, kind),
         np.zeros(rows.room, np.int64), np.zeros(count, np.int64), np.zeros(4, np.int64), np.zeros(1, kind),
     )  # fmt: skip

@@ -1,8 +1,9 @@
 """Search one quadratic program after the other as `fl_qp.h` does, compiled from this Python when first used.
 
-The functions are those of `fl_qp.h` without its prefix, and what they compute is the same in every bit: a number keeps
-its type, every product is rounded before it is added. See `quantize/twins/qp.py` for the method. Nothing but
-time is won by the compiler (numba, kept for the next run): a search is some ten thousand numbers, one after the other.
+The functions are those of `fl_qp.h` and `fl_qp_tableau.h` without their prefix, and what they compute is the same in
+every bit: a number keeps its type, every product is rounded before it is added. See `quantize/twins/qp.py` for the
+method. Nothing but time is won by the compiler (numba, kept for the next run): a search is some ten thousand numbers,
+one after the other.
 
 Whole slices are not assigned: what numba takes for their errors compiles longer than all the rest.
 """
@@ -18,14 +19,14 @@ from firmloop.design.outcome import CAPPED, COLUMN, INFEASIBLE, SOLVED
 
 Raw = NDArray[Any]
 
-LENGTH, WORK, FRESH, HARD = range(4)  # places of `Search.counts`
+LENGTH, WORK, FRESH, HARD = range(4)  # places of `QpSearch.counts`
 
 WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # only compiled code calls it
 
 compiled = numba.njit(error_model="numpy", **WITHIN)
 
 
-class Problem(NamedTuple):
+class QpProblem(NamedTuple):
     """What `fl_qp_t` and the sizes beside it hold, in one element type; `moves` is 0 where answers are not checked."""
 
     slope: Raw  # (p, m)
@@ -49,7 +50,7 @@ class Problem(NamedTuple):
     softness: Raw
 
 
-class Search(NamedTuple):
+class QpSearch(NamedTuple):
     """What `fl_search_t` holds; `counts` are the length of the active set, the work, and what is `fresh` and `hard`."""
 
     value: Raw
@@ -63,7 +64,7 @@ class Search(NamedTuple):
 
 
 @compiled
-def _column(q: Problem, s: Search, row: int) -> None:
+def _column(q: QpProblem, s: QpSearch, row: int) -> None:
     length = s.counts[LENGTH]
     s.counts[WORK] += length + COLUMN
     gram = q.gram[row]
@@ -77,12 +78,12 @@ def _column(q: Problem, s: Search, row: int) -> None:
 
 
 @compiled
-def _hard(q: Problem, row: int) -> bool:
+def _hard(q: QpProblem, row: int) -> bool:
     return row < q.moves or not (q.softness[row - q.moves] > 0)
 
 
 @compiled
-def _store(q: Problem, s: Search, row: int) -> None:
+def _store(q: QpProblem, s: QpSearch, row: int) -> None:
     length = s.counts[LENGTH]
     pivot = s.column[row]
     inverse = q.one / pivot
@@ -96,7 +97,7 @@ def _store(q: Problem, s: Search, row: int) -> None:
 
 
 @compiled
-def _leave(q: Problem, s: Search, place: int) -> None:
+def _leave(q: QpProblem, s: QpSearch, place: int) -> None:
     row, last = s.active[place], s.counts[LENGTH] - 1
     s.value[row] = q.high[row] if s.side[row] > 0 else q.low[row]
     s.side[row] = 0
@@ -132,7 +133,7 @@ def _leave(q: Problem, s: Search, place: int) -> None:
 
 
 @compiled
-def _most_violated(q: Problem, s: Search, most: Any) -> int:
+def _most_violated(q: QpProblem, s: QpSearch, most: Any) -> int:
     """Return the row outside the active set that is violated by most, -1 where none is by more than `most`."""
     row = -1
     for i in range(len(q.low)):
@@ -146,19 +147,19 @@ def _most_violated(q: Problem, s: Search, most: Any) -> int:
 
 
 @compiled
-def _move(q: Problem, s: Search, moved: Any) -> None:
+def _move(q: QpProblem, s: QpSearch, moved: Any) -> None:
     for i in range(len(q.low)):
         s.value[i] -= s.column[i] * moved
 
 
 @compiled
-def _free(q: Problem, s: Search, row: int) -> bool:
+def _free(q: QpProblem, s: QpSearch, row: int) -> bool:
     filled = q.moves > 0 and s.counts[HARD] == q.moves and _hard(q, row)
     return s.column[row] > q.least and s.counts[LENGTH] < q.room and not filled
 
 
 @compiled
-def _beyond(q: Problem, row: int, parameters: Raw, moves: Raw) -> Any:
+def _beyond(q: QpProblem, row: int, parameters: Raw, moves: Raw) -> Any:
     shift, onward = q.shift[row], q.onward[row]
     value = shift[0] * parameters[0]
     for j in range(1, len(parameters)):
@@ -169,14 +170,14 @@ def _beyond(q: Problem, row: int, parameters: Raw, moves: Raw) -> Any:
 
 
 @compiled
-def _held(q: Problem, s: Search, row: int) -> Any:
+def _held(q: QpProblem, s: QpSearch, row: int) -> Any:
     if s.side[row] == 0:
         return s.value[row]
     return q.high[row] if s.side[row] > 0 else q.low[row]
 
 
 @compiled
-def _residual(q: Problem, s: Search, parameters: Raw) -> None:
+def _residual(q: QpProblem, s: QpSearch, parameters: Raw) -> None:
     for i in range(q.moves):
         value = q.slope[0, i] * parameters[0]
         for j in range(1, len(parameters)):
@@ -195,7 +196,7 @@ def _residual(q: Problem, s: Search, parameters: Raw) -> None:
 
 
 @compiled
-def _refine(q: Problem, s: Search, parameters: Raw) -> tuple[int, int]:
+def _refine(q: QpProblem, s: QpSearch, parameters: Raw) -> tuple[int, int]:
     """Return whether every move is near and keeps the hard rows that are active, and the row to enter next."""
     s.counts[WORK] += 2 * s.counts[LENGTH] + q.moves + COLUMN
     _residual(q, s, parameters)
@@ -224,7 +225,7 @@ def _refine(q: Problem, s: Search, parameters: Raw) -> tuple[int, int]:
 
 
 @compiled
-def _step(q: Problem, s: Search, gap: Any, row: int, sign: Any) -> tuple[Any, int]:
+def _step(q: QpProblem, s: QpSearch, gap: Any, row: int, sign: Any) -> tuple[Any, int]:
     step, place = (gap * sign / s.column[row] if _free(q, s, row) else q.far), -1
     for k in range(s.counts[LENGTH]):
         held = s.active[k]
@@ -239,7 +240,7 @@ def _step(q: Problem, s: Search, gap: Any, row: int, sign: Any) -> tuple[Any, in
 
 
 @compiled
-def _enter(q: Problem, s: Search, parameters: Raw, row: int) -> tuple[int, int]:
+def _enter(q: QpProblem, s: QpSearch, parameters: Raw, row: int) -> tuple[int, int]:
     """Return the status, and the row to enter next."""
     above = s.value[row] > q.high[row]
     sign = q.one if above else -q.one
@@ -271,7 +272,7 @@ def _enter(q: Problem, s: Search, parameters: Raw, row: int) -> tuple[int, int]:
 
 
 @compiled
-def _believed(q: Problem, s: Search) -> int:
+def _believed(q: QpProblem, s: QpSearch) -> int:
     for k in range(s.counts[LENGTH]):
         row = s.active[k]
         toward = q.one if s.side[row] > 0 else -q.one
@@ -281,7 +282,7 @@ def _believed(q: Problem, s: Search) -> int:
 
 
 @compiled
-def _search(q: Problem, s: Search, row: int, parameters: Raw) -> int:
+def _search(q: QpProblem, s: QpSearch, row: int, parameters: Raw) -> int:
     for i in range(len(s.counts)):
         s.counts[i] = 0
     status = SOLVED
@@ -298,7 +299,7 @@ def _search(q: Problem, s: Search, row: int, parameters: Raw) -> int:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def search_all(q: Problem, s: Search, parameters: Raw, moves: Raw, status: Raw, work: Raw, side: Raw) -> None:
+def search_all(q: QpProblem, s: QpSearch, parameters: Raw, moves: Raw, status: Raw, work: Raw, side: Raw) -> None:
     """Search for every row of `parameters` (lanes, p); fill `moves`, not yet scaled, and what the searches did."""
     for lane in range(len(parameters)):
         own = parameters[lane]

@@ -1,4 +1,4 @@
-"""One real-time iteration of nonlinear predictive control, for many controllers at once, bit for bit.
+"""One real-time iteration of nonlinear predictive control, for many lanes at once: the twin of fl_rti.h, bit for bit.
 
     min 1/2 sum (x - t)'Q(x - t) + (u - r)'R(u - r) + d'S d,   d[k] = u[k] - u[k-1],   P instead of Q at the end
     x[k+1] = step(x[k], u[k]),   low <= u <= high,   x_low <= x <= x_high for some states
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.quantize.twins.rti_course import CAPPED, FAR, SOLVED, Course, Raw, add_up
-from firmloop.quantize.twins.rti_search import Search
+from firmloop.quantize.twins.rti_search import RtiSearch
 
 Model = Callable[[Sequence[Raw]], Sequence[Raw]]  # x and u -> x of the next sample, then its slopes row by row
 
@@ -77,7 +77,7 @@ class _Iteration:
         factored = self._factor()
         limited = self.e[:, 1:, self.course.limited].reshape(self.lanes, -1)
         plan = np.concatenate([self.u.reshape(self.lanes, -1), limited], axis=1)
-        search = Search(self.course, self.rows, plan, self.g, self.factor, self.inverse)
+        search = RtiSearch(self.course, self.rows, plan, self.g, self.factor, self.inverse)
         outcome = np.where(factored, search.run(factored), CAPPED)
         step = search.moves()
         outcome = np.where((outcome == SOLVED) & ~self._optimal(step, search), CAPPED, outcome)
@@ -174,7 +174,7 @@ class _Iteration:
             self.factor[:, j + 1 :, j] = column[:, 1:] * self.inverse[:, j : j + 1]
         return good
 
-    def _optimal(self, step: Raw, search: Search) -> NDArray[np.bool_]:
+    def _optimal(self, step: Raw, search: RtiSearch) -> NDArray[np.bool_]:
         """Whether a step keeps the limits of the states, and the multipliers of the right sign meet its slope."""
         own, size = self.course, self.course.unknowns
         toward = search.side.astype(self.x.dtype)

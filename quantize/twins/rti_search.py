@@ -1,4 +1,4 @@
-"""A quadratic program in the rows of its limits, for many controllers at once, bit for bit: a dual active-set method.
+"""A quadratic program in the rows of its limits, for many lanes at once: the twin of fl_rti_search.h, bit for bit.
 
     min 1/2 v'Hv + g'v,   low <= G v <= high,   H = L D L'
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from firmloop.quantize.twins.rti_course import CAPPED, FAR, INFEASIBLE, Course, Raw, add_up
 
 
-class Search:
+class RtiSearch:
     """The quadratic program of one iteration in the rows of its limits: `value` is y, or m of an active row."""
 
     def __init__(self, course: Course, limits: Raw, plan: Raw, g: Raw, factor: Raw, inverse: Raw) -> None:

@@ -76,7 +76,7 @@ def test_c_is_the_program_and_the_program_within_its_bound_of_the_law(plain: Law
 
 
 @pytest.mark.parametrize("arithmetic", ARITHMETICS)
-def test_with_an_observer_a_disturbance_and_a_delay(arithmetic: str) -> None:
+def test_sweeps_with_observer_disturbance_and_delay_c_is_the_program(arithmetic: str) -> None:
     inputs, keys = CASES["all of it"]
     free = {"du_min": -np.inf, "du_max": np.inf, "x_max": np.inf}
     law = sweeping(inputs, **{**keys, **free, "blocks": [1, 1, 6]})

@@ -44,7 +44,7 @@ import numpy.typing as npt
 from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.mpc.method import FLAGS, with_method
 from firmloop.design.kinds.mpc.predict import prediction_of, seen_samples
-from firmloop.design.kinds.mpc.read import KEYS, Setup, setup_of, whole
+from firmloop.design.kinds.mpc.read import KEYS, MpcSetup, setup_of, whole
 from firmloop.design.law import Flag, Law, Scalar, Solve
 from firmloop.design.linear.linear_law import check_names, symbols, weighted_sum
 from firmloop.design.linear.reach import reach, widened
@@ -90,7 +90,7 @@ def _second(prediction: Prediction, searched: bool) -> int | None:
     return (0 if held else prediction.b.shape[1]) if searched else None
 
 
-def _check_feasible(request: Request, setup: Setup, condensed: Condensed) -> None:
+def _check_feasible(request: Request, setup: MpcSetup, condensed: Condensed) -> None:
     """Look for parameters within the ranges of the signals; an estimate has no range of its own."""
     n, m = setup.model.b.shape
     measured = setup.correction is None and setup.delay == 0
@@ -105,7 +105,7 @@ def _check_feasible(request: Request, setup: Setup, condensed: Condensed) -> Non
     check_feasible(condensed, low, high)
 
 
-def _past_names(request: Request, setup: Setup) -> list[str]:
+def _past_names(request: Request, setup: MpcSetup) -> list[str]:
     """Names of the kept outputs, newest first, output by output."""
     depth = max(setup.delay, 1 if setup.rated else 0)
     single = len(request.outputs) == 1
@@ -114,19 +114,19 @@ def _past_names(request: Request, setup: Setup) -> list[str]:
     ]
 
 
-def _coming_names(request: Request, setup: Setup) -> list[str]:
+def _coming_names(request: Request, setup: MpcSetup) -> list[str]:
     """Names of the told signals' samples on their way, signal by signal, the one that is due first."""
     return [f"{request.inputs[place].name}_in_{k}" for place in setup.told for k in range(setup.preview)]
 
 
-def _next_names(request: Request, setup: Setup) -> list[str]:
+def _next_names(request: Request, setup: MpcSetup) -> list[str]:
     """Names of the kept moves of the next sample, and of whether they are any."""
     if setup.second is None:
         return []
     return [*(f"next_{wire.name}" for wire in request.outputs), "planned"]
 
 
-def _estimate_names(setup: Setup) -> list[str]:
+def _estimate_names(setup: MpcSetup) -> list[str]:
     if setup.correction is None:
         return []
     states = [f"estimate_{k}" for k in range(1, len(setup.model.a) + 1)]
@@ -135,7 +135,7 @@ def _estimate_names(setup: Setup) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Wires:
+class MpcWires:
     """Symbols of one sample: inputs, estimates, disturbances, the kept outputs [newest first][output], and the rest.
 
     `coming` are the samples of each told signal [signal][the one that is due first], the input itself the last;
@@ -156,7 +156,7 @@ class Wires:
         return ca.vertcat(*self.estimate, *self.disturbance, *past, *coming, *self.following)
 
 
-def _wires(request: Request, setup: Setup) -> Wires:
+def _wires(request: Request, setup: MpcSetup) -> MpcWires:
     n, m = setup.model.b.shape
     held, past = symbols(_estimate_names(setup)), symbols(_past_names(request, setup))
     rows = tuple(past[k : k + m] for k in range(0, len(past), m))
@@ -164,10 +164,10 @@ def _wires(request: Request, setup: Setup) -> Wires:
     coming = tuple(
         (*ahead[k * setup.preview : (k + 1) * setup.preview], z[place]) for k, place in enumerate(setup.told)
     )
-    return Wires(z, held[:n], held[n:], rows, coming, symbols(_next_names(request, setup)))
+    return MpcWires(z, held[:n], held[n:], rows, coming, symbols(_next_names(request, setup)))
 
 
-def _parameters(request: Request, setup: Setup) -> ca.Function:
+def _parameters(request: Request, setup: MpcSetup) -> ca.Function:
     """(x, z) -> the parameters: the state when the output will act, then the rest."""
     wires, model = _wires(request, setup), setup.model
     state = wires.estimate or tuple(wires.z[k] for k in setup.measured)
@@ -190,12 +190,12 @@ def _parameters(request: Request, setup: Setup) -> ca.Function:
     return ca.Function("parameters", [wires.x, ca.vertcat(*wires.z)], [ca.densify(ca.vertcat(*parameters))])
 
 
-def _known(setup: Setup, wires: Wires) -> tuple[tuple[ca.SX, ...], ...]:
-    """Return the samples of the known disturbances, as `Wires.coming` has them."""
+def _known(setup: MpcSetup, wires: MpcWires) -> tuple[tuple[ca.SX, ...], ...]:
+    """Return the samples of the known disturbances, as `MpcWires.coming` has them."""
     return wires.coming[len(setup.told) - len(setup.known) :]
 
 
-def _law(request: Request, setup: Setup, solve: Solve, flags: tuple[Flag, ...]) -> Law:
+def _law(request: Request, setup: MpcSetup, solve: Solve, flags: tuple[Flag, ...]) -> Law:
     wires, model, bounds = _wires(request, setup), setup.model, setup.limits
     m = model.b.shape[1]
     capped, infeasible = ca.SX.sym("capped"), ca.SX.sym("infeasible")
@@ -247,7 +247,7 @@ def _law(request: Request, setup: Setup, solve: Solve, flags: tuple[Flag, ...]) 
     return replace(law, watched=setup.measured)
 
 
-def _observed(setup: Setup, wires: Wires, acting: tuple[ca.SX, ...]) -> list[ca.SX]:
+def _observed(setup: MpcSetup, wires: MpcWires, acting: tuple[ca.SX, ...]) -> list[ca.SX]:
     """Return estimates and disturbances of the next sample."""
     if setup.correction is None:
         return []
@@ -269,7 +269,7 @@ def _observed(setup: Setup, wires: Wires, acting: tuple[ca.SX, ...]) -> list[ca.
     return found + [d + weighted_sum(setup.correction[n + k], error) for k, d in enumerate(wires.disturbance)]
 
 
-def _ranges(request: Request, setup: Setup) -> list[tuple[Signal, str]]:
+def _ranges(request: Request, setup: MpcSetup) -> list[tuple[Signal, str]]:
     """Bound the estimates by the L1 norm from u and y, the kept outputs by the limits of u."""
     model, bounds, ranges = setup.model, setup.limits, []
     n, m = model.b.shape
@@ -301,7 +301,7 @@ def _ranges(request: Request, setup: Setup) -> list[tuple[Signal, str]]:
     return ranges
 
 
-def _says(request: Request, setup: Setup, solve: Solve) -> str:
+def _says(request: Request, setup: MpcSetup, solve: Solve) -> str:
     seen = "states measured" if setup.correction is None else "states estimated"
     extra = ", offset-free" if setup.disturbed else ""
     return (

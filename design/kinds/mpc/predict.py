@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.design import Request
-from firmloop.design.kinds.mpc.read import Setup, blocks_of
+from firmloop.design.kinds.mpc.read import MpcSetup, blocks_of
 from firmloop.design.law import DesignError
 from firmloop.design.models.model import Model, weights
 from firmloop.design.models.regulator import terminal_weight
@@ -25,12 +25,12 @@ Array = npt.NDArray[np.float64]
 FARTHEST = 1e15  # one weight from another
 
 
-def seen_samples(setup: Setup, place: int) -> tuple[int, ...]:
+def seen_samples(setup: MpcSetup, place: int) -> tuple[int, ...]:
     """Return which samples of input `place` the horizon sees, counted from the one that is due."""
     return tuple(sorted(set(_order(setup, place))))
 
 
-def prediction_of(request: Request, setup: Setup) -> Prediction:
+def prediction_of(request: Request, setup: MpcSetup) -> Prediction:
     """Read the weights and put the prediction together."""
     table, model = request.table, setup.model
     n, m = model.b.shape
@@ -72,7 +72,7 @@ def _check_weights(q: Array, r: Array) -> None:
         )
 
 
-def _order(setup: Setup, place: int) -> list[int]:
+def _order(setup: MpcSetup, place: int) -> list[int]:
     """Return for each sample of the horizon which one of the input counts: u[j] meets d[j], x[j+1] the next r."""
     ahead = setup.delay + int(place == setup.reference)
     return [min(ahead + j, setup.preview) for j in range(setup.horizon)]

@@ -13,7 +13,7 @@ from firmloop.design.law import DesignError
 from firmloop.design.linear.reach import ON_CIRCLE, poles
 from firmloop.design.models.model import Model, model_of, weights
 from firmloop.design.models.regulator import kalman, luenberger
-from firmloop.design.quadratic.condense import Limits
+from firmloop.design.quadratic.condense import Constraints
 from firmloop.design.table import choice, each, limits, matrix, numbers, real
 
 Array = npt.NDArray[np.float64]
@@ -29,7 +29,7 @@ KEYS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class MpcSetup:
     """What the table asks for, read and checked."""
 
     model: Model
@@ -43,7 +43,7 @@ class Setup:
     delay: int  # samples
     correction: Array | None  # L of the observer, the disturbances' rows last; None where the state is measured
     disturbed: bool
-    limits: Limits
+    limits: Constraints
     second: int | None = None  # place in the plan of the next sample's moves, which the law keeps; None: it does not
 
     @property
@@ -57,7 +57,7 @@ class Setup:
         return bool(np.any(np.isfinite(self.limits.du_low) | np.isfinite(self.limits.du_high)))
 
 
-def setup_of(request: Request) -> Setup:
+def setup_of(request: Request) -> MpcSetup:
     """Read and check the table of [controller]."""
     table, drives = request.table, len(request.outputs)
     if not request.outputs or not request.inputs:
@@ -93,7 +93,7 @@ def setup_of(request: Request) -> Setup:
     _check_stabilizable(model)
     low, high = limits(table, request.outputs)
     free = [np.inf] * model.order
-    bounds = Limits(
+    bounds = Constraints(
         np.array(low),
         np.array(high),
         np.array(each(table, "du_min", [-np.inf] * drives)),
@@ -110,7 +110,7 @@ def setup_of(request: Request) -> Setup:
             f"controller.preview = {preview} has nothing to look ahead at; name a reference or disturbances, or leave "
             "it out"
         )
-    return Setup(
+    return MpcSetup(
         model,
         horizon,
         others,
@@ -178,7 +178,7 @@ def _lasting(a: Array, b: Array) -> list[tuple[str, float]]:
     return found
 
 
-def _check_limits(bounds: Limits, model: Model) -> None:
+def _check_limits(bounds: Constraints, model: Model) -> None:
     for k, (low, high) in enumerate(zip(bounds.x_low, bounds.x_high, strict=True)):
         if not low < high:
             raise DesignError(

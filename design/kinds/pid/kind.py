@@ -56,7 +56,7 @@ from firmloop.design.kinds.pid.tunable import pid_parameters, tunable_law
 from firmloop.design.law import DesignError
 from firmloop.design.models.anti_windup import anti_windup_of, tracking_modes
 from firmloop.design.models.feedforward import feedforward, position_of
-from firmloop.design.models.pid_form import Rule, form_of
+from firmloop.design.models.pid_form import Discretization, form_of
 from firmloop.design.roles import check_meeting, reference_and_measurement
 from firmloop.design.table import check_keys, choice, limits, positive, real
 from firmloop.design.tunable import KEYS as TUNABLE_KEYS
@@ -231,7 +231,7 @@ def _target(wires: Wires, rate: float, u_min: float, u_max: float) -> tuple[floa
     return (min(low, u_min), max(high, u_max)) if wires.manual is not None else (low, high)
 
 
-def _filter(table: Mapping[str, object], gains: Gains, form: Rule) -> float:
+def _filter(table: Mapping[str, object], gains: Gains, form: Discretization) -> float:
     """Choose the time constant of the derivative's filter, s."""
     if gains.kd == 0:
         return real(table, "tf_s", 0.0, 0.0)

@@ -37,7 +37,7 @@ from dataclasses import dataclass
 
 from firmloop.design.law import DesignError
 from firmloop.design.models.anti_windup import AntiWindup
-from firmloop.design.models.pid_form import Rule
+from firmloop.design.models.pid_form import Discretization
 from firmloop.identify.signal import Signal
 
 WIDER = 0.01  # far above the rounding of any format that has the resolution to run the law at all
@@ -58,7 +58,7 @@ class Pid:
     u_max: float
     tracking: float  # h/tt; 0 without back-calculation
     anti_windup: AntiWindup
-    form: Rule
+    form: Discretization
     rate: float = math.inf  # most that u moves, per s
     added: float = 0.0  # most that a feedforward adds to v, either way; it is no part of w above
     target: tuple[float, float] | None = None  # range of what I tracks where that is not u = v within its limits
