@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -255,3 +256,11 @@ def test_a_mode_that_no_measurement_shows_is_refused() -> None:
 def test_a_weight_that_is_not_symmetric_is_refused_by_its_numbers() -> None:
     with pytest.raises(DesignError, match=r"row 1, column 2 is 0\.5, but row 2, column 1 is 0"):
         design(request({**table(servo(), **SERVO), "Q": [[1.0, 0.5], [0.0, 1.0]]}, (ANGLE, SPEED)))
+
+
+def test_a_table_of_regions_without_what_solves_is_refused_with_the_way_out() -> None:
+    asked = request({**table(servo(), **SERVO), "solver": "explicit"}, (ANGLE, SPEED))
+    with pytest.raises(
+        DesignError, match=r"solver = 'explicit' .* optimum = firmloop.quantize.twins.qp.optimum"
+    ):
+        design(replace(asked, optimum=None))
