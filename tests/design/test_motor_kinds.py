@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import start_monitor as bench
-from bench import walks
+from bench.codegen import start_monitor as bench
+from bench.codegen import walks
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
 from firmloop.design.kinds import Request, design, kinds

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from bench.truth import FINE, run
+from bench.diagnose.truth import FINE, run
 from firmloop.diagnose.hypothesis import make_scene
 from firmloop.diagnose.prepare import check_apart, check_clock, check_nominal, check_same
 from firmloop.identify.plants.attach import with_effects

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.blind_cases import draw_case
+from bench.diagnose.blind_cases import draw_case
 from tests.diagnose.cases import diagnosis, drawn
 
 

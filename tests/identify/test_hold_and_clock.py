@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.blind_cases import draw_case, write_case
+from bench.diagnose.blind_cases import draw_case, write_case
 from firmloop.diagnose.held import believed_hold
 from firmloop.diagnose.prepare import shortened
 from firmloop.identify.plants.attach import with_effects

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from bench.induction_faults import CASES, diagnosed
-from bench.induction_truth import Motor
+from bench.diagnose.induction_faults import CASES, diagnosed
+from bench.diagnose.induction_truth import Motor
 from firmloop.identify.bench_tests.induction_tests import (
     AcTest,
     at_temperature,

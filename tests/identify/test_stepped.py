@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.closed_loop import wheel
+from bench.links.closed_loop import wheel
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant import IdentifyError, Plant

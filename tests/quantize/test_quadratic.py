@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from bench.mpc_random import law_of as random_law
+from bench.mpc.random_problems import law_of as random_law
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
 from firmloop.design.kinds.mpc.kind import design

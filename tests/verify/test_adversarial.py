@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.bounds import worst
+from bench.codegen.bounds import worst
 from firmloop.design.kinds import Kind, kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.reference import run

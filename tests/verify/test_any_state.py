@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.mutants import Mutant, laws, mutants, planted
+from bench.codegen.example_laws import laws
+from bench.proofs.planting import Mutant, mutants, planted
 from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target

@@ -1,4 +1,4 @@
-"""A slice of bench/faults.py, and what the whole command does when the far end is not what it should be."""
+"""A slice of bench/links/faults.py, and what the whole command does when the far end is not what it should be."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.faults import ATTEMPTS, TIMEOUT, run
+from bench.links.faults import ATTEMPTS, TIMEOUT, run
 from firmloop.cli import main
 from firmloop.verify.links import LinkError, uart
 from firmloop.verify.links.framed import FramedLink

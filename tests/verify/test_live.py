@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.live import SIGNALS, TARGET, running
+from bench.links.live import SIGNALS, TARGET, running
 from firmloop.cli import main
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.emit import emit

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.boxes import stays_within
-from bench.equivalence import _where_apart, equivalent
-from bench.finite import only_asked_whether_finite
-from bench.meaning import Meaning
-from bench.mutants import Mutant, bench, chosen, example_law, laws, mutants, planted
-from bench.orbit import away_from_zero
-from bench.zeros import never_minus_zero
+from bench.codegen.example_laws import example_law, laws
+from bench.proofs.boxes import stays_within
+from bench.proofs.equivalence import _where_apart, equivalent
+from bench.proofs.finite import only_asked_whether_finite
+from bench.proofs.meaning import Meaning
+from bench.proofs.mutants import bench
+from bench.proofs.orbit import away_from_zero
+from bench.proofs.planting import Mutant, chosen, mutants, planted
+from bench.proofs.zeros import never_minus_zero
 from firmloop.codegen.emit import emit
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program

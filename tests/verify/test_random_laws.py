@@ -1,11 +1,11 @@
-"""Random laws of every kind are proven a second time; `python -m bench.random_laws` takes 200 of them."""
+"""Random laws of every kind are proven a second time; `python -m bench.proofs.random_laws` takes 200 of them."""
 
 from __future__ import annotations
 
 import itertools
 import json
 
-from bench.random_laws import SEED, draws
+from bench.proofs.random_laws import SEED, draws
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.proof import proof
 from firmloop.verify.proofs.checker import check_proof

@@ -1,4 +1,4 @@
-"""Every emulated target computes every number format to the bit; bench/every_target.py is the full table."""
+"""Every emulated target computes every number format to the bit; bench/codegen/every_target.py is the full table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.every_target import emulated, numbers_of
+from bench.codegen.every_target import emulated, numbers_of
 from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import Target
