@@ -20,7 +20,7 @@ from firmloop.verify.links import LinkError
 from firmloop.verify.links.frame import STEP, seal
 from firmloop.verify.links.framed import FramedLink
 from tests.verify.boards import PROGRAM, RESULT, expected, packed
-from tests.verify.wild import WildLine, build_image_library
+from tests.verify.links.wild import WildLine, build_image_library
 
 TIMEOUT, ATTEMPTS = 2.0, 8  # as on a port, with more attempts: a share of the passages is damaged, not one in a million
 RESTART = 997  # exchanges after which the host is killed within a request, and another begins

@@ -23,7 +23,7 @@ from firmloop.stages.pipeline import Generated, design, generate
 from firmloop.verify.build.image import build_image
 from firmloop.verify.links.pty import start_on_terminal
 from firmloop.verify.links.qemu import QemuProcess
-from tests.verify.test_faults import PROJECT, garbage
+from tests.verify.links.test_faults import PROJECT, garbage
 
 TARGET = load_target("qemu_mps2_an386")
 LONG, SHORT = 1_000_000, 500  # steps: not done before something happens; done at once

@@ -28,7 +28,7 @@ from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.reference import Machine, run, start_state
 from firmloop.verify.stimuli.stimuli import stimuli
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "pendulum_nmpc" / "pendulum_nmpc.toml"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "pendulum_nmpc" / "pendulum_nmpc.toml"
 INFEASIBLE, UNSETTLED = 2, 4
 FORCE = 20.0
 

@@ -10,7 +10,7 @@ import pytest
 from firmloop.design.kinds.mpc.kind import design
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal
-from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, VOLT, Running, request, servo, table
+from tests.design.kinds.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, VOLT, Running, request, servo, table
 
 LOAD = Signal("load", "V", -3.0, 3.0)
 STEPS = 160

@@ -14,7 +14,7 @@ from firmloop.codegen.target import load_target
 from firmloop.verify.build.elf import Segment, flat, segments
 from firmloop.verify.build.flash import intel_hex, uf2
 from firmloop.verify.links.ports import boards_at, find_ports
-from tests.verify.test_faults import PROJECT
+from tests.verify.links.test_faults import PROJECT
 
 IMAGE = Segment(0x0800_FFF0, bytes(range(256)) * 2 + b"end")
 

@@ -14,7 +14,7 @@ from firmloop.diagnose.cut import Cut, cut
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import read_project
 from firmloop.stages.pipeline import controller_of, plant_of, read_data
-from tests.diagnose.closed import GAINS, Firmware, project
+from tests.diagnose.controller.closed import GAINS, Firmware, project
 
 
 def _cut(file: Path, change: object = None) -> Cut | None:
@@ -148,7 +148,7 @@ def test_the_command_line_blames_the_controller(tmp_path: Path, capsys: pytest.C
     file = project(tmp_path, Firmware(gains={"kp": 0.06}), rows=800)
     assert main(["diagnose", str(file), "--out", str(tmp_path / "out")]) == 1
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
-    schema = Path(__file__).parents[1] / "schema" / "diagnosis.schema.json"
+    schema = Path(__file__).parents[2] / "schema" / "diagnosis.schema.json"
     jsonschema.validate(said, json.loads(schema.read_text(encoding="utf-8")))
     assert said["verdict"] == "explained" and said["half"] == "controller"
     assert said["location"]["equation"] == "controller" and said["location"]["output"] == "voltage_V"

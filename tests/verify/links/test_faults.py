@@ -23,7 +23,7 @@ from firmloop.cli import main
 from firmloop.verify.links import LinkError, uart
 from firmloop.verify.links.framed import FramedLink
 from tests.verify.boards import ONE_STEP, PROGRAM, RESULT
-from tests.verify.wild import WildLine, build_image_library
+from tests.verify.links.wild import WildLine, build_image_library
 
 PATIENCE = 600.0  # s, for what takes a few on a machine with time to spare
 PROJECT = """\
@@ -124,7 +124,7 @@ def start_verify(folder: Path, steps: int) -> subprocess.Popen[str]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "TMPDIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[2])},
+        env={**os.environ, "TMPDIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[3])},
     )
 
 

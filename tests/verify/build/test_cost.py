@@ -22,7 +22,7 @@ from firmloop.verify.run import verify
 from firmloop.verify.verdict import Verdict
 from tests.laws import FULL, pid
 from tests.verify.boards import RESULT
-from tests.verify.test_faults import PROJECT
+from tests.verify.links.test_faults import PROJECT
 from tests.verify.tiny import SOURCE, tiny, tiny_bundle
 
 pytestmark = pytest.mark.qemu

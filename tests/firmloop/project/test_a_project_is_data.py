@@ -16,7 +16,7 @@ from firmloop.cli import main
 from firmloop.codegen.target import load_target, target_names
 from firmloop.console import visible
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PROJECT = """\
 schema = 1
 name = "tank"

@@ -259,7 +259,7 @@ def test_windows_leave_a_sound_fit_where_it_was() -> None:
 
 
 def test_example_finds_the_motor_its_recordings_were_made_with() -> None:
-    folder = Path(__file__).resolve().parents[2] / "examples" / "wheel_speed"
+    folder = Path(__file__).resolve().parents[3] / "examples" / "wheel_speed"
     project = tomllib.loads((folder / "wheel_speed.toml").read_text())
     made = runpy.run_path(str(folder / "make_recordings.py"), run_name="read_only")
     plant = make_plant("dc_motor", "voltage_V", project["plant"]["outputs"], project["plant"]["parameters"])

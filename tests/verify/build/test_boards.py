@@ -121,7 +121,7 @@ int board_getc(void) {
 
 def test_the_generic_target_is_copied_by_its_user(tmp_path: Path) -> None:
     """As its file says: copy both files, rename them."""
-    targets = Path(__file__).parents[2] / "targets"
+    targets = Path(__file__).parents[3] / "targets"
     text = (targets / "generic_cortex_m.toml").read_text()
     (tmp_path / "mine.toml").write_text(text.replace("generic_cortex_m", "mine"))
     shutil.copy(targets / "generic_cortex_m.c", tmp_path / "mine.c")
