@@ -62,7 +62,7 @@ def test_a_start_that_cannot_be_is_refused(tmp_path: Path) -> None:
         check_start(image.elf, target)
 
 
-def test_crc_of_the_second_stage() -> None:
+def test_the_boot_crc_has_the_check_value_of_the_catalogs() -> None:
     """The check value that catalogs of CRCs give for this one, which they call CRC-32/MPEG-2."""
     assert boot_crc(b"123456789") == 0x0376E6E7
 

@@ -74,7 +74,7 @@ def test_a_request_too_long_for_a_pipe_is_not_sent(pipes: Pipes) -> None:
         os.read(pipes.hear, 1)
 
 
-def test_ends_that_have_gone(pipes: Pipes) -> None:
+def test_an_exchange_ends_when_either_end_has_gone(pipes: Pipes) -> None:
     os.close(pipes.say)
     assert pipes.exchange(STEP, 9, BOUND, b"") == (None, b"")
     os.close(pipes.hear)

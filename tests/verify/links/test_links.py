@@ -123,22 +123,22 @@ def check_steps(link: FramedLink, seed: int, count: int, largest: int) -> None:
         np.testing.assert_array_equal(results["status"], b > 1.0)
 
 
-def test_hello_says_what_the_image_is(stream: DescriptorStream) -> None:
+def test_the_hello_of_an_image_tells_program_and_sizes(stream: DescriptorStream) -> None:
     hello = link_to(stream).hello()
     assert (hello.program_id, hello.in_bytes, hello.out_bytes, hello.steps_max) == (PROGRAM.id, 8, 4, 64)
     assert hello.overhead_ticks == 1
 
 
-def test_clean_line(stream: DescriptorStream) -> None:
+def test_an_undamaged_line_gives_every_value(stream: DescriptorStream) -> None:
     check_steps(link_to(stream), seed=1, count=200, largest=200)  # more than one frame holds
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
-def test_bad_line(stream: DescriptorStream, damage: Damage) -> None:
+def test_a_damaged_line_gives_every_value(stream: DescriptorStream, damage: Damage) -> None:
     check_steps(link_to(BadLine(stream, (damage,), share=0.1, seed=2)), seed=2, count=150, largest=8)
 
 
-def test_everything_at_once(stream: DescriptorStream) -> None:
+def test_a_line_with_every_damage_at_once_gives_every_value(stream: DescriptorStream) -> None:
     check_steps(link_to(BadLine(stream, DAMAGES, share=0.2, seed=3)), seed=3, count=400, largest=40)
 
 
@@ -246,12 +246,12 @@ def terminal(stream: DescriptorStream) -> Iterator[Terminal]:
     port.unplug()
 
 
-def test_a_serial_port(terminal: Terminal) -> None:
+def test_a_serial_port_gives_every_value(terminal: Terminal) -> None:
     with open_port(TARGET, terminal.path, PROGRAM.id) as link:
         check_steps(link, seed=5, count=50, largest=8)
 
 
-def test_a_port_that_is_unplugged(terminal: Terminal) -> None:
+def test_a_port_that_is_unplugged_is_told(terminal: Terminal) -> None:
     with open_port(TARGET, terminal.path, PROGRAM.id) as link:
         link.reset()
         terminal.unplug()
@@ -260,6 +260,6 @@ def test_a_port_that_is_unplugged(terminal: Terminal) -> None:
 
 
 @pytest.mark.parametrize("url", ["/dev/no_such_port", "socket://127.0.0.1:1", "nonsense://x"])
-def test_a_port_that_is_not_there(url: str) -> None:
+def test_a_port_that_is_not_there_is_refused(url: str) -> None:
     with pytest.raises(LinkError, match=f"port {url}: .* cannot be opened"):
         open_port(TARGET, url, PROGRAM.id)

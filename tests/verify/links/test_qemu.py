@@ -233,7 +233,7 @@ def test_what_a_soft_float_core_needs_is_too_much(tmp_path: Path) -> None:
         build_image(files, small, tmp_path)
 
 
-def test_a_file_that_is_no_image(tmp_path: Path, link_name: str) -> None:
+def test_a_file_that_is_no_image_ends_in_bounded_time(tmp_path: Path, link_name: str) -> None:
     broken = tmp_path / "image.elf"
     broken.write_bytes(b"\x7fELF but not really")
     begin = time.monotonic()
@@ -296,7 +296,7 @@ def test_a_missing_tool_says_how_to_get_it(
     assert not emulators()
 
 
-def test_sizes_and_flags(images: dict[str, Image]) -> None:
+def test_an_image_tells_its_sizes_compiler_and_flags(images: dict[str, Image]) -> None:
     image = images["semihosting"]
     assert 40 <= image.controller.text_bytes <= 100
     assert (image.controller.data_bytes, image.controller.bss_bytes) == (0, 0)

@@ -75,9 +75,9 @@ def test_a_verdict_on_the_host_counts_steps_from_any_state() -> None:
     assert verdict.first.lane.startswith("any state") and verdict.first.unit == "1"
 
 
-def test_what_init_sets_a_parameter_to_shows() -> None:
+def test_a_parameter_that_init_sets_wrongly_differs() -> None:
     assert _verdict("tuned pid", "fixed16", "self->ki =", "store dropped", 3000).differences > 0
 
 
-def test_what_init_leaves_out_shows() -> None:
+def test_a_state_that_init_leaves_out_differs() -> None:
     assert _verdict("state_space", "float32", "self->x_1 = 0", "store dropped", 1000).differences > 0

@@ -33,7 +33,7 @@ def test_a_state_is_brought_to_a_limit_next_to_it_and_beyond(arithmetic: str) ->
     assert {-one, 0.0, one} <= set(np.unique(speed - limit))
 
 
-def test_such_lanes_are_among_the_stimuli() -> None:
+def test_lanes_that_approach_a_limit_from_afar_are_among_the_stimuli() -> None:
     kind = kinds()["sensorless_speed"]
     program = lower(kind.design(kind.example).law, "fixed32")
     blocks = stimuli(program, [], 20_000, 1)

@@ -77,7 +77,7 @@ def project(folder: Path, arithmetic: str) -> Path:
     return path
 
 
-def test_generate_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_generate_prints_the_bound_at_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["generate", str(project(tmp_path, 'number = "fixed"')), "--out", str(out)]) == 0
     said = capsys.readouterr().out

@@ -225,7 +225,7 @@ READ: dict[str, Change] = {
 }
 
 
-def test_enough_is_planted() -> None:
+def test_at_least_sixty_wrong_proofs_are_planted() -> None:
     assert len(JUDGED) + len(READ) + len(TABLES) >= 60
 
 
