@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ from firmloop.codegen.target import Target
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.image import build_image
+from firmloop.verify.build.trial import Trial, try_out
 from firmloop.verify.links.pty import open_qemu_pty
 from firmloop.verify.links.qemu import QemuProcess
 from firmloop.verify.links.uart import open_qemu_uart
-from firmloop.verify.run import verify
+from firmloop.verify.run import verify_on
 from firmloop.verify.verdict import Verdict
 from tests.laws import FULL, pid
 from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT
@@ -31,10 +33,16 @@ FALLING_ASLEEP = 20.0  # s at most, on a busy machine
 CASES = [(name, number) for name, target in TARGETS.items() for number in numbers_of(target)]
 
 
-def verdict_of(target: Target, number: str, steps: int, link: str | None) -> Verdict:
+@cache
+def tried(number: str, steps: int) -> Trial:
+    """Return the trial on this machine, which is the same for every target."""
     law = pid(FULL)
     program = lower(law, number)
-    return verify(law, program, emit(program, "test"), target, (), steps, 1, link, lambda share, doing: None)
+    return try_out(law, program, emit(program, "test"), (), steps, 1, lambda share, doing: None)
+
+
+def verdict_of(target: Target, number: str, steps: int, link: str | None) -> Verdict:
+    return verify_on(tried(number, steps), target, link, lambda share, doing: None)
 
 
 def test_the_cores_that_users_have_are_there() -> None:
