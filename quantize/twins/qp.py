@@ -12,7 +12,7 @@ Every solve starts at the unconstrained optimum m = 0; where that keeps every li
 violated row enters, rows whose multiplier would change its sign leave, until none is violated. Where no such set
 exists, or the search takes too long, the unconstrained moves stand: with limits behind them, the saturated LQR. A start
 from the active set of the sample before would take the columns of its rows all the same, and only spare rows that enter
-and leave again, of which there are few: `bench/mpc.py` prints what even the right guess would spare.
+and leave again, of which there are few: `bench/mpc/cart_pole.py` prints what even the right guess would spare.
 
 What stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau,
 which is taken from the gram's column through the pivots so far (product form: Dantzig and Orchard-Hays, 1954).

@@ -33,7 +33,7 @@ def test_the_same_program_gives_the_same_bytes(arithmetic: str) -> None:
 
 
 @pytest.mark.parametrize("arithmetic", ["fixed32", "float32"])
-def test_golden(arithmetic: str, request: pytest.FixtureRequest) -> None:
+def test_generated_files_are_those_of_the_golden_cases(arithmetic: str, request: pytest.FixtureRequest) -> None:
     bundle = emit(lower(pid(FULL), arithmetic), COMMAND)
     folder = GOLDEN / f"motor_pid_{arithmetic}"
     files = {
@@ -47,7 +47,7 @@ def test_golden(arithmetic: str, request: pytest.FixtureRequest) -> None:
 
 @pytest.mark.parametrize("arithmetic", ARITHMETICS)
 @pytest.mark.parametrize("table", sorted(TABLES))
-def test_compiles_without_a_warning(table: str, arithmetic: str, tmp_path: Path) -> None:
+def test_generated_c_compiles_without_a_warning(table: str, arithmetic: str, tmp_path: Path) -> None:
     bundle = emit(lower(pid(TABLES[table]), arithmetic), COMMAND)
     write_files(bundle.files, tmp_path)
     run_compiler(["gcc", *FLAGS, "-c", "motor_pid.c", "-o", "motor_pid.o"], tmp_path)
@@ -55,7 +55,7 @@ def test_compiles_without_a_warning(table: str, arithmetic: str, tmp_path: Path)
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
 @pytest.mark.parametrize("arithmetic", ARITHMETICS)
-def test_header_serves_cpp(arithmetic: str, tmp_path: Path) -> None:
+def test_the_header_is_taken_by_a_cpp_compiler(arithmetic: str, tmp_path: Path) -> None:
     bundle = emit(lower(pid(FULL), arithmetic), COMMAND)
     write_files(bundle.files, tmp_path)
     (tmp_path / "user.cpp").write_text('#include "motor_pid.h"\nmotor_pid_t one;\n')
@@ -110,7 +110,7 @@ def test_signals_that_clash_with_generated_names_are_refused() -> None:
 
 
 @given(st.text())
-def test_a_comment_cannot_be_left(text: str) -> None:
+def test_no_text_of_a_user_ends_the_comment_it_stands_in(text: str) -> None:
     plain = c_comment(text)
     assert "*/" not in plain and "/*" not in plain and "\n" not in plain and "\\" not in plain and "??" not in plain
     assert plain.isascii()

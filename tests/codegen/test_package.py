@@ -86,7 +86,7 @@ def test_the_compilation_database_names_files_that_are_there(tmp_path: Path) -> 
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
-def test_cmake_builds_and_runs_it(tmp_path: Path) -> None:
+def test_cmake_builds_and_runs_the_delivered_folder(tmp_path: Path) -> None:
     written("fixed16", tmp_path)
     for command in (["cmake", "-B", "build"], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.static import REASONS, misra
+from bench.codegen.static import REASONS, misra
 from firmloop.codegen.bundle import write_files
 from firmloop.codegen.emit import emit
 from firmloop.design.kinds import kinds

@@ -42,7 +42,7 @@ def test_every_target_is_sound(name: str) -> None:
     assert load_target(name).name == name
 
 
-def test_a_file_of_the_user(tmp_path: Path) -> None:
+def test_a_target_file_of_the_user_is_read(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(GOOD)
     target = load_target(str(tmp_path / "mine.toml"))
     assert target.qemu is None
@@ -99,7 +99,7 @@ def test_a_file_of_the_user(tmp_path: Path) -> None:
         (GOOD + "colour = 3\n", "colour = 3: is an unknown key; known: .*links"),
     ],
 )
-def test_a_wrong_file_is_refused(text: str, says: str, tmp_path: Path) -> None:
+def test_a_wrong_target_file_is_refused(text: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(CodegenError, match=says) as caught:
         parse_target(text, "mine.toml", tmp_path)
     assert str(caught.value).startswith("mine.toml: ")
@@ -107,7 +107,7 @@ def test_a_wrong_file_is_refused(text: str, says: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["no_such", "no_such.toml", "../host"])
-def test_a_target_that_is_not_there(name: str) -> None:
+def test_an_unknown_target_is_refused_by_its_name(name: str) -> None:
     with pytest.raises(CodegenError, match=re.escape(name)):
         load_target(name)
 
@@ -130,14 +130,14 @@ def test_firmware_holds_the_controller_unchanged() -> None:
     assert "LENGTH = 8192" in files["link.ld"]
 
 
-def test_a_transport_the_target_does_not_have() -> None:
+def test_a_transport_that_the_target_does_not_have_is_refused() -> None:
     program, bundle = tiny(2.0)
     for transport in ("semihosting", "library", "usb"):
         with pytest.raises(CodegenError, match=f"target mine has no link '{transport}' for an image; it has: uart"):
             firmware(program, bundle, small_target(), transport)
 
 
-def test_frames_fit_a_small_memory() -> None:
+def test_frames_are_as_long_as_a_small_memory_holds() -> None:
     program, bundle = tiny(2.0)
     wide = replace(program, inputs=program.inputs * 20)
     steps = re.search(r"#define STEPS_MAX (\d+)U", firmware(wide, bundle, small_target(), "uart")["main.c"])

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.blind_cases import Case, draw_case, single_case, write_case
-from bench.concealed import MACHINES
+from bench.diagnose.blind_cases import Case, draw_case, single_case, write_case
+from bench.diagnose.concealed import MACHINES
 from firmloop.cli import main
 from firmloop.diagnose.hypothesis import Cause, Point, Scene, make_scene
 from firmloop.diagnose.preflight import preflight

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.blind_cases import draw_case, single_case, write_case
+from bench.diagnose.blind_cases import draw_case, single_case, write_case
 from firmloop.cli import main
 from tests.diagnose.cases import BY_NAME
 

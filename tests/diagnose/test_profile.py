@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.blind_cases import single_case
+from bench.diagnose.blind_cases import single_case
 from firmloop.diagnose.hypothesis import Point, first_point
 from firmloop.diagnose.profile import profiled
 from firmloop.diagnose.refit import cost_at, deviations, ended

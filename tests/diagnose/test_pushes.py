@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.blind_cases import single_case
+from bench.diagnose.blind_cases import single_case
 from firmloop.diagnose.hypothesis import Point, Scene, entered, first_point
 from firmloop.diagnose.pushes import answering, batches, doubtful, pushed, sizes_of, with_pushes
 from firmloop.diagnose.refit import Fitted, deviations, ended

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bench.blind_cases import single_case
+from bench.diagnose.blind_cases import single_case
 from firmloop.diagnose.hypothesis import Point, entered, first_point
 from firmloop.diagnose.lasting import with_lasting
 from firmloop.diagnose.refit import deviations, ended

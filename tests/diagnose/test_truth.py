@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.blind_cases import COLUMN, single_case, write_case
-from bench.truth import FINE, Sensor, read, run
+from bench.diagnose.blind_cases import COLUMN, single_case, write_case
+from bench.diagnose.truth import FINE, Sensor, read, run
 from firmloop.identify.plants.attach import parameters_of, with_effects
 from firmloop.identify.plants.plant import EffectUse, Plant
 from firmloop.identify.recordings.recording import Recording, read_recording

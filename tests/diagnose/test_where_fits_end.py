@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.blind_cases import draw_case
+from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.contact import grown
 from firmloop.diagnose.descent import Problem
 from firmloop.diagnose.given import runaways

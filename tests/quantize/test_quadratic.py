@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from bench.mpc_random import law_of as random_law
+from bench.mpc.random_problems import law_of as random_law
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
 from firmloop.design.kinds.mpc.kind import design
@@ -26,7 +26,7 @@ from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.reference import run
 from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
-from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, cart_pole, request, servo, table
+from tests.design.kinds.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, cart_pole, request, servo, table
 
 HOST = load_target("host")
 HARD = {"x_min": [-3.0, -15.0], "x_max": [3.0, 15.0]}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
-from bench.wide_scales import FORMATS, Format, faults_of, wide_draws, wide_shifts
+from bench.proofs.wide_scales import FORMATS, Format, faults_of, wide_draws, wide_shifts
 from firmloop.cli import main
 from firmloop.codegen.emit import emit
 from firmloop.design.kinds import design

@@ -20,7 +20,7 @@ from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
 from firmloop.verify.stimuli.stimuli import stimuli
-from tests.design.test_mpc import ANGLE, REFERENCE, SERVO, SPEED
+from tests.design.kinds.test_mpc import ANGLE, REFERENCE, SERVO, SPEED
 from tests.quantize.test_quadratic import CASES, differences, law_of, random_states
 
 SHORT = {"horizon": 8, "solver": "fixed_iterations"}

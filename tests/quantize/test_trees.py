@@ -22,7 +22,7 @@ from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
 from firmloop.verify.stimuli.stimuli import stimuli
-from tests.design.test_mpc import ANGLE, REFERENCE, SPEED, request, servo, table
+from tests.design.kinds.test_mpc import ANGLE, REFERENCE, SPEED, request, servo, table
 from tests.quantize.test_quadratic import HARD, differences, law_of, random_states
 
 ARITHMETICS = ["float32", "float64", "fixed32", "fixed16"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.closed_loop import ROLES, staircase, wheel
+from bench.links.closed_loop import ROLES, staircase, wheel
 from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import load_target

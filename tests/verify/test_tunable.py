@@ -131,7 +131,7 @@ def test_the_proof_covers_the_whole_range() -> None:
     )
 
 
-def test_front_door(tmp_path: Path) -> None:
+def test_verify_of_a_tunable_project_agrees_and_lists_its_parameters(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["verify", str(project(tmp_path)), "--out", str(out), "--steps", "4000"]) == 0
     verdict, manifest = (json.loads((out / f"{name}.json").read_text()) for name in ("verdict", "manifest"))
@@ -147,7 +147,7 @@ def test_front_door(tmp_path: Path) -> None:
 
 @pytest.mark.qemu
 @pytest.mark.parametrize("arithmetic", ["float32", "fixed16"])
-def test_agrees_on_the_m4f(arithmetic: str) -> None:
+def test_a_tunable_controller_agrees_on_the_m4f(arithmetic: str) -> None:
     law = pid(TUNABLE)
     program = lower(law, arithmetic)
     bundle = emit(program, "firmloop generate motor_pid.toml")
@@ -172,7 +172,7 @@ def test_agrees_on_the_m4f(arithmetic: str) -> None:
         ('kind = "pid"', 'kind = "notch"', "controller"),
     ],
 )
-def test_one_clear_sentence(
+def test_a_wrong_parameter_table_is_refused_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str, instead: str, words: str
 ) -> None:
     assert line in PROJECT

@@ -18,8 +18,8 @@ from firmloop.codegen.bundle import Bundle, write_files
 from firmloop.codegen.host import host_files
 from firmloop.identify.simulation.compiler import ToolError, run_compiler
 from firmloop.quantize.program import Program
-from firmloop.verify.compare import First, differing, record_type
 from firmloop.verify.build.host import WARNINGS
+from firmloop.verify.compare import First, differing, record_type
 from firmloop.verify.reference import Trace
 from firmloop.verify.stimuli.settings import records
 from firmloop.verify.stimuli.stimuli import Block

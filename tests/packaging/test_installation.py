@@ -1,0 +1,164 @@
+"""An installation adds one import name, lives beside pre-commit, and runs in a folder of any contents."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.firmloop.conftest import PROJECT
+from tests.packaging.environments import Environment, make_environment, run
+
+ROOT = Path(__file__).parents[2]
+NAME = "firmloop-0.1.0"
+INFO = f"{NAME}.dist-info"
+KINDS = ("wheel", "sdist", "editable")
+USERS_MODULES = ("design", "verify", "identify", "numpy")  # each would end the program that imports it
+
+
+@pytest.fixture(scope="session")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fetch pre-commit and what builds firmloop, once; all that follows needs no network."""
+    folder = tmp_path_factory.mktemp("wheels")
+    wanted = ["pre-commit", "hatchling", "editables"]
+    call = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "-q", "-d", str(folder), *wanted]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"pip cannot fetch pre-commit and hatchling here: {done.stderr.strip().splitlines()[-1]}")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def builder(wheels: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    """Return an environment that holds hatchling."""
+    made = make_environment(tmp_path_factory.mktemp("builder") / "venv", wheels)
+    made.install("hatchling", "editables")
+    return made
+
+
+@pytest.fixture(scope="session")
+def archives(builder: Environment, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Build what pip is given: a wheel and an sdist of the tree, or the tree itself."""
+    out = tmp_path_factory.mktemp("dist")
+    builder.ask("-m", "hatchling", "build", "-d", str(out), folder=ROOT)
+    return {"wheel": str(next(out.glob("*.whl"))), "sdist": str(next(out.glob("*.tar.gz"))), "editable": f"-e{ROOT}"}
+
+
+def _precommit_works(environment: Environment, folder: Path) -> None:
+    assert environment.ask("-m", "pre_commit", "--version", folder=folder).startswith("pre-commit ")
+    script = environment.folder / "bin" / "pre-commit"
+    assert run([str(script), "--version"], folder).startswith("pre-commit ")
+    tags = "from identify import identify; print(sorted(identify.tags_from_filename('motor.py')))"
+    assert "'python'" in environment.ask("-c", tags, folder=folder)
+
+
+def _firmloop_works(environment: Environment, folder: Path) -> None:
+    """Run a verb that goes through design, quantize and codegen, in a folder of modules that would stop it."""
+    environment.lend()
+    for name in USERS_MODULES:
+        (folder / f"{name}.py").write_text("raise SystemExit('a file of the user was imported')\n")
+    (folder / "tank.toml").write_text(PROJECT)
+    shown = environment.ask("-m", "firmloop", "--version", folder=folder)
+    assert shown.split()[-1] == "0.1.0"
+    environment.ask("-m", "firmloop", "generate", "tank.toml", "--out", "out", folder=folder)
+    assert (folder / "out" / "tank_heater.c").is_file()
+    run([str(environment.folder / "bin" / "firmloop"), "targets"], folder)
+    for name in USERS_MODULES:
+        (folder / f"{name}.py").unlink()
+    environment.take_back()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("first", ["pre-commit", "firmloop"])
+def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
+    kind: str, first: str, archives: dict[str, str], wheels: Path, tmp_path: Path
+) -> None:
+    environment = make_environment(tmp_path / "venv", wheels)
+    folder = tmp_path / "project"
+    folder.mkdir()
+    if first == "pre-commit":
+        environment.install("pre-commit")
+        _precommit_works(environment, folder)
+    before = environment.names()
+    environment.install("--no-deps", archives[kind])
+    added = environment.names() - before
+    if first == "firmloop":
+        environment.install("pre-commit")
+    if kind == "editable":
+        assert INFO in added
+        assert all("firmloop" in name for name in added), added
+    else:
+        assert added == {"firmloop", INFO}
+    _firmloop_works(environment, folder)
+    _precommit_works(environment, folder)
+    beside = environment.names()
+    environment.pip("uninstall", "-y", "firmloop")
+    # Python's own cache of modules that stand in site-packages themselves, as an editable install's does, may stay
+    assert environment.names() - {"__pycache__"} == beside - added - {"__pycache__"}
+    _precommit_works(environment, folder)
+
+
+def test_an_editable_install_lends_no_other_name_of_the_tree(
+    archives: dict[str, str], wheels: Path, tmp_path: Path
+) -> None:
+    environment = make_environment(tmp_path / "venv", wheels)
+    environment.install("--no-deps", archives["editable"], "editables")
+    tops = sorted(path.name for path in ROOT.iterdir() if path.is_dir() and path.name.isidentifier())
+    asked = f"import importlib.util as u; print([n for n in {tops} if u.find_spec(n)])"
+    assert environment.ask("-c", asked).strip() == "['firmloop']"
+
+
+def _contents(wheel: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def test_a_wheel_from_the_sdist_holds_what_a_wheel_from_the_tree_holds(
+    archives: dict[str, str], builder: Environment, tmp_path: Path
+) -> None:
+    with tarfile.open(archives["sdist"]) as archive:
+        archive.extractall(tmp_path, filter="data")
+    builder.ask("-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path), folder=tmp_path / NAME)
+    from_tree, from_sdist = _contents(Path(archives["wheel"])), _contents(next(tmp_path.glob("*.whl")))
+    assert sorted(from_tree) == sorted(from_sdist)
+    assert from_tree == from_sdist
+
+
+def test_a_wheel_holds_every_source_template_and_target_of_the_tree(archives: dict[str, str]) -> None:
+    held = set(_contents(Path(archives["wheel"])))
+    assert {name.split("/")[0] for name in held} == {"firmloop", INFO}
+    assert "firmloop/py.typed" in held
+    links = [path for path in (ROOT / "firmloop").iterdir() if path.is_symlink()]
+    missing = {
+        f"firmloop/{top.relative_to(ROOT)}"
+        for link in links
+        for top in link.resolve().rglob("*")
+        if top.is_file() and "__pycache__" not in top.parts
+    } - held
+    assert links and not missing
+
+
+def test_an_sdist_holds_every_file_once(archives: dict[str, str]) -> None:
+    with tarfile.open(archives["sdist"]) as archive:
+        names = [member.name for member in archive.getmembers() if member.isfile()]
+    assert len(names) == len(set(names))
+    tops = {name.split("/")[1] for name in names}
+    assert {"firmloop", "tests", "README.md", "LICENSE", "pyproject.toml"} <= tops
+    assert not tops & {"identify", "design", "codegen", "verify", "out", "build"}
+
+
+@pytest.mark.slow
+def test_a_wheel_with_its_real_dependencies_generates_beside_precommit(
+    archives: dict[str, str], wheels: Path, tmp_path: Path
+) -> None:
+    environment = make_environment(tmp_path / "venv", wheels)
+    environment.pip("install", "pre-commit", archives["wheel"])
+    folder = tmp_path / "project"
+    folder.mkdir()
+    (folder / "tank.toml").write_text(PROJECT)
+    environment.ask("-m", "firmloop", "generate", "tank.toml", "--out", "out", folder=folder)
+    _precommit_works(environment, folder)

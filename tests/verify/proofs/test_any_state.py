@@ -1,0 +1,83 @@
+"""Steps from states that inputs take long to reach are compared too, within what the proof lets happen."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bench.codegen.example_laws import laws
+from bench.proofs.planting import Mutant, mutants, planted
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Program
+from firmloop.verify.build.host import build_host
+from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.any_state import STEPS, Departures, any_state, departures
+from firmloop.verify.run import verify
+from firmloop.verify.verdict import Verdict
+
+
+@cache
+def _lowered(name: str, arithmetic: str) -> Program:
+    return lower(laws()[name], arithmetic)
+
+
+def _apart(program: Program, bundle: Bundle) -> Departures:
+    link = LibraryLink(build_host(bundle, load_target("host")), program)
+    return departures(program, link, any_state(program, 1, STEPS))
+
+
+def _planted(program: Program, text: str, what: str) -> tuple[Bundle, Mutant]:
+    bundle = emit(program, "firmloop generate x.toml")
+    mutant = next(m for m in mutants(bundle) if text in m.before and m.what == what)
+    return planted(bundle, mutant), mutant
+
+
+@pytest.mark.parametrize(
+    ("name", "arithmetic"),
+    [("self_tuning", "fixed16"), ("tuned pid", "float32"), ("full pid", "fixed32"), ("mpc", "float32")],
+)
+def test_the_generated_code_agrees_from_any_state(name: str, arithmetic: str) -> None:
+    program = _lowered(name, arithmetic)
+    found = _apart(program, emit(program, "firmloop generate x.toml"))
+    assert found.steps >= (400 if name == "mpc" else 10_000) and (found.differences, found.first) == (0, None)
+
+
+def test_a_limit_that_no_stimulus_reaches_is_missed_when_it_is_gone() -> None:
+    program = _lowered("self_tuning", "fixed16")
+    found = _apart(program, _planted(program, "p12_new = fl_min", "limit removed")[0])
+    assert found.differences > 0 and found.first is not None
+    assert found.first.output == "self.p12" and "p11 = " in found.first.operation
+
+
+def test_states_are_drawn_from_what_a_step_can_leave() -> None:
+    program = _lowered("self_tuning", "fixed16")
+    drawn = any_state(program, 1, STEPS)
+    limit = next(op for op in program.body if op.result.name == "p12_new").result.high
+    column = drawn.columns[len(program.inputs) + [v.name for v in program.state].index("p12")]
+    assert (column.min(), column.max()) == (-limit, limit)
+    assert len(np.unique(column)) > 1000
+
+
+def _verdict(name: str, arithmetic: str, text: str, what: str, steps: int) -> Verdict:
+    program = _lowered(name, arithmetic)
+    bundle, _ = _planted(program, text, what)
+    return verify(laws()[name], program, bundle, load_target("host"), [], steps, 1, None, lambda share, doing: None)
+
+
+def test_a_verdict_on_the_host_counts_steps_from_any_state() -> None:
+    verdict = _verdict("self_tuning", "fixed16", "p12_new = fl_min", "limit removed", 1000)
+    assert verdict.differences > 0 and verdict.first is not None
+    assert verdict.first.lane.startswith("any state") and verdict.first.unit == "1"
+
+
+def test_a_parameter_that_init_sets_wrongly_differs() -> None:
+    assert _verdict("tuned pid", "fixed16", "self->ki =", "store dropped", 3000).differences > 0
+
+
+def test_a_state_that_init_leaves_out_differs() -> None:
+    assert _verdict("state_space", "float32", "self->x_1 = 0", "store dropped", 1000).differences > 0

@@ -1,0 +1,123 @@
+"""Dead bands and limit cycles: textbook cases by hand, every kind within its bound, the word length that is allowed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.cli import main
+from firmloop.design.design import Request
+from firmloop.design.kinds import design, kinds
+from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input
+from firmloop.verify.reference import run
+from tests.verify.test_tunable import PROJECT
+
+WIRES = (Signal("reference", "V", -1.0, 1.0), Signal("measurement", "V", -1.0, 1.0))
+OUTPUT = (Signal("output", "V", -100.0, 100.0),)
+
+
+def first_order(pole: float, arithmetic: str = "fixed32") -> tuple[ZeroInput, float]:
+    """What x+ = pole x + e, u = x does at rest, and the unit in the last place of x, V."""
+    table = {"A": [[pole]], "B": [[1.0, -1.0]], "C": [[1.0]], "D": [[0.0, 0.0]]}
+    program = lower(design("state_space", "pole", table, 0.01, WIRES, OUTPUT, None).law, arithmetic)
+    found = zero_input(program)
+    assert found is not None
+    return found, 2.0 ** -program.state[0].number.fraction
+
+
+@pytest.mark.parametrize(("pole", "stuck"), [(0.91, 5), (0.5, 1), (0.96, 12)])
+def test_a_positive_pole_has_the_dead_band_of_the_textbook(pole: float, stuck: int) -> None:
+    """|x| rests where pole |x| rounds to |x|: up to 0.5/(1 - pole), halves rounded up."""
+    found, place = first_order(pole)
+    (row,) = found.outputs
+    assert found.exhaustive and found.unsettled == 0
+    assert (row.cycle, row.offset) == (0.0, stuck * place)
+    assert row.bound == pytest.approx(0.5 / (1 - pole) * place, rel=2e-3)
+
+
+def test_a_negative_pole_has_a_limit_cycle_of_period_two() -> None:
+    """4, -3.6 -> -4, 3.6 -> 4, ... is the largest that -0.9 keeps; 5 goes to -4."""
+    found, place = first_order(-0.9)
+    (row,) = found.outputs
+    assert found.exhaustive and (row.cycle, row.offset) == (8 * place, 0.0)
+    assert row.bound is not None and row.cycle / 2 <= row.bound
+
+
+def test_floating_point_is_left_alone() -> None:
+    law = design("pid", "x", {"kp": 1.0}, 0.01, WIRES, OUTPUT, None).law
+    assert zero_input(lower(law, "float32")) is None
+
+
+@pytest.mark.parametrize("name", ["lead_lag", "notch", "pid", "state_space", "state_feedback"])
+def test_no_kind_leaves_its_bound_once_its_inputs_stand_still(name: str) -> None:
+    program = lower(kinds()[name].design(kinds()[name].example).law, "fixed32")
+    found = zero_input(program)
+    assert found is not None
+    random = np.random.default_rng(2)
+    still = np.zeros((60, 3000, len(program.inputs)))
+    small = np.array([v.high for v in program.inputs]) * 1e-5
+    still[:, :40] = random.uniform(-1, 1, size=(60, 40, len(program.inputs))) * small
+    integrates = any(v.name == "integral" for v in program.state)
+    trace = run(program, np.round(still).astype(np.int32))
+    for j, (row, value) in enumerate(zip(found.outputs, program.outputs, strict=True)):
+        assert row.bound is not None and row.offset <= row.bound and row.cycle <= 2 * row.bound
+        last = trace.outputs[:, -100:, j] * 2.0**-value.number.fraction
+        if integrates:  # it keeps what it has gathered; only the swing is of roundings
+            last = last - last.mean(axis=1, keepdims=True)
+        assert np.max(np.abs(last)) <= row.bound
+
+
+def project(folder: Path, arithmetic: str) -> Path:
+    path = folder / "wheel_speed.toml"
+    path.write_text(PROJECT.replace('number = "fixed"\nbits = 16', arithmetic, 1))
+    return path
+
+
+def test_generate_prints_the_bound_at_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["generate", str(project(tmp_path, 'number = "fixed"')), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "inputs still: output: no limit cycle" in said and "rounding, proven: at most output" in said
+    entry = json.loads((out / "proof.json").read_text())["zero_input"]
+    assert entry["exhaustive"] and entry["outputs"]["output"]["bound"] == 0.0  # a PI rounds nothing at rest
+
+
+@pytest.mark.parametrize(("most", "bits"), [("0.01", 16), ("1e-4", 32)])
+def test_the_word_is_as_long_as_the_error_asks_for(tmp_path: Path, most: str, bits: int) -> None:
+    path = project(tmp_path, f'number = "fixed"\nmax_error_V = {most}')
+    assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 0
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["arithmetic"] == f"fixed{bits}"
+    assert manifest["rounding"]["output"]["bound"] <= float(most)
+
+
+@pytest.mark.parametrize(
+    ("arithmetic", "words"),
+    [
+        ('number = "fixed"\nmax_error_V = 1e-12', "arithmetic.max_error_V = 1e-12 is not kept: fixed16 may put output"),
+        ('number = "fixed"\nbits = 16\nmax_error_V = 1e-4', "leave bits out or write bits = 32"),
+        ('number = "float32"\nmax_error_V = 1e-9', "float32 may put output"),
+        ('number = "fixed"\nmax_error_A = 0.01', "ends in the unit of no output (output is in 'V')"),
+        ('number = "fixed"\nmax_error_V = 0', "must be more than 0"),
+        ('number = "fixed"\nmax_error_V = "small"', "must be a finite number"),
+        ('number = "fixed"\nmaxerror_V = 0.01', "unknown key"),
+    ],
+)
+def test_an_error_that_cannot_be_kept_is_one_clear_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arithmetic: str, words: str
+) -> None:
+    assert main(["generate", str(project(tmp_path, arithmetic)), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert words in said and "Traceback" not in said
+
+
+def test_a_law_without_linear_rest_says_so() -> None:
+    kind = kinds()["gain_schedule"]
+    assert isinstance(kind.example, Request)
+    found = zero_input(lower(kind.design(kind.example).law, "fixed32"))
+    assert found is not None and found.outputs[0].bound is None and found.starts == 0
