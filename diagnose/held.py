@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.screen import outside, with_starts
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment, best_start, experiments
 from firmloop.identify.fitting.noise import fit_noise
 from firmloop.identify.fitting.problem import Point, Problem, make_problem, solve, weighted
 from firmloop.identify.plants.attach import all_uses, with_effects
 from firmloop.identify.plants.effects import find_effect
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clock import evened
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.hold import HOLDS

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.held import believed_hold, fitted_nominal
 from firmloop.diagnose.response import disturbed
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.linear_forms import form_writer
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clipping import gathering
 from firmloop.identify.recordings.conditioning import Conditioning, check_conditioning, condition_input
 from firmloop.identify.recordings.hold import FINER, HOLDS

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.cheapest import cheapest
 from firmloop.diagnose.direct import Direct
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import measured, simulate
 

@@ -159,7 +159,7 @@ def _failed(error: Exception, console: Console) -> int:
     # Only now: a command that went well need not load every package.
     from firmloop.codegen.bundle import CodegenError
     from firmloop.design.law import DesignError
-    from firmloop.identify.plants.plant import IdentifyError
+    from firmloop.identify.error import IdentifyError
     from firmloop.identify.simulation.compiler import ToolError
     from firmloop.quantize.program import QuantizeError
     from firmloop.verify.links import LinkError

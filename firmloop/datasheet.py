@@ -24,8 +24,8 @@ from firmloop.identify.bench_tests.standard_tests import (
     step_test,
 )
 from firmloop.identify.bench_tests.step_response import step_response
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.recording import Recording, column, read_recording
 from firmloop.identify.units import unit_of
 from firmloop.output import results_folder

@@ -12,11 +12,12 @@ import numpy as np
 from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table
 from firmloop.identify.bench_tests.sensitivity import FIGURES, Sensitivity, sensitivity
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import Fit, fit, interval95
 from firmloop.identify.fitting.redraw import Redrawn, blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import ResidualTests, residual_tests
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError, Parameter
+from firmloop.identify.plants.plant import Parameter
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import column
 from firmloop.output import results_folder

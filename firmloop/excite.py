@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmloop.codegen.bundle import write_files
 from firmloop.console import Console
 from firmloop.identify.bench_tests.excitations import excitation
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.recording import make_recording, write_recording
 from firmloop.identify.units import unit_of
 from firmloop.output import results_folder

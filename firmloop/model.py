@@ -22,10 +22,10 @@ from firmloop.identify.bench_tests.blackbox import (
     continuous,
     redrawn,
 )
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit_start
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.fitting.scores import scores
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE, condition_input, condition_output
 from firmloop.identify.recordings.recording import Recording, column

@@ -13,7 +13,7 @@ from firmloop.identify.bench_tests.graphical import METHODS
 from firmloop.identify.bench_tests.step_noise import DRAWS, noise_halves
 from firmloop.identify.bench_tests.step_response import StepFigures, StepResponse, step_figures, step_response
 from firmloop.identify.bench_tests.trials import FEWEST, Repeated, repeated
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.units import unit_of
 from firmloop.output import results_folder
 from firmloop.presentation.documents import fields_document, finite

@@ -27,8 +27,9 @@ from firmloop.diagnose.refit import fit as refit
 from firmloop.diagnose.rival import relative, unseen_residuals
 from firmloop.diagnose.run import Diagnosis
 from firmloop.diagnosis import diagnosed
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.noise import white
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import read_recording
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.project.project import read_project

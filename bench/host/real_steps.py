@@ -18,11 +18,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from bench.diagnose.real import ROOT
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import parameters_of
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, make_recording, read_recording

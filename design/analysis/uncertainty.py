@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import Linear, linearize
 
 _MOST = 12  # parameters: each costs the figures once more

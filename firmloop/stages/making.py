@@ -14,7 +14,8 @@ from firmloop.codegen.package import package
 from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.design.law import DesignError
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.project.project import Project, check_units
 from firmloop.quantize.lower.word_length import lower_within

@@ -25,8 +25,9 @@ from firmloop.design.kinds import design as design_law
 from firmloop.design.law import DesignError, Horizon, Law, Scalar
 from firmloop.design.models.feedforward import position_of
 from firmloop.design.roles import reference_and_measurement
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import Fit, fit, fit_start
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE, Conditioning, conditioning_from_table
 from firmloop.identify.recordings.recording import Recording, make_recording, read_recording
 from firmloop.identify.simulation.compiler import ToolError

@@ -25,7 +25,7 @@ import scipy.stats
 from nfoursid.nfoursid import NFourSID
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 Array = NDArray[np.float64]
 

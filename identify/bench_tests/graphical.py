@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from firmloop.identify.bench_tests.step_response import StepResponse, reach, smooth_share, step_figures
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 COPPER = 234.5  # degC below zero at which a copper winding would have no resistance (IEEE Std 114)
 POUND_FOOT = 1.3558179483  # N m

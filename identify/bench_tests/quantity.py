@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 POUND, INCH, FOOT, GRAVITY = 0.45359237, 0.0254, 0.3048, 9.80665
 HORSEPOWER = 550 * FOOT * POUND * GRAVITY

@@ -19,8 +19,9 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from firmloop.identify.bench_tests.step_response import reach
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import constants_of, course_of, rest_start, simulator

@@ -15,8 +15,8 @@ import scipy.optimize
 import scipy.stats
 from numpy.typing import NDArray
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from firmloop.identify.bench_tests.step_response import StepResponse, redrawn
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError
 
 Reader = Callable[[StepResponse], Mapping[str, float]]
 

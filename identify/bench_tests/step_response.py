@@ -10,7 +10,7 @@ import scipy.signal
 import scipy.stats
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.recording import Recording, column
 
 Array = NDArray[np.float64]

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.least_squares import triangle
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import (
     Conditioning,
     check_conditioning,

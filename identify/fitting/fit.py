@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.alignment import lag_slopes, lag_steps
 from firmloop.identify.fitting.covariance import Uncertainty, uncertainty
 from firmloop.identify.fitting.experiment import (
@@ -28,7 +29,7 @@ from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
 from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import IdentifyError, Parameter, Plant
+from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.course import Engine

@@ -17,10 +17,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, rows_time
 from firmloop.identify.fitting.fit import Fit, Progress
 from firmloop.identify.fitting.problem import Point, Problem, make_problem, weighted
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import Conditioning, compared_time, interpolate, line_free
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import constants_of, simulator

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import linearize
 
 _BY_PARAMETER = 5  # readings: fewer, and an interval rests on a guess of the noise

@@ -9,9 +9,10 @@ from types import MappingProxyType
 
 import casadi as ca
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effect import Effect, EffectParameter, Site
 from firmloop.identify.plants.effects import applies, candidates, find_effect
-from firmloop.identify.plants.plant import Balance, EffectUse, IdentifyError, Inside, Parameter, Plant
+from firmloop.identify.plants.plant import Balance, EffectUse, Inside, Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import ending_of, unit_of
 

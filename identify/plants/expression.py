@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 import casadi as ca
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 _LONGEST = 2000  # characters
 _DRY = 1e-12

@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.expression import read_expression
 from firmloop.identify.plants.kind import Constant, equations
 from firmloop.identify.plants.kinds import read_parameter
-from firmloop.identify.plants.plant import Balance, IdentifyError, Plant
+from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 

@@ -11,10 +11,6 @@ import casadi as ca
 from firmloop.identify.signal import Signal
 
 
-class IdentifyError(Exception):
-    """A recording or a plant is wrong; the message names the file, row, column or key, the rule and the way out."""
-
-
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One physical constant; `deviation` is one standard deviation in `unit`, None where it was not estimated.

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
 from firmloop.identify.plants.kinds import deviation_of, make_plant
 from firmloop.identify.plants.ode import make_ode
-from firmloop.identify.plants.plant import EffectUse, IdentifyError, Parameter, Plant
+from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 
 _ENTRY_KEYS = ("value", "free", "ci95")
 

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.signal
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.table import Misread, Table
 from firmloop.identify.signal import Signal

@@ -19,7 +19,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clock import evened
 from firmloop.identify.recordings.hold import knots
 from firmloop.identify.recordings.recording import Recording, column

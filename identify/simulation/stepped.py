@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 from firmloop.identify.simulation.engine import effect_simulator
 from firmloop.identify.simulation.marshal import job, library, load_segments

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.attach import all_uses, parameters_of, site_of, with_effects, with_position
 from firmloop.identify.plants.effect import Scales
 from firmloop.identify.plants.effects import find_effect
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clipping import gathering, rested
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.course import LONGEST_CHANGE, Course

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.stepped import SteppedPlant
 from firmloop.quantize.program import Program
 from firmloop.verify.compare import record_type

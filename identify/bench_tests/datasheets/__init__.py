@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from firmloop.identify.bench_tests.quantity import in_si
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.signal
 
 from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 
 def make(request: Request) -> Array:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 CLIPPINGS = 1000
 WORK = 30_000_000  # samples in all, so that a long signal does not take minutes

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 TAPS = {
     3: (3, 2),

@@ -37,8 +37,9 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effect import Effect
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 
 
 @cache

@@ -8,9 +8,10 @@ import pkgutil
 from collections.abc import Mapping, Sequence
 from functools import cache
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.kind import Constant, Kind
-from firmloop.identify.plants.plant import IdentifyError, Parameter, Plant
+from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kind import Constant, Kind, equations
-from firmloop.identify.plants.plant import Balance, IdentifyError, Parameter, Plant
+from firmloop.identify.plants.plant import Balance, Parameter, Plant
 from firmloop.identify.signal import Signal
 
 _CURRENT = Signal("current_A", "A", -math.inf, math.inf)

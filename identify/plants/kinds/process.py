@@ -12,8 +12,9 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kind import Constant, Kind, equations
-from firmloop.identify.plants.plant import IdentifyError, Parameter, Plant
+from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
 

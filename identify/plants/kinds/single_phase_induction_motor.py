@@ -30,9 +30,10 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.iron import air_gap, magnetizing_balance
 from firmloop.identify.plants.kind import Constant, Kind, equations
-from firmloop.identify.plants.plant import Balance, IdentifyError, Inside, Parameter, Plant
+from firmloop.identify.plants.plant import Balance, Inside, Parameter, Plant
 from firmloop.identify.signal import Signal
 
 ARC = 1e-3  # s; far below a period of the mains, far above what would make the equations stiff

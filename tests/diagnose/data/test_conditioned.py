@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmloop.diagnose.prepare import as_conditioned
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording, make_recording
 from tests.sizes import motor

@@ -12,9 +12,10 @@ import pytest
 from bench.diagnose.truth import FINE, run
 from firmloop.diagnose.hypothesis import make_scene
 from firmloop.diagnose.prepare import check_apart, check_clock, check_nominal, check_same
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.project.project import read_project

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.preflight import preflight
 from firmloop.diagnose.prepare import check_nominal
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import read_project
 from firmloop.stages.pipeline import plant_of, read_data

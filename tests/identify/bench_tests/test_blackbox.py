@@ -15,9 +15,9 @@ from firmloop.identify.bench_tests.blackbox import (
     fit_n4sid,
     fit_oe,
 )
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit, interval95
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import make_recording
 

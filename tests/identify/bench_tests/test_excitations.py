@@ -7,7 +7,7 @@ import pytest
 
 from firmloop.identify.bench_tests.excitations import excitation, excitations
 from firmloop.identify.bench_tests.excitations.prbs import TAPS, sequence
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 
 TABLE = {"low": -6.0, "high": 4.0, "period_s": 0.001, "duration_s": 2.0}
 

@@ -17,8 +17,8 @@ from firmloop.identify.bench_tests.standard_tests import (
     no_load,
     step_test,
 )
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import simulate

@@ -12,7 +12,7 @@ from firmloop.identify.bench_tests.graphical import METHODS, one_point, overshoo
 from firmloop.identify.bench_tests.step_noise import noise_halves
 from firmloop.identify.bench_tests.step_response import step_figures, step_response
 from firmloop.identify.bench_tests.trials import repeated
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.recording import make_recording
 
 TIME = np.arange(4000) * 1e-3

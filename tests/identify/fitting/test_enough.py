@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording, make_recording
 

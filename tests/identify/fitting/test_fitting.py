@@ -12,10 +12,10 @@ import pytest
 import scipy.linalg
 import scipy.signal
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import Fit, fit, fit_start, interval95
 from firmloop.identify.fitting.scores import scores
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import make_recording, read_recording
 

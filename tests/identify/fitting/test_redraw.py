@@ -7,11 +7,11 @@ import pytest
 import scipy.signal
 
 from firmloop.identify.bench_tests.sensitivity import sensitivity
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit, interval95
 from firmloop.identify.fitting.redraw import blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE, Conditioning, conditioning_from_table
 from firmloop.identify.recordings.recording import make_recording
 

@@ -21,10 +21,11 @@ from firmloop.identify.bench_tests.induction_tests import (
     winding_resistance,
 )
 from firmloop.identify.bench_tests.revolving_field import at_load, breakdown, running
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.effects import candidates
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, make_recording

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kinds import kinds, make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.units import unit_of
 

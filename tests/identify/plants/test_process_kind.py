@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit, interval95
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.linearize import linearize

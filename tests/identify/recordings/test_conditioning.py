@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit, interval95
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.recordings.conditioning import (
     NONE,
     Conditioning,

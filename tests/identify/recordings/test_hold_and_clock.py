@@ -10,9 +10,10 @@ import pytest
 from bench.diagnose.blind_cases import draw_case, write_case
 from firmloop.diagnose.held import believed_hold
 from firmloop.diagnose.prepare import shortened
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import EffectUse, IdentifyError
+from firmloop.identify.plants.plant import EffectUse
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.clock import evened
 from firmloop.identify.recordings.hold import knots

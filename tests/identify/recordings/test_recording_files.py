@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from firmloop.identify.plants.plant import IdentifyError
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.recording import column, make_recording, read_recording, write_recording
 
 GOOD = "time_s,voltage_V,speed_rad_s\n0,1,0\n0.1,1,2.5\n0.2,-1,4\n0.35,0,3\n"

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kind import equations
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.simulate import constants_of, course_of, simulate, simulator
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from bench.links.closed_loop import wheel
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.identify.simulation.stepped import SteppedPlant

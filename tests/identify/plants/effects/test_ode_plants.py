@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.expression import read_expression
-from firmloop.identify.plants.plant import IdentifyError
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate

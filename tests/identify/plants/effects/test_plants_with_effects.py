@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.attach import EffectUse, all_uses, parameters_of, with_effects
 from firmloop.identify.plants.effects import candidates, effects, find_effect
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import IdentifyError, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import effects_table, plant_from_table
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, make_recording, write_recording
