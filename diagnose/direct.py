@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
-DIRECT = ("sensor_wrap", "sensor_quantization")
+DIRECT = ("wraps", "steps")  # what is seen without a search, as Effect.seen_by says
 _COARSE = 1.0 / 512.0  # of the range: finer steps are what any sensor has
 _TURN = 2.0 * np.pi / 200.0  # rad: no encoder has fewer steps a turn unless it is a coarse one
 _OWN = 0.45  # residual rms over step up to which the steps, and not noise, are what is left
@@ -38,7 +39,7 @@ def coarse(plant: Plant, train: Sequence[Recording], left: Sequence[float]) -> t
         step = _step(values)
         least = _TURN if signal.unit == "rad" else _COARSE * float(np.ptp(values))
         if step is not None and step > least and rms < _OWN * step:
-            found.append(Direct("sensor_quantization", signal.name, (step,), (_EVEN * step,)))
+            found.append(Direct(effect_seen_by("steps").name, signal.name, (step,), (_EVEN * step,)))
     return tuple(found)
 
 

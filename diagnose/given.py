@@ -50,7 +50,7 @@ def from_given(scene: Scene, rival: Rival) -> tuple[Fitted, ...]:
 
 def _folded(scene: Scene, cause: Cause) -> bool:
     """Tell whether a reading is never negative where the plant as given would go both ways."""
-    if cause.effect.name != "sensor_rectified" or cause.output is None:
+    if cause.effect.seen_by != "folds" or cause.output is None:
         return False
     index = [signal.name for signal in scene.plant.outputs].index(cause.output)
     begin = first_point(scene, scene.train)

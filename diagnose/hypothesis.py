@@ -117,9 +117,9 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
     sizes = cache(partial(scales_of, plant, train))
     causes = []
     for use in all_uses(plant):
-        if use.name in DIRECT:
-            continue
         effect = find_effect(use.name)
+        if effect.seen_by in DIRECT:
+            continue
         site = site_of(plant, effect, use.output)
         scales = sizes(site.output, site.balance)
         if effect.possible is not None and not effect.possible(scales):

@@ -13,6 +13,7 @@ from firmloop.diagnose.hypothesis import Scene
 from firmloop.diagnose.refit import Fitted
 from firmloop.diagnose.response import effort_of, response
 from firmloop.diagnose.screen import Ground, outside
+from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.superset import travelled
 
@@ -36,7 +37,7 @@ def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mappin
     if any(balance.kind in ("torque", "force") for balance in plant.balances):
         span = max(float(recording.time[-1]) for recording in scene.train)
         moments = span * np.arange(1, _MOMENTS) / _MOMENTS
-        found["load_step"] = _best(
+        found[effect_seen_by("moment").name] = _best(
             scene, base, grounds, moments, lambda k, at: (scene.train[k].time >= at)[:, None] * 1.0
         )
     angles = angles_of(scene, base)
@@ -44,8 +45,8 @@ def best_orders(scene: Scene, base: Fitted, grounds: Sequence[Ground]) -> Mappin
         return found
     efforts = [effort_of(plant, values, recording) for recording in scene.train]
     waves = np.arange(1.0, _HIGHEST + 1.0)
-    found["cogging_torque"] = _best(scene, base, grounds, waves, lambda k, order: _wave(order * angles[k]))
-    found["torque_ripple"] = _best(
+    found[effect_seen_by("order").name] = _best(scene, base, grounds, waves, lambda k, order: _wave(order * angles[k]))
+    found[effect_seen_by("order of effort").name] = _best(
         scene, base, grounds, waves, lambda k, order: efforts[k][:, None] * _wave(order * angles[k])
     )
     return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
@@ -219,9 +220,11 @@ def _untestable(plant: Plant, train: Sequence[Recording]) -> Mapping[str, str]:
         every = np.concatenate(speeds)
         reach = float(np.max(np.abs(every)))
         if min(float(np.mean(every > 0.05 * reach)), float(np.mean(every < -0.05 * reach))) < 0.02:
-            for name in ("coulomb_friction", "load_torque", "asymmetric_friction"):
-                found[name] = "the speed never reverses, so friction and a constant load look alike"
+            for effect in effects().values():
+                if effect.regime == "reversal":
+                    found[effect.name] = "the speed never reverses, so friction and a constant load look alike"
     if float(np.max(np.abs(np.diff(drives)))) < 0.02 * float(np.ptp(drives)):
-        for name in ("input_delay", "slew_rate_limit"):
-            found[name] = "the input never changes fast"
+        for effect in effects().values():
+            if effect.regime == "quick input":
+                found[effect.name] = "the input never changes fast"
     return found

@@ -18,13 +18,13 @@ from firmloop.diagnose.descent import Problem, start_slopes, whitened
 from firmloop.diagnose.hypothesis import Cause, Scene, searched
 from firmloop.diagnose.refit import Fitted, inverse, strength, tethers, widened
 from firmloop.identify.fitting.noise import Noise, colored, flat
+from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
 _BATCHES = 50  # of each recording: a disturbance between two of them is moved by either
 _CERTAIN, _STEP = 2.5, 4.0  # deviations of an effect's size from none; of one whose moment was searched for
-_PROBE = "load_step"
 _ROUNDED = 1e-6  # of the longest move
 _KNOWN = 0.5  # of what is told of a combination, from which it was known beforehand
 _PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
@@ -32,7 +32,7 @@ _PUSH = 0.002  # of the largest effort: what bodies that meet make of more is no
 
 def pushed(scene: Scene, fitted: Fitted, index: int, begins: Array) -> Array | None:
     """Return what a load of one in each batch alone does to the outputs (n, r, batches); None where nothing loads."""
-    probe = scene.cause(_PROBE)
+    probe = scene.cause(effect_seen_by("moment").name)
     if probe is None:
         return None
     recording, start = scene.train[index], fitted.point.starts[index]

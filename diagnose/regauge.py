@@ -16,6 +16,7 @@ from firmloop.diagnose.rival import Rival, unseen_residuals
 from firmloop.diagnose.round import LONG
 from firmloop.diagnose.wrap import shifted, turns_between
 from firmloop.identify.fitting.noise import flat
+from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording
     given, best = found.scene, found.best
     scene = given
     for number, direct in enumerate(given.direct):
-        if direct.effect != "sensor_wrap":
+        if direct.effect != effect_seen_by("wraps").name:
             continue
         index = [signal.name for signal in scene.plant.outputs].index(direct.output)
         for _ in range(_ROUNDS):

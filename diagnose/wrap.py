@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.cheapest import cheapest
 from firmloop.diagnose.direct import Direct
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import measured, simulate
@@ -77,7 +78,7 @@ def unwrapped(
         start = min(max(low / reach, -1.0), 0.0)
         half = round(2.0 * start) / 2.0
         start = half if abs(start - half) < 0.05 else start
-        found.append(Direct("sensor_wrap", signal.name, (reach, start), (deviation, 0.0)))
+        found.append(Direct(effect_seen_by("wraps").name, signal.name, (reach, start), (deviation, 0.0)))
     return tuple(train), tuple(test), tuple(found)
 
 

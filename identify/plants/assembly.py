@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 ADD, LEVEL, FACTOR, OUTPUT = range(4)  # as in driver/segments.c
 FRICTION, LIMIT = range(2)
+Change = Callable[[Array, float], Array]
 Rate = tuple[float, float, float, float, float, float]  # see Term
 STEADY: Rate = (0.0,) * 6  # constant while the input is
 _QUICK = 1e-8  # s; electrical time constant that stands for none
@@ -60,7 +61,7 @@ class Timing:
     stretch: float = 0.0  # of the outputs' clock
     breaks: tuple[float, ...] = ()  # s
     slew: float = np.inf  # input unit per s
-    maps: tuple[tuple[str, float], ...] = ()  # what is done to the input: (what, by how much), in order
+    maps: tuple[tuple[Change, float], ...] = ()  # what is done to the input and by how much, in order
 
     def key(self) -> tuple[object, ...]:
         """Return what the segments of a course depend on."""
@@ -150,9 +151,9 @@ class Assembly:
         """Replace an output by code(...) of it."""
         self.terms.append(Term(OUTPUT, code, output, constants, 1.0, STEADY))
 
-    def map_input(self, what: str, size: float) -> None:
-        """Change the first input as it is recorded: `dead_zone` or `clip`."""
-        self.timing.maps = (*self.timing.maps, (what, size))
+    def map_input(self, change: Change, size: float) -> None:
+        """Replace the first input (n,), as it is recorded, by change(input, size)."""
+        self.timing.maps = (*self.timing.maps, (change, size))
 
     def lag_output(self, output: int, time_constant: float) -> None:
         """Filter an output by a first-order lag."""

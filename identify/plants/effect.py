@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmloop.identify.plants.assembly import Assembly
+from firmloop.identify.plants.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +146,13 @@ class Effect:
     stiff they are there and how damped: a cost has kinks. `limits`: it cuts a signal off; `slow`: it may look like a
     slow disturbance; `lasting`: it stays the same, as the average of such a one does not; `late`: it may look like
     another hold of the input. `screened`: what it changes at a start tells how much a fit gains by it. `touches`: its
-    force is zero but where bodies touch, and the simulator finds the moment.
+    force is zero but where bodies touch, and the simulator finds the moment. `fits(plant)` replaces the question
+    whether the plant has such a place, where another decides. `straight`: what it makes of a reading has a slope at
+    rest. `remembers` names its function that keeps where the motion last turned round. `regime` is what recordings must
+    hold to show it: `reversal` (both directions of motion) or `quick input`, blank for nothing in particular. `seen_by`
+    is what finds it before any fit, blank for nothing: `wraps`, `steps` or `folds` of a reading; `moment`, at which a
+    torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or in proportion to the
+    drive's.
     """
 
     name: str
@@ -180,6 +187,11 @@ class Effect:
     late: bool = False
     screened: bool = True
     touches: bool = False
+    fits: Callable[[Plant], bool] | None = None
+    straight: bool = False
+    remembers: str = ""
+    regime: str = ""
+    seen_by: str = ""
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

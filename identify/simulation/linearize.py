@@ -96,7 +96,6 @@ def linearize_own(plant: Plant) -> Own:
 
 
 _MOVES = ("torque", "force")
-_STRAIGHT = ("sensor_gain", "eccentric_angle", "eccentric_speed")
 _QUICK = 1e7  # 1/s; a state that is faster has been put there for an algebraic equation
 _NOTHING = 1e-12  # of the largest slope of its row: what a difference quotient makes of none
 
@@ -107,10 +106,16 @@ def _waves() -> frozenset[str]:
     return frozenset(name for effect in effects().values() for name, body in effect.codes if "v->turn" in body)
 
 
+@cache
+def _straight() -> frozenset[str]:
+    """Return the functions of the library that change a reading but keep its slope at rest."""
+    return frozenset(name for effect in effects().values() if effect.straight for name, _ in effect.codes)
+
+
 def _has_slope(term: Term, reads_position: bool) -> bool:
-    if term.code in _waves() and term.code not in _STRAIGHT:
+    if term.code in _waves() and term.code not in _straight():
         return reads_position and term.rate[1] <= 1.0
-    return term.what in (ADD, FACTOR) or term.code in _STRAIGHT
+    return term.what in (ADD, FACTOR) or term.code in _straight()
 
 
 def _with_effects(plant: Plant) -> Linear:

@@ -27,7 +27,6 @@ _LOOKS = {1: "i", 2: "effort", 4: "turn"}  # as in driver/problem.h
 _TOUCH = 8  # the same
 _MOST_FLANKS = 1 << 3  # as bits, the same; more of them are no part of what is exact
 _USUAL_STATES = 6
-_MEMORY = "presliding_force"  # the one function that remembers where the motion last turned round
 
 
 class _Term(ctypes.Structure):
@@ -147,7 +146,7 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
         for name, body in effect.codes:
             lines.append(f"static double {name}(const view_t *v, const double *q) {{\n{body}\n}}")
             cases.append(f"    case {codes()[name]}: return {name}(v, q);")
-            memory = str(codes()[name]) if name == _MEMORY else memory
+            memory = str(codes()[name]) if name == effect.remembers else memory
             touching += [f"code == {codes()[name]}"] if effect.touches else []
     lines += [
         "static double term(int code, const view_t *v, const double *q) {",

@@ -116,9 +116,8 @@ def mapped(drive: Array, timing: Timing) -> Array:
     if not timing.maps:
         return drive
     value = drive.copy()
-    for what, size in timing.maps:
-        clipped = np.clip(value[:, 0], -size, size)
-        value[:, 0] = value[:, 0] - clipped if what == "dead_zone" else clipped
+    for change, size in timing.maps:
+        value[:, 0] = change(value[:, 0], size)
     return value
 
 

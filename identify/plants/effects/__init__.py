@@ -3,9 +3,10 @@
 How to use it (all values SI; a parameter of an effect is called `<effect>.<parameter>`, for sensor effects
 `<effect>.<output>.<parameter>`, for instance `coulomb_friction.torque_N_m`, `sensor_offset.current_A.offset_A`):
 
-    from identify.effects import candidates, effects, find_effect
-    from identify.attach import EffectUse, with_effects, parameters_of, label_of
-    from identify.superset import superset, starts_of
+    from firmloop.identify.plants.effects import candidates, effects, find_effect
+    from firmloop.identify.plants.plant import EffectUse
+    from firmloop.identify.plants.attach import with_effects, parameters_of, label_of
+    from firmloop.identify.simulation.superset import superset, starts_of
 
     candidates(plant) -> tuple[Effect, ...]                    every effect this plant can have
     EffectUse(name, output: str | None, values: Mapping[str, float], free: tuple[str, ...])
@@ -22,7 +23,7 @@ How to use it (all values SI; a parameter of an effect is called `<effect>.<para
                                                                after a divergence
         .slopes(recording, parameters, names, start) -> (n, r, k)     d output / d parameter, one-sided at a bound;
                                                                names may hold `start.<state>` too
-    from identify.plant_table import effects_table, plant_from_table
+    from firmloop.identify.plants.plant_table import effects_table, plant_from_table
     effects_table(plant) -> the [[plant.effects]] entries, with the values and intervals the parameters now have
 
 A slope at an infinite neutral value (limits, saturations) is NaN: begin at one of `starts_of`.
@@ -65,18 +66,23 @@ def applies(effect: Effect, plant: Plant) -> bool:
     kinds = {balance.kind for balance in plant.balances}
     if effect.rotary_only and "torque" not in kinds:
         return False
+    if effect.fits is not None:
+        return effect.fits(plant)
     if effect.place in ("sensor", "actuator", "timing"):
-        # A plant that has a delay of its own already says what another one would say.
-        return not (effect.name == "input_delay" and plant.delay is not None)
+        return True
     if effect.place == "torque":
         return bool(kinds & {"torque", "force"})
     if effect.place == "current":
         return any(b.current is not None for b in plant.balances if not b.inside)
-    if effect.name == "resistance_heating":
-        return any(balance.resistance is not None for balance in plant.balances)
     return effect.place in kinds
 
 
 def candidates(plant: Plant) -> tuple[Effect, ...]:
     """Every effect that this plant can have."""
     return tuple(effect for effect in effects().values() if applies(effect, plant))
+
+
+def effect_seen_by(means: str) -> Effect:
+    """Return the one effect that `means` finds before any fit (`Effect.seen_by`)."""
+    (found,) = (effect for effect in effects().values() if effect.seen_by == means)
+    return found

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from firmloop.identify.plants.assembly import Assembly
+import numpy as np
+
+from firmloop.identify.plants.assembly import Array, Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Holding, Scales, Site, ended, size
 
 
@@ -16,9 +18,14 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     return ((0.03 * scales.input,), (0.1 * scales.input,))
 
 
+def shrunk(value: Array, half_width: float) -> Array:
+    """Take a half width from commands, and all of those within it."""
+    return np.asarray(value - np.clip(value, -half_width, half_width))
+
+
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    assembly.map_input("dead_zone", values[0])
+    assembly.map_input(shrunk, values[0])
 
 
 def holding(site: Site, values: tuple[float, ...]) -> Holding:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size
+from firmloop.identify.plants.plant import Plant
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -19,6 +20,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.timing.input_delay = values[0]
+
+
+def fits(plant: Plant) -> bool:
+    """Tell whether the plant has no delay of its own, which says the same."""
+    return plant.delay is None
 
 
 EFFECT = Effect(
@@ -39,4 +45,6 @@ EFFECT = Effect(
     unmet="no input acts before it is given; the margins count with it",
     coordinate="change of the input",
     late=True,
+    fits=fits,
+    regime="quick input",
 )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from firmloop.identify.plants.assembly import Assembly
+import numpy as np
+
+from firmloop.identify.plants.assembly import Array, Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
 
 
@@ -16,9 +18,14 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     return ((0.9 * scales.input,), (0.7 * scales.input,))
 
 
+def clipped(value: Array, limit: float) -> Array:
+    """End commands at a limit."""
+    return np.asarray(np.clip(value, -limit, limit))
+
+
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    assembly.map_input("clip", values[0])
+    assembly.map_input(clipped, values[0])
 
 
 EFFECT = Effect(

@@ -42,4 +42,5 @@ EFFECT = Effect(
     unmet="what the actuator does not give cannot be asked for; set rate_limit_per_s to its slope",
     coordinate="slope of the input",
     screened=False,
+    regime="quick input",
 )

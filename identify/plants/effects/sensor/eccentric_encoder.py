@@ -59,4 +59,5 @@ EFFECT = Effect(
     coordinate="position, once per turn",
     stage=4,
     units=("rad", "rad/s"),
+    straight=True,
 )

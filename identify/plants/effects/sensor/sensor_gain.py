@@ -44,4 +44,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     stage=5,
+    straight=True,
 )

@@ -42,4 +42,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     stage=10,
+    seen_by="steps",
 )

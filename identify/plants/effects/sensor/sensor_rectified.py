@@ -50,4 +50,5 @@ EFFECT = Effect(
     switches=(0,),
     possible=possible,
     stage=7,
+    seen_by="folds",
 )

@@ -46,4 +46,5 @@ EFFECT = Effect(
     ),
     switches=(0,),
     stage=9,
+    seen_by="wraps",
 )

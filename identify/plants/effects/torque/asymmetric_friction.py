@@ -61,4 +61,5 @@ EFFECT = Effect(
     becomes=becomes,
     coordinate="sign of speed",
     contains=("coulomb_friction",),
+    regime="reversal",
 )

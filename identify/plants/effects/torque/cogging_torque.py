@@ -65,4 +65,5 @@ EFFECT = Effect(
     switches=(0,),
     holding=holding,
     coordinate="position, several times per turn",
+    seen_by="order",
 )

@@ -57,4 +57,5 @@ EFFECT = Effect(
     switches=(0,),
     holding=holding,
     coordinate="sign of speed",
+    regime="reversal",
 )

@@ -65,4 +65,5 @@ EFFECT = Effect(
     contains=("load_torque",),
     slow=True,
     lasting=True,
+    seen_by="moment",
 )

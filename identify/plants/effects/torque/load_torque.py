@@ -45,4 +45,5 @@ EFFECT = Effect(
     coordinate="none: constant",
     slow=True,
     lasting=True,
+    regime="reversal",
 )

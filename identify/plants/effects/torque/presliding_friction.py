@@ -82,4 +82,5 @@ EFFECT = Effect(
     becomes=becomes,
     coordinate="travel since the last reversal",
     contains=("coulomb_friction",),
+    remembers="presliding_force",
 )

@@ -57,4 +57,5 @@ EFFECT = Effect(
     switches=(0,),
     unmet="it scales the torque, which the controller does not command",
     coordinate="position, several times per turn, and current",
+    seen_by="order of effort",
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, shape, size
+from firmloop.identify.plants.plant import Plant
 
 _COPPER = 0.00393  # 1/K, temperature coefficient of resistance of copper at 20 degC (IEC 60028)
 
@@ -36,6 +37,11 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.add_term(warm, "heating_power", (resistance, _COPPER, float(warm)), rise / lag, rate)
 
 
+def fits(plant: Plant) -> bool:
+    """Tell whether a winding of the plant has a resistance."""
+    return any(balance.resistance is not None for balance in plant.balances)
+
+
 EFFECT = Effect(
     name="resistance_heating",
     equation="voltage",
@@ -62,4 +68,5 @@ EFFECT = Effect(
     switches=(0,),
     unmet="the temperature is not measured; the integral meets it",
     coordinate="heat of the winding",
+    fits=fits,
 )
