@@ -162,7 +162,7 @@ def _failed(error: Exception, console: Console) -> int:
     from firmloop.identify.error import IdentifyError
     from firmloop.identify.simulation.compiler import ToolError
     from firmloop.quantize.program import QuantizeError
-    from firmloop.verify.links import LinkError
+    from firmloop.verify.link import LinkError
 
     if _debugging():
         complain(traceback.format_exc())

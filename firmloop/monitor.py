@@ -23,10 +23,10 @@ from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectError
 from firmloop.quantize.program import Program
 from firmloop.stages.pipeline import command_of, design, generate, plant_of
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.live import STATUS, LiveLink, Samples, open_live_port, watchable
 from firmloop.verify.reference import Raw
-from firmloop.verify.stimuli.stimuli import to_physical, to_raw
+from firmloop.verify.scaling import to_physical, to_raw
 
 WAIT = 0.5  # s for samples before the clock is looked at again
 SILENCE = 10.0  # s without a sample, beside the time of two, after which the controller has stopped

@@ -45,7 +45,7 @@ from firmloop.stages.pipeline import design as design_stage
 from firmloop.stages.pipeline import identify as identify_stage
 from firmloop.stages.tracking import Tracking, tracking
 from firmloop.tuning import about_contest, beside, contest_document
-from firmloop.verify.build.trial import Trial
+from firmloop.verify.trial import Trial
 
 __all__ = ["as_recorded", "at_rest", "design", "identify", "run", "simulate", "verify", "walk"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.quantize.program import Program
-from firmloop.verify.links import Link
+from firmloop.verify.block import Block
+from firmloop.verify.link import Link
+from firmloop.verify.packing import records
 from firmloop.verify.reference import Trace, element_type
-from firmloop.verify.stimuli.settings import records
-from firmloop.verify.stimuli.stimuli import Block
 
 Progress = Callable[[float, str], None]
 

@@ -13,8 +13,8 @@ from firmloop.codegen.view import physical, statement
 from firmloop.identify.simulation.compiler import ToolError, shared_library
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program
+from firmloop.verify.packing import records
 from firmloop.verify.reference import Machine, Raw, element_type, set_parameter, start_state, working_type
-from firmloop.verify.stimuli.settings import records
 
 TRACE_FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-w")
 

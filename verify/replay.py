@@ -12,7 +12,7 @@ from firmloop.design.law import Law
 from firmloop.identify.signal import Signal
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import run
-from firmloop.verify.stimuli.stimuli import to_physical, to_raw
+from firmloop.verify.scaling import to_physical, to_raw
 
 Array = NDArray[np.float64]
 Table = Mapping[str, object]

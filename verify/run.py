@@ -16,21 +16,22 @@ from firmloop.codegen.target import Target, load_target
 from firmloop.design.law import Law
 from firmloop.identify.simulation.compiler import compiler_version
 from firmloop.quantize.program import Program
+from firmloop.verify.block import Block, total_steps
 from firmloop.verify.build.cost import instructions
-from firmloop.verify.build.host import FLAGS, build_host, total_steps
+from firmloop.verify.build.host import FLAGS, build_host
 from firmloop.verify.build.image import Image, build_image
 from firmloop.verify.build.sanitized import SANITIZED_FLAGS
-from firmloop.verify.build.trial import Loaded, Trial, try_out
 from firmloop.verify.compare import Comparison, compare
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.links.opener import openers
 from firmloop.verify.links.uart import open_port
+from firmloop.verify.packing import records
 from firmloop.verify.proofs.closed_loop import LoopCheck, PlantLoop, check_loop
 from firmloop.verify.reference import Trace
-from firmloop.verify.stimuli.search import searches
-from firmloop.verify.stimuli.settings import records
-from firmloop.verify.stimuli.stimuli import Block, to_physical
+from firmloop.verify.scaling import to_physical
+from firmloop.verify.searches import searches
+from firmloop.verify.trial import Loaded, Trial, try_out
 from firmloop.verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searches, Verdict, Worst
 
 Array = NDArray[np.float64]

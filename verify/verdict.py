@@ -6,8 +6,32 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from firmloop.verify.build.image import Function
-from firmloop.verify.build.sanitized import Undefined
+from firmloop.verify.compare import First
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """One function of the controller: bytes of its code, and of the stack of it and all it calls (None: not known)."""
+
+    name: str
+    text_bytes: int
+    stack_bytes: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Undefined:
+    """What a sanitizer stopped: its words, the line of the controller's C that it stopped in, and the step."""
+
+    says: str
+    file: str
+    line: int
+    operation: str
+    at: First
+
+    def sentence(self) -> str:
+        """Say it in one line."""
+        where = f"{self.file}:{self.line}: " if self.line else ""
+        return f"undefined behavior: {where}{self.says}" + (f", in: {self.operation}" if self.operation else "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,9 @@ from firmloop.design.kinds import kinds
 from firmloop.design.law import Law
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import QuantizeError
+from firmloop.verify.block import run_blocks
 from firmloop.verify.proofs.rounding import measure_rounding
-from firmloop.verify.stimuli.stimuli import adversarial, run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import adversarial, stimuli
 from firmloop.verify.verdict import Rounded
 
 QUICK = 20

@@ -27,12 +27,13 @@ from firmloop.design.law import Law
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program, QuantizeError
 from firmloop.quantize.proof import proof
+from firmloop.verify.block import run_blocks
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.image import build_image
 from firmloop.verify.compare import compare
 from firmloop.verify.links.semihosting import open_semihosting
 from firmloop.verify.proofs.checker import check_proof
-from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 
 STEPS = 20_000
 TARGET = "qemu_mps2_an386"

@@ -16,7 +16,7 @@ from firmloop.codegen.target import load_target
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.verify.reference import run
 from firmloop.verify.run import verify
-from firmloop.verify.stimuli.stimuli import to_raw
+from firmloop.verify.scaling import to_raw
 from firmloop.verify.verdict import Verdict
 
 HOST_STEPS = 1_000_000

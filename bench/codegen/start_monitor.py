@@ -24,7 +24,7 @@ from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.verify.reference import run
-from firmloop.verify.stimuli.stimuli import to_physical, to_raw
+from firmloop.verify.scaling import to_physical, to_raw
 
 Array = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ from firmloop.verify.build.host import WARNINGS, build_host
 from firmloop.verify.build.image import Image, build_image
 from firmloop.verify.compare import record_type
 from firmloop.verify.links.library import LibraryLink
-from firmloop.verify.stimuli.settings import records
+from firmloop.verify.packing import records
 from firmloop.verify.stimuli.stimuli import characters
 
 TARGET = "qemu_mps2_an386"

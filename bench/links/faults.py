@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import STEP, seal
 from firmloop.verify.links.framed import FramedLink
 from tests.verify.boards import PROGRAM, RESULT, expected, packed

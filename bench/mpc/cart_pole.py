@@ -49,7 +49,6 @@ from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.links.opener import openers
 from firmloop.verify.reference import Trace, run
-from firmloop.verify.stimuli.stimuli import Block
 
 STATES = ("p_m", "th_rad", "v_m_s", "w_rad_s")
 UNITS = ("m", "rad", "m/s", "rad/s")

@@ -19,7 +19,6 @@ from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.twins.qp import optimum
 from firmloop.verify.reference import run
-from firmloop.verify.stimuli.stimuli import Block
 
 RANGES = (("angle", "rad", 3.0), ("speed", "rad/s", 40.0))
 LIMIT = 6.0  # V

@@ -38,6 +38,7 @@ from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
 from firmloop.stages.pipeline import plant_of
+from firmloop.verify.block import Block
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.host import build_host
 from firmloop.verify.build.image import build_image
@@ -45,7 +46,6 @@ from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.links.opener import openers
 from firmloop.verify.reference import Machine, Trace, run, start_state
-from firmloop.verify.stimuli.stimuli import Block
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TARGET = "qemu_mps2_an386"

@@ -30,11 +30,12 @@ from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program, QuantizeError
 from firmloop.quantize.proof import proof
+from firmloop.verify.block import Block, side_by_side
 from firmloop.verify.build.sanitized import run_sanitized
 from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
-from firmloop.verify.stimuli.stimuli import Block, side_by_side, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 
 LAWS = 500
 SEED = 12

@@ -8,7 +8,7 @@ from firmloop.codegen.target import load_target
 from firmloop.design.kinds import kinds
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import lower
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.run import verify
 
 TARGET, STEPS, CLOCK = "qemu_mps2_an386", 2_000, 84e6  # instructions of a Cortex-M4F; clock of a common one, Hz

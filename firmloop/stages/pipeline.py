@@ -41,11 +41,11 @@ from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.twins.qp import optimum
 from firmloop.stages.making import Generated, command_of, design, formats_of, generate, located, plant_of
 from firmloop.stages.saturation import cut_input, cut_output, saturated
-from firmloop.verify.build.trial import Trial, try_out
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.proofs.closed_loop import PlantLoop
 from firmloop.verify.replay import Controller
 from firmloop.verify.run import verify_on
+from firmloop.verify.trial import Trial, try_out
 from firmloop.verify.verdict import Verdict
 
 __all__ = ["Generated", "command_of", "design", "generate", "located", "plant_of"]  # the first half of the walk

@@ -12,12 +12,13 @@ from firmloop.design.law import Flag, Law, Scalar
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program, QuantizeError
+from firmloop.verify.block import Block, run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import Machine, run, set_parameter, start_state, working_type
-from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.laws import FULL, SPEED, TABLES, VOLTS, pid, random_law
 
 

@@ -11,7 +11,7 @@ from firmloop.quantize.lower.graph import evaluate, law_graph
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import run
-from firmloop.verify.stimuli.stimuli import to_physical, to_raw
+from firmloop.verify.scaling import to_physical, to_raw
 from tests.laws import FULL, TABLES, pid
 
 LAWS = {

@@ -17,6 +17,7 @@ from firmloop.codegen.target import load_target
 from firmloop.identify.simulation.compiler import run_compiler
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.proof import proof
+from firmloop.verify.block import run_blocks
 from firmloop.verify.build.host import FLAGS, build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
@@ -24,7 +25,7 @@ from firmloop.verify.proofs.checker import check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import element_type, run, set_parameter
 from firmloop.verify.run import verify
-from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.laws import FULL, pid
 from tests.pid_formula import pid_steps
 from tests.quantize.test_lower import leaves_bounds

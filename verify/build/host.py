@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.host import host_files
 from firmloop.codegen.target import Target
 from firmloop.identify.simulation.compiler import shared_library
-from firmloop.verify.stimuli.stimuli import Block
 
 WARNINGS = tuple(
     "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wdouble-promotion -Werror".split()
@@ -20,8 +18,3 @@ FLAGS = (*WARNINGS, "-O2", "-ffp-contract=off")
 def build_host(bundle: Bundle, target: Target) -> Path:
     """Return the library of a bundle, compiled with every warning an error."""
     return shared_library(host_files(bundle), (*bundle.sources, "host.c"), (*FLAGS, *target.flags))
-
-
-def total_steps(blocks: Sequence[Block]) -> int:
-    """Return the number of steps in all blocks."""
-    return sum(b.inputs.shape[0] * b.inputs.shape[1] for b in blocks)

@@ -14,6 +14,7 @@ from firmloop.codegen.firmware import LINK_FLAGS, compile_flags
 from firmloop.codegen.target import Target
 from firmloop.identify.simulation.compiler import ToolError, compiler_version, run_compiler
 from firmloop.verify.build.elf import check_start
+from firmloop.verify.verdict import Function
 
 ELF = "image.elf"
 CONTROLLER = "controller/"  # where firmware() puts the controller's own files
@@ -34,15 +35,6 @@ class Size:
     text_bytes: int
     data_bytes: int
     bss_bytes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Function:
-    """One function of the controller: bytes of its code, and of the stack of it and all it calls (None: not known)."""
-
-    name: str
-    text_bytes: int
-    stack_bytes: int | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,12 @@ from firmloop.codegen.bundle import Bundle, write_files
 from firmloop.codegen.host import host_files
 from firmloop.identify.simulation.compiler import ToolError, run_compiler
 from firmloop.quantize.program import Program
+from firmloop.verify.block import Block
 from firmloop.verify.build.host import WARNINGS
 from firmloop.verify.compare import First, differing, record_type
+from firmloop.verify.packing import records
 from firmloop.verify.reference import Trace
-from firmloop.verify.stimuli.settings import records
-from firmloop.verify.stimuli.stimuli import Block
+from firmloop.verify.verdict import Undefined
 
 # float-cast-overflow is no part of "undefined": a float that no integer holds becomes another one on each core.
 SANITIZED_FLAGS = (
@@ -43,22 +44,6 @@ _ADDRESS = re.compile(r" on (?:unknown )?address 0x.*| \(pc .*| 0x[0-9a-f]+")  #
 _FRAME = re.compile(r"^\s*#\d+ .*? in \w+ (\S+?):(\d+)", re.MULTILINE)
 _OWN_FAILURE = re.compile(r"failed to|out of memory|allocation-size|Shadow memory|does not come first", re.IGNORECASE)
 _NO_SANITIZERS = re.compile(r"(?:-l|lib)(?:asan|ubsan)|-fsanitize")
-
-
-@dataclass(frozen=True, slots=True)
-class Undefined:
-    """What a sanitizer stopped: its words, the line of the controller's C that it stopped in, and the step."""
-
-    says: str
-    file: str
-    line: int
-    operation: str
-    at: First
-
-    def sentence(self) -> str:
-        """Say it in one line."""
-        where = f"{self.file}:{self.line}: " if self.line else ""
-        return f"undefined behavior: {where}{self.says}" + (f", in: {self.operation}" if self.operation else "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from firmloop.verify.links import Hello, LinkError, fault_says
+from firmloop.verify.link import Hello, LinkError, fault_says
 from firmloop.verify.links.frame import (
     HELLO,
     NAK,

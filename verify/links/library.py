@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from firmloop.quantize.program import Program
-from firmloop.verify.links import Hello, LinkError
+from firmloop.verify.link import Hello, LinkError
 
 STEPS_MAX = 1 << 16
 FILLS = (0x7F, 0xFF)  # repeated: a number near the largest of any type, and none, or -1

@@ -31,7 +31,7 @@ import numpy as np
 
 from firmloop.codegen.target import Target
 from firmloop.quantize.program import Program, Value
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import REPLY, FrameError, binding, seal, unseal
 from firmloop.verify.links.stream import Stream
 from firmloop.verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from firmloop.codegen.target import Qemu, Target
 from firmloop.identify.simulation.compiler import find_tool
-from firmloop.verify.links import LinkError, fault_says
+from firmloop.verify.link import LinkError, fault_says
 
 PATIENCE = 1.0  # s for an emulator to end by itself before it is killed
 _PROBE = 20.0  # s; QEMU lists its machines in some 0.05 s

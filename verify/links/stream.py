@@ -16,7 +16,7 @@ from typing import Protocol
 import serial
 
 from firmloop.identify.simulation.compiler import ToolError
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.exchange import Exchange
 from firmloop.verify.links.turns import PipeTurns, Turns
 

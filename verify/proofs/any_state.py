@@ -17,8 +17,8 @@ from firmloop.codegen.view import physical
 from firmloop.quantize.program import Op, Program, Value
 from firmloop.verify.compare import record_type
 from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.packing import records
 from firmloop.verify.reference import Machine, Raw, element_type, working_type
-from firmloop.verify.stimuli.settings import records
 from firmloop.verify.stimuli.stimuli import singles
 from firmloop.verify.verdict import Difference
 

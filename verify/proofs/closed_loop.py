@@ -12,9 +12,9 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.stepped import SteppedPlant
 from firmloop.quantize.program import Program
 from firmloop.verify.compare import record_type
-from firmloop.verify.links import Link
+from firmloop.verify.link import Link
 from firmloop.verify.reference import Raw, element_type, start_parameters
-from firmloop.verify.stimuli.stimuli import to_physical, to_raw
+from firmloop.verify.scaling import to_physical, to_raw
 
 Array = NDArray[np.float64]
 

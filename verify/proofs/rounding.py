@@ -18,8 +18,9 @@ from numpy.typing import DTypeLike, NDArray
 from firmloop.design.law import Law
 from firmloop.quantize.lower.graph import Graph, evaluate, law_graph
 from firmloop.quantize.program import Program, Value
+from firmloop.verify.block import Block, by_length, side_by_side
 from firmloop.verify.reference import Machine, Raw, Trace, working_type
-from firmloop.verify.stimuli.stimuli import Block, by_length, side_by_side, to_physical
+from firmloop.verify.scaling import to_physical
 from firmloop.verify.verdict import Rounded
 
 Array = NDArray[np.float64]

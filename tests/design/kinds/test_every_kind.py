@@ -13,11 +13,12 @@ from firmloop.design.law import Law
 from firmloop.quantize.lower.graph import evaluate, law_graph
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import QuantizeError
+from firmloop.verify.block import run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare, record_type
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.rounding import measure_rounding
-from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.kind_formulas import FORMULAS
 from tests.quantize.test_lower import leaves_bounds
 

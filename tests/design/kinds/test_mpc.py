@@ -260,7 +260,5 @@ def test_a_weight_that_is_not_symmetric_is_refused_by_its_numbers() -> None:
 
 def test_a_table_of_regions_without_what_solves_is_refused_with_the_way_out() -> None:
     asked = request({**table(servo(), **SERVO), "solver": "explicit"}, (ANGLE, SPEED))
-    with pytest.raises(
-        DesignError, match=r"solver = 'explicit' .* optimum = firmloop.quantize.twins.qp.optimum"
-    ):
+    with pytest.raises(DesignError, match=r"solver = 'explicit' .* optimum = firmloop.quantize.twins.qp.optimum"):
         design(replace(asked, optimum=None))

@@ -16,8 +16,9 @@ from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.block import run_blocks
 from firmloop.verify.proofs.rounding import measure_rounding
-from firmloop.verify.stimuli.stimuli import run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 from tests.pid_formula import pid_steps
 from tests.quantize.test_lower import leaves_bounds
 

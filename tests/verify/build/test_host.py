@@ -8,12 +8,14 @@ import pytest
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
+from firmloop.verify.block import run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.build.sanitized import Sanitized, run_sanitized
 from firmloop.verify.compare import Comparison, compare
 from firmloop.verify.explain import explain
 from firmloop.verify.links.library import LibraryLink
-from firmloop.verify.stimuli.stimuli import LANE_STEPS, run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
+from firmloop.verify.stimuli.stimulus import LANE_STEPS
 from tests.laws import FULL, TABLES, pid, random_law
 
 HOST = load_target("host")

@@ -20,7 +20,8 @@ import pytest
 
 from bench.links.faults import ATTEMPTS, TIMEOUT, run
 from firmloop.cli import main
-from firmloop.verify.links import LinkError, uart
+from firmloop.verify.link import LinkError
+from firmloop.verify.links import uart
 from firmloop.verify.links.framed import FramedLink
 from tests.verify.boards import ONE_STEP, PROGRAM, RESULT
 from tests.verify.links.wild import WildLine, build_image_library

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import STEP, seal
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.stream import DescriptorStream, Stream

@@ -23,7 +23,7 @@ from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program
 from firmloop.stages.pipeline import design, generate, plant_of
 from firmloop.verify.build.image import build_image
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import binding, seal, unseal
 from firmloop.verify.links.live import DATA, HELLO, WATCH, LiveLink, open_live_port, watchable
 from firmloop.verify.reference import run

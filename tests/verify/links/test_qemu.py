@@ -20,7 +20,8 @@ from firmloop.codegen.target import Target, load_target
 from firmloop.identify.simulation.compiler import ToolError, find_tool, run_compiler
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.image import Image, build_image
-from firmloop.verify.links import LinkError, semihosting, uart
+from firmloop.verify.link import LinkError
+from firmloop.verify.links import semihosting, uart
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.qemu import QemuProcess
 from firmloop.verify.links.semihosting import open_semihosting

@@ -11,9 +11,10 @@ import pytest
 from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.reference import Machine, run, start_state
+from firmloop.verify.scaling import to_raw
 from firmloop.verify.stimuli.approach import approaches, crossings
 from firmloop.verify.stimuli.edges import Edge, edges, limits, nearest
-from firmloop.verify.stimuli.stimuli import stimuli, to_raw
+from firmloop.verify.stimuli.stimuli import stimuli
 
 DRIVES = np.where(np.arange(4)[:, None, None] % 2 == 0, 1.0, -1.0) * np.array([12.0, -2.0]) * np.ones((4, 40, 2))
 

@@ -10,7 +10,8 @@ from firmloop.design.design import Kind
 from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.reference import run
-from firmloop.verify.stimuli.stimuli import adversarial, stimuli, to_physical
+from firmloop.verify.scaling import to_physical
+from firmloop.verify.stimuli.stimuli import adversarial, stimuli
 
 LINEAR = [kind for name, kind in kinds().items() if name in ("state_space", "lead_lag", "notch")]
 

@@ -17,7 +17,6 @@ from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.program import Program
 from firmloop.quantize.twins.qp import solve
 from firmloop.verify.reference import Machine, Raw, Trace, working_type
-from firmloop.verify.stimuli.stimuli import Block
 from firmloop.verify.verdict import Searches
 
 SHOWN = 240  # steps about the hardest one, of its lane

@@ -12,7 +12,8 @@ from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.target import Target, load_target
 from firmloop.design.law import Law
 from firmloop.quantize.program import Program
-from firmloop.verify.build.host import build_host, total_steps
+from firmloop.verify.block import Block, run_blocks, total_steps
+from firmloop.verify.build.host import build_host
 from firmloop.verify.build.sanitized import Sanitized, run_sanitized
 from firmloop.verify.compare import Comparison, First, compare
 from firmloop.verify.explain import explain
@@ -20,7 +21,7 @@ from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.any_state import Departures, any_state, departures
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import Trace
-from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
+from firmloop.verify.stimuli.stimuli import stimuli
 from firmloop.verify.verdict import Difference, HostRun, Rounded
 
 Array = NDArray[np.float64]
