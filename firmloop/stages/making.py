@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmloop.codegen.bundle import Bundle, CodegenError
+from firmloop.codegen.delivery import Delivery
 from firmloop.codegen.emit import emit, manifest
-from firmloop.codegen.package import package
+from firmloop.codegen.packages import package
 from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.design.law import DesignError
@@ -76,7 +77,7 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
         still = zero_input(program)
         ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
         inputs, settings, trace = golden(program)
-        extra = package(program, bundle, command, inputs, settings, trace.outputs, trace.status)
+        extra = package(Delivery(program, bundle, command, inputs, settings, trace.outputs, trace.status))
         return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)
 
 

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from firmloop.codegen.bundle import write_files
+from firmloop.codegen.delivery import Delivery
 from firmloop.codegen.emit import emit
-from firmloop.codegen.package import package
+from firmloop.codegen.packages import formats, package
 from firmloop.identify.simulation.compiler import run_compiler
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program
@@ -28,9 +29,8 @@ def written(arithmetic: str, folder: Path) -> Program:
     program = lower(pid(FULL), arithmetic)
     bundle = emit(program, COMMAND)
     inputs, settings, trace = golden(program)
-    write_files(
-        {**bundle.files, **package(program, bundle, COMMAND, inputs, settings, trace.outputs, trace.status)}, folder
-    )
+    delivery = Delivery(program, bundle, COMMAND, inputs, settings, trace.outputs, trace.status)
+    write_files({**bundle.files, **package(delivery)}, folder)
     return program
 
 
@@ -69,6 +69,14 @@ def test_the_vectors_are_what_the_reference_computes(arithmetic: str, tmp_path: 
     assert [int(row["status"]) for row in rows] == trace.status.ravel().tolist()
     assert sum(int(row["start"]) for row in rows) == len(inputs)
     assert len({row["status"] for row in rows}) > 1, "limits are among them"
+
+
+def test_every_format_prints_files_of_its_own() -> None:
+    program = lower(pid(FULL), "fixed16")
+    inputs, settings, trace = golden(program)
+    made = Delivery(program, emit(program, COMMAND), COMMAND, inputs, settings, trace.outputs, trace.status)
+    printed = {name: set(files(made)) for name, files in formats().items()}
+    assert all(printed.values()) and set().union(*printed.values()) == set(package(made))
 
 
 def test_the_same_program_gives_the_same_files(tmp_path: Path) -> None:
