@@ -19,16 +19,17 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import scipy.linalg
-import scipy.optimize
 import scipy.signal
 import scipy.stats
 from nfoursid.nfoursid import NFourSID
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.least_squares import fit_function
 
 Array = NDArray[np.float64]
 
+EVALUATIONS = 60  # of the simulation error
 PER_UNKNOWN = 10  # rows that a model needs for each of its coefficients
 CERTAIN = 0.999  # probability with which noise would not let itself be explained so far
 EVEN = 1e-3  # share of a period by which samples may be early or late
@@ -93,16 +94,15 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> Sampled:
     scored = [(_miss(_steadied(start), records), k) for k, start in enumerate(starts)]
     begin = _steadied(starts[min(scored)[1]])
     below, above = -begin.a[:, 0], begin.b
-    scale = np.maximum(np.abs(np.concatenate([below, above])), 1e-3 * np.abs(above).max())
+    start = np.concatenate([below, above])
+    scale = np.maximum(np.abs(start), 1e-3 * np.abs(above).max())
 
-    def residual(place: Array) -> Array:
-        values = place * scale
+    def residual(values: Array) -> Array:
         model = _companion(values[:order], values[order:], late)
         parts = [record.output - _simulated(model, record) for record in records]
         return np.nan_to_num(np.clip(np.concatenate(parts), -1e12, 1e12), nan=1e12)
 
-    found = scipy.optimize.least_squares(residual, np.concatenate([below, above]) / scale, x_scale="jac", max_nfev=60)
-    values = found.x * scale
+    values, _ = fit_function(residual, start, scale, np.full(len(start), -np.inf), EVALUATIONS)
     return _companion(values[:order], values[order:], late)
 
 

@@ -11,15 +11,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 import scipy.stats
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.least_squares import fit_function
 from firmloop.identify.normal import NORMAL_95
 
 Array = NDArray[np.float64]
 
+EVALUATIONS = 100  # of a curve of two unknowns, which takes ten
 APART = 0.2  # of the largest reading: readings closer together are repeats of one point and tell no slope
 
 
@@ -124,16 +125,16 @@ def coast_down(
             "standard_tests.coast_down: without friction nothing stops the rotor; give [standard_tests.no_load] too"
         )
 
-    def curve(moments: Array, inertia: float, first: float) -> Array:
-        if damping * moments[-1] < 1e-9 * inertia:
-            return np.asarray(first - coulomb / inertia * moments)
+    def missed(unknowns: Array) -> Array:
+        inertia, first = unknowns
+        if damping * t[-1] < 1e-9 * inertia:
+            return np.asarray(first - coulomb / inertia * t - w)
         limit = coulomb / damping
-        return np.asarray((first + limit) * np.exp(-moments * damping / inertia) - limit)
+        return np.asarray((first + limit) * np.exp(-t * damping / inertia) - limit - w)
 
     guess = (damping * float(w.mean()) + coulomb) * float(t[-1]) / float(w[0] - w[-1])
-    found, covariance = scipy.optimize.curve_fit(
-        curve, t, w, p0=(guess, float(w[0])), bounds=([1e-30, 0], np.inf), x_scale=(guess, float(w[0]))
-    )
+    start = np.array([guess, float(w[0])])
+    found, covariance = fit_function(missed, start, start, np.array([1e-30, 0.0]), EVALUATIONS)
     inertia, middle = float(found[0]), float(w.mean())
     unsure = math.hypot(doubt[0] * middle, doubt[1]) / (damping * middle + coulomb)
     return {"J_kg_m2": _doubted(Measured(inertia, float(math.sqrt(covariance[0, 0]))), inertia * unsure)}

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import conditioned, delayed
+from firmloop.identify.fitting.least_squares import scaled_step
 from firmloop.identify.fitting.problem import Point, Problem, weighted
 
 Array = NDArray[np.float64]
 
+_DETERMINED = 1e-12  # of the best determined direction: less is not moved along
 _STEP = 0.05  # rows, of the difference quotient
 
 
@@ -52,7 +54,6 @@ def lag_steps(problem: Problem, point: Point, recordings: Sequence[Sequence[int]
         tall = np.concatenate([slopes, own], axis=2).reshape(residual.size, -1)
         square[np.ix_(places, places)] += tall.T @ tall
         pulled[places] -= tall.T @ residual.reshape(-1)
-    sizes = np.sqrt(np.maximum(np.diag(square), 1e-300))
-    step = np.linalg.lstsq(square / np.outer(sizes, sizes), pulled / sizes, rcond=1e-12)[0] / sizes
+    step, _ = scaled_step(square, pulled, _DETERMINED)
     begin = count + states * len(pairs)
     return [step[begin + late * k : begin + late * (k + 1)] for k in range(len(recordings))]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import (
     Conditioning,
@@ -26,11 +26,8 @@ from firmloop.identify.simulation.simulate import course_of, measured
 
 Array = NDArray[np.float64]
 
-_START_STEPS = 20  # of a search for an initial state
-_START_DAMPING = (0.0, 1e-3, 1e-1, 1e1)
 _FORGOTTEN = 1e-12  # of an output's spread per unit of an initial state
 _HELD = 1e-4  # of all slopes: a direction of the initial state that leaves next to no trace
-_START_ENOUGH = 1e-9  # relative decrease of the cost that is no longer worth a step
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,35 +135,12 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
         for held in simulator.sticking:
             if np.linalg.norm(small[:, held]) < _HELD * np.linalg.norm(small[:, :-1]):
                 guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
-    found = [_descended(made, simulator, constants, each, weights) for each in guesses]
+
+    def reduced_at(start: Array) -> Array | None:
+        return _start_triangle(made, simulator, constants, start, weights)
+
+    found = [descend(reduced_at, each) for each in guesses]
     return min(found, key=lambda each: each[0])[1]
-
-
-def _descended(
-    made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array
-) -> tuple[float, Array]:
-    """Search from `guess` by Gauss-Newton, damped (Levenberg) where a full step does not help: (cost, state)."""
-    start = guess
-    small = _start_triangle(made, simulator, constants, start, weights)
-    if small is None:
-        return np.inf, guess
-    for _ in range(_START_STEPS):
-        reach = np.linalg.norm(small[:, :-1], axis=0)
-        reach[reach == 0.0] = 1.0
-        cost = float(small[:, -1] @ small[:, -1])
-        for damping in _START_DAMPING:
-            tall = np.concatenate([small[:, :-1] / reach, np.sqrt(damping) * np.eye(len(start))])
-            aim = np.concatenate([-small[:, -1], np.zeros(len(start))])
-            step, *_ = np.linalg.lstsq(tall, aim, rcond=1e-9)
-            trial = _start_triangle(made, simulator, constants, start + step / reach, weights)
-            if trial is not None and float(trial[:, -1] @ trial[:, -1]) < cost:
-                break
-        else:
-            return cost, start
-        start, small = start + step / reach, trial
-        if cost - float(trial[:, -1] @ trial[:, -1]) <= _START_ENOUGH * cost:
-            break
-    return float(small[:, -1] @ small[:, -1]), start
 
 
 def _start_triangle(

@@ -1,9 +1,12 @@
-"""Minimize a sum of squares whose unknowns are shared by all blocks of residuals, or belong to one block alone.
+"""Minimize a sum of squares: the one place where a least-squares search is made.
 
+`minimize` has unknowns that all blocks of residuals share and such that belong to one block alone, by
 Levenberg-Marquardt with exact slopes. The shared unknowns are the parameters of a plant, the own ones the initial
 state of each recording or window. A block is reduced to a small triangle as soon as it is computed (QR by blocks of
 rows), and its own unknowns are eliminated from that triangle, so that a step costs little beside the simulation,
 however many windows there are. SciPy's least_squares would decompose the whole Jacobian in every step.
+`fit_function` hands `minimize` a plain function and its difference quotients; `descend` searches for a few unknowns
+that are nearly linear; `scaled_step` is one Gauss-Newton step from normal equations.
 """
 
 from __future__ import annotations
@@ -18,6 +21,10 @@ Array = NDArray[np.float64]
 
 _ROWS = 512  # small enough that LAPACK stays in one thread and in the cache
 _ENOUGH = 1e-11  # relative decrease of the cost that is no longer worth a step
+_QUOTIENT = 2.0**-26  # of an unknown, for a difference quotient: the root of what a number resolves
+_DESCENTS = 20  # steps of `descend` at most
+_DAMPINGS = (0.0, 1e-3, 1e-1, 1e1)  # that it tries in turn
+_SETTLED = 1e-9  # relative decrease of the cost that is no longer worth a step of it
 _SMALLEST = 1e-15  # relative step that no longer changes the unknowns
 
 
@@ -102,6 +109,78 @@ def minimize(
             if damping > 1e20:
                 return Minimum(place, reduced.cost, done)
     return Minimum(place, reduced.cost, done)
+
+
+def fit_function(
+    residual: Callable[[Array], Array], start: Array, scale: Array, low: Array, evaluations: int
+) -> tuple[Array, Array]:
+    """Minimize |residual(x)|^2 from `start` (k,) over x >= low; return x and its covariance (k, k).
+
+    `scale` (k,) are their typical sizes, none of which is zero. The covariance is that of residuals that are white,
+    s^2 (J'J)^-1; infinite where they leave an unknown open.
+    """
+
+    def slopes_at(place: Array, here: Array) -> Array:
+        steps = _QUOTIENT * np.maximum(np.abs(place), 1.0) * np.where(place < 0.0, -1.0, 1.0)
+        columns = [
+            (residual((place + step * (np.arange(len(place)) == k)) * scale) - here) / step
+            for k, step in enumerate(steps)
+        ]
+        return np.column_stack(columns)
+
+    def evaluate(unknowns: Unknowns) -> Reduced:
+        here = residual(unknowns.shared * scale)
+        block = triangle(np.column_stack([slopes_at(unknowns.shared, here), here]))
+        return Reduced(block[None], np.zeros((0, len(scale) + 1)))
+
+    none = np.zeros((1, 0))
+    found = minimize(evaluate, Unknowns(start / scale, none), low / scale, np.full(len(scale), np.inf), evaluations)
+    place = found.place.shared
+    here = residual(place * scale)
+    slopes, freedom = slopes_at(place, here), len(here) - len(place)
+    square = slopes.T @ slopes
+    open_end = freedom <= 0 or np.linalg.matrix_rank(square) < len(place)
+    covariance = np.full_like(square, np.inf) if open_end else np.linalg.inv(square) * (here @ here / freedom)
+    return place * scale, covariance * np.outer(scale, scale)
+
+
+def descend(reduced_at: Callable[[Array], Array | None], start: Array) -> tuple[float, Array]:
+    """Search from `start` (n,) by Gauss-Newton, damped (Levenberg) where a full step does not help: (cost, place).
+
+    `reduced_at(place)` is the triangle of [slopes, residual], None where there is none, as of a simulation that
+    diverges; infinite cost where that is so at the start.
+    """
+    small = reduced_at(start)
+    if small is None:
+        return np.inf, start
+    place = start
+    for _ in range(_DESCENTS):
+        reach = np.linalg.norm(small[:, :-1], axis=0)
+        reach[reach == 0.0] = 1.0
+        cost = float(small[:, -1] @ small[:, -1])
+        for damping in _DAMPINGS:
+            tall = np.concatenate([small[:, :-1] / reach, np.sqrt(damping) * np.eye(len(place))])
+            aim = np.concatenate([-small[:, -1], np.zeros(len(place))])
+            step, *_ = np.linalg.lstsq(tall, aim, rcond=1e-9)
+            trial = reduced_at(place + step / reach)
+            if trial is not None and float(trial[:, -1] @ trial[:, -1]) < cost:
+                break
+        else:
+            return cost, place
+        place, small = place + step / reach, trial
+        if cost - float(trial[:, -1] @ trial[:, -1]) <= _SETTLED * cost:
+            break
+    return float(small[:, -1] @ small[:, -1]), place
+
+
+def scaled_step(square: Array, pull: Array, determined: float) -> tuple[Array, Array]:
+    """Solve square step = pull (n,) with unknowns scaled to one size; return the step, and as it is scaled.
+
+    Directions that are determined less than by `determined` of the best one stay where they are.
+    """
+    sizes = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    scaled = np.linalg.lstsq(square / np.outer(sizes, sizes), pull / sizes, rcond=determined)[0]
+    return scaled / sizes, scaled
 
 
 def _pull(reduced: Reduced) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, rows_time
 from firmloop.identify.fitting.fit import Fit, Progress
+from firmloop.identify.fitting.least_squares import scaled_step
 from firmloop.identify.fitting.problem import Point, Problem, make_problem, weighted
 from firmloop.identify.recordings.conditioning import Conditioning, compared_time, interpolate, line_free
 from firmloop.identify.recordings.recording import Recording
@@ -28,6 +29,7 @@ from firmloop.identify.simulation.simulate import constants_of, simulator
 Array = NDArray[np.float64]
 Noise = Callable[[Array, np.random.Generator], Array]  # residuals (n, r) -> as many drawn ones
 
+DETERMINED = 1e-13  # of the best determined direction: less is not moved along
 CLOSE = 0.02  # of a standard deviation: Gauss-Newton squares the distance, so that what is left moves no interval
 MOST_STEPS = 16
 WHOLE_STEPS = 4  # then halves: at a kink, such as a delay that passes a row, whole ones jump across it for ever
@@ -222,13 +224,10 @@ def _step(
         square[np.ix_(where, where)] += tall.T @ tall
         slope[where] -= tall.T @ residual.reshape(-1)
     square[:count][held] = square[:, :count][:, held] = slope[:count][held] = 0.0
-    norms = np.sqrt(np.diag(square))
-    norms[norms == 0.0] = 1.0
-    scaled = square / np.outer(norms, norms)
-    if not (np.all(np.isfinite(scaled)) and np.all(np.isfinite(slope))):
+    if not (np.all(np.isfinite(square)) and np.all(np.isfinite(slope))):
         return None
-    step = np.linalg.lstsq(scaled, slope / norms, rcond=1e-13)[0]
-    return step / norms, float(np.max(np.abs(step)))
+    step, scaled = scaled_step(square, slope, DETERMINED)
+    return step, float(np.max(np.abs(scaled)))
 
 
 def _noise_alone(conditioning: Conditioning, time: Array, residual: Array) -> Array:

@@ -196,9 +196,19 @@ def _check_names(claims: Claims) -> None:
     last = [v.name for v in claims.state][len(claims.state) - len(claims.parameters) :]
     if list(groups["parameter"]) != last:
         raise ProofError("the parameters are not the last states, in the same order")
+    _check_bits(claims)
+    _check_routines(claims)
+
+
+def _check_bits(claims: Claims) -> None:
+    """Assert that every status bit is one of a 32-bit word, and no other one's."""
     bits = [bit for _, bit, _ in claims.status]
     if len(set(bits)) != len(bits) or any(not 0 <= bit < 32 for bit in bits):
         raise ProofError(f"the status bits {bits} are not different bits of a 32-bit word")
+
+
+def _check_routines(claims: Claims) -> None:
+    """Assert that what a routine gives is said in it."""
     for routine in claims.routines:
         inner = {f"in.{name}" for name in routine.inputs}
         _check_order(routine.operations, inner)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,11 +157,9 @@ def _row(
         case "shl":
             return a * float(2.0 ** values[1])
         case "mac":
-            if {1, 2} <= set(moving):
-                return None
             c = given[2]
             assert c is not None
-            return a + b * values[2] + c * values[1]
+            return None if {1, 2} <= set(moving) else a + b * values[2] + c * values[1]
         case "high":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
         case "asr" | "high_down":  # rounded down: up to a whole unit
@@ -169,26 +167,25 @@ def _row(
         case "shr":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
         case "mul" | "wide" | "mul_shift" | "mul_down":
-            if moving == [0, 1]:
-                return None
-            shift = values[2] if op.function in ("mul_shift", "mul_down") else 0.0
-            row: Array = (a * values[1] + b * values[0]) * 2.0**-shift
-            if op.function == "mul_down":
-                return 2.0 * _rounded(row / 2.0, own, order)
-            return _rounded(row, own, order) if shift else row
-        case "min" | "max" | "clamp":
-            if moving != [0]:
-                return None
-            return _kept(a, values, op.function, conditions)
+            return None if moving == [0, 1] else _product(op.function, a, b, values, own, order)
         case "select":
             return None if 0 in moving else given[1 if values[0] else 2]
-        case "lt" | "le" | "eq" | "ne":
-            if values[0] == values[1]:
-                return None
+        case "min" | "max" | "clamp":
+            return _kept(a, values, op.function, conditions) if moving == [0] else None
+        case "lt" | "le" | "eq" | "ne" if values[0] != values[1]:
             conditions.append((a - b, abs(values[0] - values[1])))
             return still
         case _:
-            return None  # a truth value of one that may change, a magnitude
+            return None  # two that are equal, a truth value of one that may change, a magnitude
+
+
+def _product(function: str, a: Array, b: Array, values: Sequence[float], own: int, order: int) -> Array:
+    """Return how a product depends on them, of whose two factors one stands still."""
+    shift = values[2] if function in ("mul_shift", "mul_down") else 0.0
+    row: Array = (a * values[1] + b * values[0]) * 2.0**-shift
+    if function == "mul_down":  # rounded down: up to a whole unit
+        return 2.0 * _rounded(row / 2.0, own, order)
+    return _rounded(row, own, order) if shift else row
 
 
 def _one(value: object) -> float:

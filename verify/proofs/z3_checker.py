@@ -187,10 +187,6 @@ def _solver() -> z3.Solver:
 def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]]]:
     """Return the exact result, and the intermediates of the C with the bits of their type."""
     one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
-
-    def truth(condition: Any) -> tuple[Any, list[tuple[Any, int]]]:
-        return z3.If(condition, one, zero), []
-
     match function:
         case "add":
             return a[0] + a[1], []
@@ -224,6 +220,18 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] >> a[1], []
         case "high":  # the C adds the last bit that is shifted out to what it has rounded down into 32 bits
             return (a[0] >> a[1]) + ((a[0] >> (a[1] - 1)) & one), [(a[0] >> a[1], 32)]
+        case _:
+            return _choice(function, a)
+
+
+def _choice(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]]]:
+    """Return the same of an operation that chooses between values, or tells whether something is true."""
+    one, zero = z3.BitVecVal(1, WIDE), z3.BitVecVal(0, WIDE)
+
+    def truth(condition: Any) -> tuple[Any, list[tuple[Any, int]]]:
+        return z3.If(condition, one, zero), []
+
+    match function:
         case "min":
             return z3.If(a[0] < a[1], a[0], a[1]), []
         case "max":
