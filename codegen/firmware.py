@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from firmloop.codegen.bundle import Bundle, CodegenError
 from firmloop.codegen.environment import render, text_of
-from firmloop.codegen.target import Region, Target, board_parts
+from firmloop.codegen.target import MemoryRegion, Target, board_parts
 from firmloop.codegen.toolchain import is_source_name
 from firmloop.quantize.program import Program, Value
 
@@ -249,7 +249,7 @@ def _link_view(program: Program, target: Target) -> dict[str, object]:
     }
 
 
-def _region_view(region: Region) -> dict[str, str]:
+def _region_view(region: MemoryRegion) -> dict[str, str]:
     access = "rx" if region.name == "flash" else "rwx"
     return {"name": region.name, "access": access, "start": f"{region.start:#010x}", "size": str(region.size)}
 

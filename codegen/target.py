@@ -21,7 +21,7 @@ TESTED = ("run", "built")  # its images run in the test suite; they are only com
 
 
 @dataclass(frozen=True, slots=True)
-class Region:
+class MemoryRegion:
     """A stretch of memory; `start` is an address, `size` in bytes."""
 
     name: str
@@ -101,7 +101,7 @@ class Target:
     clock_hz: int | None
     stack_bytes: int | None
     startup: str | None
-    memory: tuple[Region, ...]
+    memory: tuple[MemoryRegion, ...]
     uart: Uart | None
     timer: Timer | None
     qemu: Qemu | None
@@ -200,8 +200,8 @@ def parse_target(text: str, file: str, folder: Traversable) -> Target:
     return target
 
 
-def _region(table: TomlTable) -> Region:
-    region = Region(
+def _region(table: TomlTable) -> MemoryRegion:
+    region = MemoryRegion(
         table.identifier("name"), table.integer("start", 0, 2**32 - 1), table.integer("bytes", 64, 2**32 - 1)
     )
     table.finish()

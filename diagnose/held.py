@@ -12,7 +12,7 @@ from firmloop.diagnose.screen import outside, with_starts
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment, best_start, experiments
 from firmloop.identify.fitting.noise import fit_noise
-from firmloop.identify.fitting.problem import Point, Problem, make_problem, solve, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, weighted
 from firmloop.identify.plants.attach import all_uses, with_effects
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
@@ -105,7 +105,7 @@ def _evidence(plant: Plant, train: Sequence[Recording]) -> tuple[float, float]:
 
 def fitted_nominal(
     plant: Plant, train: Sequence[Recording], steps: int = _STEPS
-) -> tuple[Problem, Point, list[tuple[Array, Array]]]:
+) -> tuple[FitProblem, FitPoint, list[tuple[Array, Array]]]:
     """Fit the nominal plant from where it is given."""
     engine = simulator(plant, train[0].hold)
     parts: list[Sequence[Experiment]] = [experiments(plant, recording, NONE) for recording in train]
@@ -115,5 +115,5 @@ def fitted_nominal(
         best_start(made, engine, constants, rest_start(plant, recording), problem.weights)
         for made, recording in zip(problem.experiments, train, strict=True)
     ]
-    point, _ = solve(problem, Point(constants, np.stack(starts)), steps)
+    point, _ = solve(problem, FitPoint(constants, np.stack(starts)), steps)
     return problem, point, list(weighted(problem, point))

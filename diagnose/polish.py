@@ -17,8 +17,7 @@ from firmloop.diagnose.hypothesis import Cause, Point, Scene
 from firmloop.diagnose.refit import Fitted, fit
 from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.noise import Noise
-from firmloop.identify.fitting.problem import Point as Place
-from firmloop.identify.fitting.problem import Problem, make_problem, solve
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import EffectUse
 from firmloop.identify.recordings.conditioning import NONE
@@ -53,7 +52,7 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: fl
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
     until = time.process_time() + patience
-    place, cost = _solved(problem, Place(constants, starts), until)
+    place, cost = _solved(problem, FitPoint(constants, starts), until)
     kinked = limits(fitted.causes)
     places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
     for index in places:
@@ -62,7 +61,7 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: fl
                 break
             nudged = place.constants.copy()
             nudged[index] *= factor
-            trial, less = _solved(problem, Place(nudged, place.starts), until)
+            trial, less = _solved(problem, FitPoint(nudged, place.starts), until)
             if less < cost:
                 place, cost = trial, less
     moved = {p.name: float(value) for p, value in zip(plant.parameters, place.constants, strict=True)}
@@ -73,7 +72,7 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: fl
     return fit(scene, scene.train, fitted.causes, Point({**values, **moved}, begun), noises, 0)
 
 
-def _solved(problem: Problem, place: Place, until: float) -> tuple[Place, float]:
+def _solved(problem: FitProblem, place: FitPoint, until: float) -> tuple[FitPoint, float]:
     """Minimize, a few steps at once: no more of them after `until` (s of computing)."""
     cost = math.inf
     for _ in range(_STEPS // _AT_ONCE):

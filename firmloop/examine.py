@@ -13,7 +13,7 @@ from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table
 from firmloop.identify.bench_tests.sensitivity import FIGURES, Sensitivity, sensitivity
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import Fit, fit, interval95
+from firmloop.identify.fitting.fit import Fit, fit
 from firmloop.identify.fitting.redraw import Redrawn, blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import ResidualTests, residual_tests
 from firmloop.identify.normal import NORMAL_95
@@ -110,7 +110,7 @@ def about_examination(found: Examination) -> list[str]:
         ("", "covariance", f"Monte Carlo ({len(drawn.draws)})", f"bootstrap ({len(again.draws)})")
     ]
     for parameter in free:
-        ends = (interval95(parameter), drawn.interval95(parameter.name), again.interval95(parameter.name))
+        ends = (parameter.interval_95, drawn.interval_95(parameter.name), again.interval_95(parameter.name))
         rows.append((parameter.name, *(_interval(end, parameter.unit) for end in ends)))
     given = ["no parameter is free: nothing to draw intervals of"]
     lines = [
@@ -207,7 +207,7 @@ def _document(found: Examination) -> dict[str, object]:
 
 
 def _ends(drawn: Redrawn) -> dict[str, list[float]]:
-    return {name: list(drawn.interval95(name)) for name in drawn.names}
+    return {name: list(drawn.interval_95(name)) for name in drawn.names}
 
 
 def _sensitivity(found: Sensitivity) -> dict[str, object]:

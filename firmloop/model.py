@@ -16,7 +16,7 @@ from firmloop.identify.bench_tests.blackbox import (
     STRUCTURES,
     Continuous,
     Record,
-    Sampled,
+    SampledModel,
     check_answer,
     check_records,
     continuous,
@@ -167,7 +167,7 @@ def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Re
 def _spread(
     structure: str,
     records: Sequence[Record],
-    sampled: Sampled,
+    sampled: SampledModel,
     period: float,
     judged: Sequence[Mapping[str, object]],
 ) -> Mapping[str, object] | None:
@@ -255,7 +255,7 @@ def _gain(made: Continuous) -> float:
 def _document(
     structure: str,
     period: float,
-    sampled: Sampled,
+    sampled: SampledModel,
     made: Continuous,
     judged: Mapping[str, Sequence[Mapping[str, object]]],
 ) -> dict[str, object]:

@@ -15,8 +15,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bench.host.real_steps import FILE, OUTPUT, model, pieces
-from firmloop.identify.fitting.fit import fit, interval95
+from bench.host.real_steps import FILE, model, pieces
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.fitting.noise import fit_noise
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant import Plant
@@ -89,7 +89,7 @@ def shares(truth: Plant, draw: Callable[[int], Recording], begin: Plant, repeats
         found = fit(begin, [draw(seed)], [], NONE)
         for parameter, true in zip(found.plant.parameters, truth.parameters, strict=True):
             if parameter.name in hits:
-                ends = interval95(parameter)
+                ends = parameter.interval_95
                 hits[parameter.name] += ends is not None and ends[0] <= true.value <= ends[1]
     return {key: count / repeats for key, count in hits.items()}
 

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.fitting.redraw import redraw, white
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE
@@ -32,7 +32,7 @@ def main(draws: int) -> None:
     drawn = redraw(found, [recording], NONE, white, draws, 1, lambda share, doing: None)
     took, used = time.perf_counter() - began, time.process_time() - busy
     for parameter in found.plant.parameters[:2]:
-        print(parameter.name, "covariance", interval95(parameter), "Monte Carlo", drawn.interval95(parameter.name))
+        print(parameter.name, "covariance", parameter.interval_95, "Monte Carlo", drawn.interval_95(parameter.name))
     print(f"{draws} draws: {took:.1f} s, {used:.1f} s of processor")
 
 

@@ -20,7 +20,7 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from firmloop.identify.bench_tests.blackbox import STRUCTURES, Record, continuous, redrawn
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import make_recording
@@ -70,7 +70,7 @@ def least_squares(kind: str) -> int:
             lambda u, *values: simulated(kind, np.array(values), u), drive, output, [p["value"] for p in asked.values()]
         )
         for k, (one, other) in enumerate(zip(ours, theirs, strict=True)):
-            interval = interval95(one)
+            interval = one.interval_95
             assert interval is not None
             outside[k] += not interval[0] <= other <= interval[1]
             apart[k] = max(apart[k], abs(one.value - other) / (interval[1] - interval[0]) * 2)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from firmloop.design.design import Design
-from firmloop.identify.fitting.fit import Fit, RecordingScore, interval95
+from firmloop.identify.fitting.fit import Fit, RecordingScore
 from firmloop.identify.plants.plant import Parameter
 from firmloop.stages.pipeline import Loop, Outcome
 
@@ -61,7 +61,7 @@ def fit_document(fit: Fit) -> Mapping[str, object]:
 
 def parameter_document(parameter: Parameter) -> Mapping[str, object]:
     """Return value, unit and 95 % interval; null where there is none."""
-    interval = interval95(parameter)
+    interval = parameter.interval_95
     return {
         "value": parameter.value,
         "unit": parameter.unit,

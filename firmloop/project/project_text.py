@@ -10,7 +10,6 @@ from pathlib import Path
 
 from firmloop.design.design import Design
 from firmloop.design.tuning import rules
-from firmloop.identify.fitting.fit import interval95
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.plants.plant_table import effects_table
 from firmloop.project.project import Project
@@ -79,7 +78,7 @@ def _entry(parameter: Parameter, given: object) -> Mapping[str, object]:
     entry: dict[str, object] = {"value": parameter.value, "free": parameter.free}
     if isinstance(given, dict):
         entry.update({key: end for key, end in given.items() if key in ("low", "high")})
-    interval = interval95(parameter)
+    interval = parameter.interval_95
     if interval is not None:
         entry["ci95"] = [float(f"{end:.6g}") for end in interval]
     return entry

@@ -45,7 +45,7 @@ class Record:
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class SampledModel:
     """x[k+1] = a x[k] + b u[k - late], y[k] = c x[k]."""
 
     a: Array  # (n, n)
@@ -64,7 +64,7 @@ class Continuous:
     delay: float  # s
 
 
-def fit_arx(records: Sequence[Record], order: int, late: int) -> Sampled:
+def fit_arx(records: Sequence[Record], order: int, late: int) -> SampledModel:
     """Least squares for a1..an, b1..bn with b1 on u[k - 1 - late]."""
     blocks, aims = [], []
     for record in records:
@@ -80,7 +80,7 @@ def fit_arx(records: Sequence[Record], order: int, late: int) -> Sampled:
     return _companion(found[:order], found[order:], late)
 
 
-def fit_oe(records: Sequence[Record], order: int, late: int) -> Sampled:
+def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:
     """Least squares of the simulation error; the start is the best of ARX fits to ever smoother data."""
     starts = [fit_arx(records, order, late)]
     for width in (5, 15, 45):
@@ -106,7 +106,7 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> Sampled:
     return _companion(values[:order], values[order:], late)
 
 
-def fit_n4sid(records: Sequence[Record], order: int, late: int) -> Sampled:
+def fit_n4sid(records: Sequence[Record], order: int, late: int) -> SampledModel:
     """Hand the longest recording to nfoursid; its direct way from u[k] to y[k] is left out, for nothing is so fast."""
     record = max(records, key=lambda one: len(one.output))
     drive = np.concatenate([np.zeros(late), record.drive[: len(record.drive) - late]])
@@ -115,18 +115,18 @@ def fit_n4sid(records: Sequence[Record], order: int, late: int) -> Sampled:
     method = NFourSID(frame, output_columns=["y"], input_columns=["u"], num_block_rows=max(10, 2 * order))
     method.subspace_identification()
     space, _ = method.system_identification(rank=order)
-    model = Sampled(np.asarray(space.a), np.asarray(space.b)[:, 0], np.asarray(space.c)[0], late)
+    model = SampledModel(np.asarray(space.a), np.asarray(space.b)[:, 0], np.asarray(space.c)[0], late)
     return model
 
 
-STRUCTURES: Mapping[str, Callable[[Sequence[Record], int, int], Sampled]] = {
+STRUCTURES: Mapping[str, Callable[[Sequence[Record], int, int], SampledModel]] = {
     "arx": fit_arx,
     "oe": fit_oe,
     "n4sid": fit_n4sid,
 }
 
 
-def redrawn(structure: str, records: Sequence[Record], model: Sampled, draws: int) -> list[Sampled]:
+def redrawn(structure: str, records: Sequence[Record], model: SampledModel, draws: int) -> list[SampledModel]:
     """Fit again, `draws` times, what the model says with its residuals drawn anew (B. Efron, Ann. Stat. 7 (1979) 1-26).
 
     That is right where the residuals are white, which the caller has to test.
@@ -170,7 +170,7 @@ def check_records(records: Sequence[Record], order: int, late: int) -> None:
             raise IdentifyError(f"{record.source}: the output never changes; record the plant while it moves")
 
 
-def check_answer(records: Sequence[Record], model: Sampled) -> None:
+def check_answer(records: Sequence[Record], model: SampledModel) -> None:
     """Refuse recordings of which neither the model nor output error explains more than it would of white noise.
 
     Off white noise, least squares take as many times its variance as the model has coefficients, and one for its start
@@ -188,19 +188,19 @@ def check_answer(records: Sequence[Record], model: Sampled) -> None:
         )
 
 
-def _explained(model: Sampled, records: Sequence[Record]) -> float:
+def _explained(model: SampledModel, records: Sequence[Record]) -> float:
     """Return the share of the output's variance that a simulation explains."""
     left = [np.var(np.clip(record.output - _simulated(model, record), -1e12, 1e12)) for record in records]
     return 1.0 - float(np.sum(left) / np.sum([np.var(record.output) for record in records]))
 
 
-def _plain(model: Sampled) -> Sampled:
+def _plain(model: SampledModel) -> SampledModel:
     """Return the model in companion form."""
     above, below = scipy.signal.ss2tf(model.a, model.b[:, None], model.c[None, :], np.zeros((1, 1)))
     return _companion(below[1:], above[0][1:], model.late)
 
 
-def continuous(model: Sampled, period: float) -> Continuous:
+def continuous(model: SampledModel, period: float) -> Continuous:
     """Undo the hold: log of [[a, b], [0, 1]] over the period (s).
 
     Raises
@@ -228,16 +228,16 @@ def continuous(model: Sampled, period: float) -> Continuous:
     return Continuous(logarithm[:order, :order], logarithm[:order, order], model.c, model.late * period)
 
 
-def _companion(below: Array, above: Array, late: int) -> Sampled:
+def _companion(below: Array, above: Array, late: int) -> SampledModel:
     """Observer form of (b1 z^-1 + ...)/(1 + a1 z^-1 + ...)."""
     order = len(below)
     a = np.zeros((order, order))
     a[:, 0] = -below
     a[: order - 1, 1:] = np.eye(order - 1)
-    return Sampled(a, np.asarray(above, dtype=np.float64), np.eye(order)[0], late)
+    return SampledModel(a, np.asarray(above, dtype=np.float64), np.eye(order)[0], late)
 
 
-def _steadied(model: Sampled) -> Sampled:
+def _steadied(model: SampledModel) -> SampledModel:
     """Pull poles that are unstable to where they would just be stable, for a simulation to start from."""
     poles = np.linalg.eigvals(model.a)
     size = np.abs(poles)
@@ -247,7 +247,7 @@ def _steadied(model: Sampled) -> Sampled:
     return _companion(np.real(np.poly(moved))[1:], model.b, model.late)
 
 
-def _simulated(model: Sampled, record: Record) -> Array:
+def _simulated(model: SampledModel, record: Record) -> Array:
     """Simulate from the initial state that fits best, which is linear in it."""
     forced = scipy.signal.lfilter(
         np.concatenate([np.zeros(1 + model.late), model.b]), np.concatenate([[1.0], -model.a[:, 0]]), record.drive
@@ -271,6 +271,6 @@ def _impulse(record: Record) -> Array:
     return made
 
 
-def _miss(model: Sampled, records: Sequence[Record]) -> float:
+def _miss(model: SampledModel, records: Sequence[Record]) -> float:
     parts = [np.mean(np.minimum((r.output - _simulated(model, r)) ** 2, 1e24)) for r in records]
     return float(np.mean(parts))

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from firmloop.identify.bench_tests.step_response import reach
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.linearize import linearize
@@ -97,9 +96,9 @@ def _shares(indices: Array) -> list[float]:
 
 def _range(plant: Plant, name: str) -> tuple[float, float]:
     parameter = next(p for p in plant.parameters if p.name == name)
+    if parameter.deviation and parameter.interval_95:
+        return parameter.interval_95
     half = TOLERANCE * abs(parameter.value)
-    if parameter.deviation:
-        half = NORMAL_95 * parameter.deviation
     return max(parameter.value - half, parameter.low), min(parameter.value + half, parameter.high)
 
 

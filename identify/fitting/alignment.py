@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import conditioned, delayed
 from firmloop.identify.fitting.least_squares import scaled_step
-from firmloop.identify.fitting.problem import Point, Problem, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, weighted
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ _DETERMINED = 1e-12  # of the best determined direction: less is not moved along
 _STEP = 0.05  # rows, of the difference quotient
 
 
-def lag_slopes(problem: Problem, point: Point) -> list[Array]:
+def lag_slopes(problem: FitProblem, point: FitPoint) -> list[Array]:
     """Return per experiment the slopes (q, r, l) of the weighted residuals for the lags of its l aligned outputs."""
     found = []
     for made, start in zip(problem.experiments, point.starts, strict=True):
@@ -36,7 +36,7 @@ def lag_slopes(problem: Problem, point: Point) -> list[Array]:
     return found
 
 
-def lag_steps(problem: Problem, point: Point, recordings: Sequence[Sequence[int]]) -> list[Array]:
+def lag_steps(problem: FitProblem, point: FitPoint, recordings: Sequence[Sequence[int]]) -> list[Array]:
     """Return by how much (l,) the lags of each recording are off, by one Gauss-Newton step of all unknowns together.
 
     `recordings` lists the experiments of each.

@@ -23,12 +23,11 @@ from firmloop.identify.fitting.experiment import (
     delayed,
     experiments,
 )
-from firmloop.identify.fitting.problem import Point, Problem, make_problem, solve, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, weighted
 from firmloop.identify.fitting.residual_tests import unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
 from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
-from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
@@ -79,14 +78,6 @@ class Fit:
     warnings: tuple[str, ...]
 
 
-def interval95(parameter: Parameter) -> tuple[float, float] | None:
-    """95 % confidence interval of a fitted parameter, within its physical bounds; None where it was not estimated."""
-    if parameter.deviation is None:
-        return None
-    reach = NORMAL_95 * parameter.deviation
-    return max(parameter.value - reach, parameter.low), min(parameter.value + reach, parameter.high)
-
-
 def fit(
     plant: Plant,
     train: Sequence[Recording],
@@ -127,7 +118,7 @@ def fit(
     found = _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
     for parameter in found.plant.parameters:
         if parameter.name == "gain" and parameter.free:
-            check_answer(found.plant, interval95(parameter), [recording.source for recording in train])
+            check_answer(found.plant, parameter.interval_95, [recording.source for recording in train])
     return found
 
 
@@ -145,22 +136,24 @@ def _silent(fraction: float, label: str) -> None:
     """Report progress to nobody."""
 
 
-def _best_trial(problem: Problem, constants: Sequence[Array], report: Progress) -> tuple[Point, tuple[float, ...]]:
+def _best_trial(
+    problem: FitProblem, constants: Sequence[Array], report: Progress
+) -> tuple[FitPoint, tuple[float, ...]]:
     ends = []
     for index, start in enumerate(constants):
         report(0.1 + 0.4 * index / len(constants), f"start {index + 1} of {len(constants)}")
-        ends.append(solve(problem, Point(start, _best_starts(problem, start, problem.experiments)), _TRIAL_STEPS))
+        ends.append(solve(problem, FitPoint(start, _best_starts(problem, start, problem.experiments)), _TRIAL_STEPS))
     costs = tuple(cost for _, cost in ends)
     return ends[int(np.argmin(costs))][0], costs
 
 
-def _best_starts(problem: Problem, constants: Array, parts: Sequence[Experiment]) -> Array:
+def _best_starts(problem: FitProblem, constants: Array, parts: Sequence[Experiment]) -> Array:
     """Return the initial states (w, n) that suit given constants."""
     still = np.zeros(problem.engine.states)
     return np.stack([best_start(made, problem.engine, constants, still, problem.weights) for made in parts])
 
 
-def _settle(problem: Problem, begin: Point, report: Progress, fraction: float) -> tuple[Point, Problem]:
+def _settle(problem: FitProblem, begin: FitPoint, report: Progress, fraction: float) -> tuple[FitPoint, FitProblem]:
     """Repeat fit and weighting until the weights stay."""
     point = begin
     spread = np.std(np.concatenate([made.target for made in problem.experiments]), axis=0)
@@ -177,7 +170,7 @@ def _settle(problem: Problem, begin: Point, report: Progress, fraction: float) -
     return point, problem
 
 
-def _align(problem: Problem, begin: Point, report: Progress) -> tuple[Point, Problem]:
+def _align(problem: FitProblem, begin: FitPoint, report: Progress) -> tuple[FitPoint, FitProblem]:
     """Find the clock differences and fit again, in turns: a lag that was not known had been taken for slowness."""
     point = begin
     for turn in range(_TURNS):
@@ -199,7 +192,7 @@ def _align(problem: Problem, begin: Point, report: Progress) -> tuple[Point, Pro
     return _realigned(problem, point)
 
 
-def _realigned(problem: Problem, begin: Point) -> tuple[Point, Problem]:
+def _realigned(problem: FitProblem, begin: FitPoint) -> tuple[FitPoint, FitProblem]:
     """Take lags and parameters to their common minimum: in turns they come near it ever more slowly."""
     point, members = begin, _by_recording(problem, list(range(len(problem.experiments))))
     for _ in range(_JOINT_TURNS):
@@ -219,7 +212,7 @@ def _realigned(problem: Problem, begin: Point) -> tuple[Point, Problem]:
     return point, problem
 
 
-def _by_recording(problem: Problem, values: Sequence[_T]) -> list[Sequence[_T]]:
+def _by_recording(problem: FitProblem, values: Sequence[_T]) -> list[Sequence[_T]]:
     """Group what stands window after window by recording."""
     edges = np.cumsum([0, *problem.windows]).tolist()
     return [values[first:end] for first, end in pairwise(edges)]
@@ -229,7 +222,7 @@ def _run(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: 
     return [engine.run(made.course, constants, start) for made, start in zip(parts, starts, strict=True)]
 
 
-def _unseen_score(problem: Problem, point: Point, parts: Sequence[Experiment]) -> RecordingScore:
+def _unseen_score(problem: FitProblem, point: FitPoint, parts: Sequence[Experiment]) -> RecordingScore:
     """Score a recording after fitting its initial states, and its clocks where clocks are to be aligned."""
     starts = _best_starts(problem, point.constants, parts)
     if parts[0].conditioning.align:
@@ -240,8 +233,8 @@ def _unseen_score(problem: Problem, point: Point, parts: Sequence[Experiment]) -
 
 def _result(
     plant: Plant,
-    problem: Problem,
-    best: Point,
+    problem: FitProblem,
+    best: FitPoint,
     test: tuple[RecordingScore, ...],
     costs: tuple[float, ...],
 ) -> Fit:
@@ -323,7 +316,7 @@ def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[st
         )
     for index in free:
         parameter = plant.parameters[index]
-        interval, unit = interval95(parameter), f" {parameter.unit}" if parameter.unit else ""
+        interval, unit = parameter.interval_95, f" {parameter.unit}" if parameter.unit else ""
         if interval is not None and parameter.low == 0.0 == interval[0]:
             said.append(
                 f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); "

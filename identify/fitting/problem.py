@@ -22,7 +22,7 @@ _LEASH = 10.0  # see Problem
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class FitProblem:
     """Least squares over coordinates: the free parameters (logarithms of positive ones), then the initial states.
 
     Each coordinate of a parameter the user gave is held by a leash, a residual of (distance / _LEASH): nothing against
@@ -42,7 +42,7 @@ class Problem:
     weights: Array  # (r,) 1 / noise
 
 
-def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Experiment]]) -> Problem:
+def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Experiment]]) -> FitProblem:
     """Choose coordinates, bounds and first weights (1 / spread of each output)."""
     experiments = tuple(made for parts in recordings for made in parts)
     free = tuple(index for index, parameter in enumerate(plant.parameters) if parameter.free)
@@ -56,7 +56,7 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
     centre = np.where(known, values, 1.0)
     scale = np.where(logarithmic, 1.0, np.abs(centre))
     spread = np.std(np.concatenate([made.target for made in experiments]), axis=0)
-    return Problem(
+    return FitProblem(
         plant=plant,
         engine=engine,
         experiments=experiments,
@@ -72,29 +72,29 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class FitPoint:
     """All constants (k,), and the initial state of every experiment (w, n)."""
 
     constants: Array
     starts: Array
 
 
-def _unknowns(problem: Problem, point: Point) -> Unknowns:
+def _unknowns(problem: FitProblem, point: FitPoint) -> Unknowns:
     values = point.constants[list(problem.free)]
     mapped = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, values, 1.0)), values)
     return Unknowns(np.clip(mapped, problem.low, problem.high), point.starts)
 
 
-def _point(problem: Problem, base: Array, unknowns: Unknowns) -> Point:
+def _point(problem: FitProblem, base: Array, unknowns: Unknowns) -> FitPoint:
     constants = base.copy()
     mapped = unknowns.shared
     constants[list(problem.free)] = np.where(
         problem.logarithmic, np.exp(np.where(problem.logarithmic, mapped, 0.0)), mapped
     )
-    return Point(constants, unknowns.own)
+    return FitPoint(constants, unknowns.own)
 
 
-def weighted(problem: Problem, point: Point) -> Iterator[tuple[Array, Array]]:
+def weighted(problem: FitProblem, point: FitPoint) -> Iterator[tuple[Array, Array]]:
     """Yield per experiment the weighted residuals (q, r) and their slopes (q, r, f + n) for its coordinates."""
     count = len(problem.free)
     inner = np.where(problem.logarithmic, point.constants[list(problem.free)], 1.0)
@@ -105,7 +105,7 @@ def weighted(problem: Problem, point: Point) -> Iterator[tuple[Array, Array]]:
         yield residual * problem.weights, slopes * problem.weights[:, None]
 
 
-def solve(problem: Problem, begin: Point, evaluations: int) -> tuple[Point, float]:
+def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPoint, float]:
     """Search from `begin`; return where it ended and half the mean squared weighted residual there."""
     count = len(problem.free)
 

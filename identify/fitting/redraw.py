@@ -21,7 +21,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, rows_time
 from firmloop.identify.fitting.fit import Fit, Progress
 from firmloop.identify.fitting.least_squares import scaled_step
-from firmloop.identify.fitting.problem import Point, Problem, make_problem, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, weighted
 from firmloop.identify.recordings.conditioning import Conditioning, compared_time, interpolate, line_free
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import constants_of, simulator
@@ -44,7 +44,7 @@ class Redrawn:
     draws: Array
     failed: int
 
-    def interval95(self, name: str) -> tuple[float, float]:
+    def interval_95(self, name: str) -> tuple[float, float]:
         """2.5 and 97.5 percentile of one parameter."""
         low, high = np.percentile(self.draws[:, self.names.index(name)], [2.5, 97.5])
         return float(low), float(high)
@@ -142,7 +142,7 @@ def left_over(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) 
     )
 
 
-def _posed(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> tuple[Problem, Point]:
+def _posed(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> tuple[FitProblem, FitPoint]:
     """Pose the fit's problem again, at its solution."""
     parts = [experiments(fit.plant, recording, conditioning) for recording in train]
     lagged = [
@@ -153,19 +153,19 @@ def _posed(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> 
     noise = np.array([fit.noise[signal.name] for signal in fit.plant.outputs])
     weights = 1.0 / np.where(noise > 0.0, noise, 1.0)
     starts = np.concatenate([score.starts for score in fit.train])
-    return replace(problem, weights=weights), Point(constants_of(fit.plant), starts)
+    return replace(problem, weights=weights), FitPoint(constants_of(fit.plant), starts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
     """The problem at its solution: targets and slopes there, the same for every draw, which the first step needs."""
 
-    point: Point
+    point: FitPoint
     targets: tuple[Array, ...]  # conditioned simulations (q, r)
     slopes: tuple[Array, ...]  # (q, r, f + n)
 
 
-def _refit(problem: Problem, at: _Solution) -> Array | None:
+def _refit(problem: FitProblem, at: _Solution) -> Array | None:
     """Gauss-Newton from the solution of the true data; the constants where it settles, None where it does not."""
     free, count = list(problem.free), len(problem.free)
     constants, starts = at.point.constants.copy(), at.point.starts.copy()
@@ -186,12 +186,12 @@ def _refit(problem: Problem, at: _Solution) -> Array | None:
         starts = starts + moved[count:].reshape(starts.shape)
         if length < CLOSE:
             return constants
-        pairs = list(weighted(problem, Point(constants, starts)))
+        pairs = list(weighted(problem, FitPoint(constants, starts)))
     return None
 
 
 def _inside(
-    pairs: Sequence[tuple[Array, Array]], place: Array, problem: Problem, starts: tuple[int, ...]
+    pairs: Sequence[tuple[Array, Array]], place: Array, problem: FitProblem, starts: tuple[int, ...]
 ) -> tuple[Array, float] | None:
     """Return the step of all unknowns, those left where they are that stand at a bound and would go beyond it."""
     count = len(place)

@@ -23,7 +23,7 @@ _QUICK = 1e-8  # s; electrical time constant that stands for none
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
+class EffectTerm:
     """One function of the simulator.
 
     `rate` says how fast it changes, 1/s: constant, per |w|, per |dw/dt|, per i^2, per |position|, and
@@ -41,7 +41,7 @@ class Term:
 
 
 @dataclass(frozen=True, slots=True)
-class Coordinate:
+class StickingState:
     """A state that can stick: a friction at zero, or a level at its limit with `share` of the excess passed `to`."""
 
     what: int
@@ -92,8 +92,8 @@ class Assembly:
         self.current_x, self.current_u = np.zeros(len(self.a)), np.zeros(self.inputs)
         self.effort_x, self.effort_u = np.zeros(len(self.a)), np.zeros(self.inputs)
         self.speed = self.position = -1
-        self.terms: list[Term] = []
-        self.coordinates: list[Coordinate] = []
+        self.terms: list[EffectTerm] = []
+        self.coordinates: list[StickingState] = []
         self.timing = Timing()
         self.lags: list[tuple[int, int, float]] = []  # output, row, 1/s
         self.starts: list[Callable[[Array], float]] = []  # start value of each added state, from the plant's own
@@ -121,35 +121,35 @@ class Assembly:
 
     def add_term(self, row: int, code: str, constants: tuple[float, ...], per: float, rate: Rate) -> None:
         """Add per * code(...) to the derivative of a state."""
-        self.terms.append(Term(ADD, code, row, constants, per, rate))
+        self.terms.append(EffectTerm(ADD, code, row, constants, per, rate))
 
     def add_flank(
         self, row: int, code: str, constants: tuple[float, ...], per: float, rate: float, *slopes: tuple[int, float]
     ) -> None:
         """Add per * code(...) to the derivative of a state, a force of bodies: see Term for its slopes."""
-        self.terms.append(Term(ADD, code, row, constants, per, (rate, *STEADY[1:]), slopes))
+        self.terms.append(EffectTerm(ADD, code, row, constants, per, (rate, *STEADY[1:]), slopes))
 
     def add_factor(self, row: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
         """Multiply the derivative of a state by 1 + code(...)."""
-        self.terms.append(Term(FACTOR, code, row, constants, 1.0, rate))
+        self.terms.append(EffectTerm(FACTOR, code, row, constants, 1.0, rate))
 
     def add_level(self, balance: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
         """Add a friction of level code(...) >= 0 against the motion of a balance's state; it sticks at zero."""
         row = self.row[balance]
         known = [c.row for c in self.coordinates]
         if row not in known:
-            self.coordinates.append(Coordinate(FRICTION, row, self.per[balance], 0.0, -1, 0.0))
+            self.coordinates.append(StickingState(FRICTION, row, self.per[balance], 0.0, -1, 0.0))
             known.append(row)
-        self.terms.append(Term(LEVEL, code, known.index(row), constants, 1.0, rate))
+        self.terms.append(EffectTerm(LEVEL, code, known.index(row), constants, 1.0, rate))
 
     def add_limit(self, balance: int, limit: float, share: float) -> None:
         """Keep a state at or below `limit`; `share` of its blocked rate goes to the balance's `to`."""
         to = self.plant.balances[balance].to
-        self.coordinates.append(Coordinate(LIMIT, self.row[balance], 1.0, limit, to, share))
+        self.coordinates.append(StickingState(LIMIT, self.row[balance], 1.0, limit, to, share))
 
     def map_output(self, output: int, code: str, constants: tuple[float, ...]) -> None:
         """Replace an output by code(...) of it."""
-        self.terms.append(Term(OUTPUT, code, output, constants, 1.0, STEADY))
+        self.terms.append(EffectTerm(OUTPUT, code, output, constants, 1.0, STEADY))
 
     def map_input(self, change: Change, size: float) -> None:
         """Replace the first input (n,), as it is recorded, by change(input, size)."""

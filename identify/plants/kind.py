@@ -1,4 +1,4 @@
-"""A Kind: how one family of plants is described by a user and turned into equations."""
+"""A PlantKind: how one family of plants is described by a user and turned into equations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _QUANTITIES = ("voltage", "current", "speed", "position", "torque", "force", "te
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
+class PlantConstant:
     """One parameter of a kind: physical range `low`..`high` in `unit`.
 
     `guessable`: may be left out of a project, because `Kind.shapes` proposes values for it. `open_low`: the value
@@ -31,7 +31,7 @@ class Constant:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class PlantKind:
     """`build(input, outputs, parameters)` writes the equations.
 
     `shapes(step, span)` proposes starting values of every guessable constant but `scale`, for a recording of typical
@@ -40,7 +40,7 @@ class Kind:
     """
 
     name: str
-    constants: tuple[Constant, ...]
+    constants: tuple[PlantConstant, ...]
     inputs: tuple[str, ...]  # names it insists on, empty: any one
     outputs: tuple[str, ...]  # names it insists on, empty: any one
     build: Callable[[Signal, tuple[Signal, ...], tuple[Parameter, ...]], Plant]

@@ -10,7 +10,7 @@ import casadi as ca
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.expression import read_expression
-from firmloop.identify.plants.kind import Constant, equations
+from firmloop.identify.plants.kind import PlantConstant, equations
 from firmloop.identify.plants.kinds import read_parameter
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.signal import Signal
@@ -38,7 +38,7 @@ def make_ode(table: Mapping[str, object]) -> Plant:
         raise IdentifyError(f"plant.derivatives.{wrong} {rule}; the states are {', '.join(states)}")
     constants = tuple(
         read_parameter(
-            "ode", Constant(name, unit_of(name), -math.inf, math.inf, open_low=False, guessable=False), given
+            "ode", PlantConstant(name, unit_of(name), -math.inf, math.inf, open_low=False, guessable=False), given
         )
         for name in given
     )

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import casadi as ca
 
+from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.signal import Signal
 
 
@@ -26,6 +27,14 @@ class Parameter:
     high: float
     deviation: float | None
     logarithmic: bool = False
+
+    @property
+    def interval_95(self) -> tuple[float, float] | None:
+        """95 % confidence interval within the physical bounds; None where the value was not estimated."""
+        if self.deviation is None:
+            return None
+        reach = NORMAL_95 * self.deviation
+        return max(self.value - reach, self.low), min(self.value + reach, self.high)
 
 
 @dataclass(frozen=True, slots=True)

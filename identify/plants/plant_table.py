@@ -8,7 +8,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
 from firmloop.identify.plants.kinds import deviation_of, make_plant
 from firmloop.identify.plants.ode import make_ode
@@ -62,10 +61,8 @@ def _entry(parameter: Parameter) -> object:
     if not parameter.free and parameter.deviation is None:
         return parameter.value
     entry: dict[str, object] = {"value": parameter.value, "free": parameter.free}
-    if parameter.deviation is not None:
-        reach = NORMAL_95 * parameter.deviation
-        ends = (max(parameter.value - reach, parameter.low), min(parameter.value + reach, parameter.high))
-        entry["ci95"] = [float(f"{end:.6g}") for end in ends]
+    if parameter.interval_95 is not None:
+        entry["ci95"] = [float(f"{end:.6g}") for end in parameter.interval_95]
     return entry
 
 

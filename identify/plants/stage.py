@@ -6,12 +6,14 @@ import math
 
 import casadi as ca
 
-from firmloop.identify.plants.kind import Constant, Kind, equations
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
 from firmloop.identify.plants.plant import Balance, Parameter, Plant
 from firmloop.identify.signal import Signal
 
 
-def stage_kind(name: str, effort: str, position: Signal, speed: Signal, inertia: Constant, friction: Constant) -> Kind:
+def stage_kind(
+    name: str, effort: str, position: Signal, speed: Signal, inertia: PlantConstant, friction: PlantConstant
+) -> PlantKind:
     """Return a kind driven by `effort` whose position is a state only where it is an output."""
 
     def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
@@ -41,7 +43,7 @@ def stage_kind(name: str, effort: str, position: Signal, speed: Signal, inertia:
             ),
         )
 
-    return Kind(
+    return PlantKind(
         name=name,
         constants=(inertia, friction),
         inputs=(effort,),

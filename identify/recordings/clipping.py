@@ -22,14 +22,14 @@ _STEADY = 0.5  # ratio of the last two steps before it rests: what settles slows
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class Clipped:
     """A signal that is cut off at `value` (its unit) in `share` of the rows."""
 
     value: float
     share: float
 
 
-def cut_off(values: Array) -> Cut | None:
+def cut_off(values: Array) -> Clipped | None:
     """Return where a signal (n,) is cut off, None where it is not.
 
     It has to come to its extreme value at full speed and stay there to the last digit, or to stay there to the last
@@ -49,7 +49,7 @@ def cut_off(values: Array) -> Cut | None:
         runs = [(first, last) for first, last in edges.reshape(-1, 2).tolist() if last - first >= _RUN]
         cut = [last - first for first, last in runs if noisy or _arrives(values, first, resolution)]
         if cut:
-            return Cut(extreme, sum(cut) / len(values))
+            return Clipped(extreme, sum(cut) / len(values))
     return None
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.formats import find_format, known_endings
-from firmloop.identify.recordings.table import Misread, Table
+from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 
@@ -128,7 +128,7 @@ def _check_names(path: Path, foreign: tuple[str, ...], names: tuple[str, ...]) -
         )
 
 
-def _check_rows(path: Path, names: tuple[str, ...], table: Table) -> None:
+def _check_rows(path: Path, names: tuple[str, ...], table: RawTable) -> None:
     rows = len(table.places)
     if rows < FEWEST_ROWS:
         raise IdentifyError(f"{path}: has {rows} rows; at least {FEWEST_ROWS} are needed to see anything move")

@@ -1,4 +1,4 @@
-"""A Table: named columns as a file holds them, before anything is known about their meaning."""
+"""A RawTable: named columns as a file holds them, before anything is known about their meaning."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class RawTable:
     """Columns of equal length. `places[k]` is where row k stands in the file, counted in `place` (line, row)."""
 
     names: tuple[str, ...]
@@ -29,7 +29,7 @@ class Misread:
     remedy: str
 
 
-def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> Table | Misread:
+def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawTable | Misread:
     """Check arrays of a binary file (one per column) and count their rows from 1."""
     columns = []
     for name, array in arrays:
@@ -43,4 +43,4 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> Tabl
             wrong = f"has {len(columns[-1])} rows where {arrays[0][0]} has {len(columns[0])}"
             return Misread(f"column {name}", wrong, "store every signal with one value per row of time_s")
     rows = len(columns[0]) if columns else 0
-    return Table(tuple(name for name, _ in arrays), tuple(columns), "row", np.arange(1, rows + 1))
+    return RawTable(tuple(name for name, _ in arrays), tuple(columns), "row", np.arange(1, rows + 1))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.plants.assembly import ADD, FACTOR, Term
+from firmloop.identify.plants.assembly import ADD, FACTOR, EffectTerm
 from firmloop.identify.plants.attach import placed, values_of, with_effects
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
@@ -112,7 +112,7 @@ def _straight() -> frozenset[str]:
     return frozenset(name for effect in effects().values() if effect.straight for name, _ in effect.codes)
 
 
-def _has_slope(term: Term, reads_position: bool) -> bool:
+def _has_slope(term: EffectTerm, reads_position: bool) -> bool:
     if term.code in _waves() and term.code not in _straight():
         return reads_position and term.rate[1] <= 1.0
     return term.what in (ADD, FACTOR) or term.code in _straight()

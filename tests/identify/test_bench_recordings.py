@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import read_recording
@@ -32,7 +32,7 @@ def test_ball_and_hoop_motor_is_a_first_order_lag_in_the_main() -> None:
     assert result.test[0].scores["tacho_V"].fit_percent > 84.0
     assert 11.0 < gain.value < 12.0
     assert 1.3 < lag.value < 1.9
-    assert interval95(delay)[0] == 0.0
+    assert delay.interval_95[0] == 0.0
     # Coloured residuals: an interval that took them for white would be a sixth of this.
     assert gain.deviation > 0.05
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.codegen.target import Region, Target
+from firmloop.codegen.target import MemoryRegion, Target
 from firmloop.identify.simulation.compiler import ToolError
 
 # ELF for the Arm Architecture (IHI 0044) and the System V ABI, "Object Files": 32 bits, little-endian.
@@ -91,5 +91,5 @@ def boot_crc(data: bytes) -> int:
     return crc
 
 
-def _within(address: int, region: Region) -> bool:
+def _within(address: int, region: MemoryRegion) -> bool:
     return region.start <= address < region.start + region.size

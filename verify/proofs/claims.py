@@ -44,7 +44,7 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True)
-class Operation:
+class ClaimedOperation:
     """`result = function(arguments)`."""
 
     result: Held
@@ -62,7 +62,7 @@ class Routine:
 
     name: str
     inputs: tuple[str, ...]
-    operations: tuple[Operation, ...]
+    operations: tuple[ClaimedOperation, ...]
     results: tuple[str, ...]
 
 
@@ -82,7 +82,7 @@ class Claims:
     following: Mapping[str, str]  # state: what it becomes
     unset: str | None
     parameters: tuple[tuple[str, Number, Number, Number], ...]  # name, low, high, start
-    operations: tuple[Operation, ...]
+    operations: tuple[ClaimedOperation, ...]
     tables: tuple[Mapping[str, Any], ...]
     routines: tuple[Routine, ...]
     status: tuple[tuple[str, int, str], ...]  # name, bit, value
@@ -217,7 +217,7 @@ def _check_routines(claims: Claims) -> None:
                 raise ProofError(f"routine {routine.name} gives {source!r}, which is no value of it")
 
 
-def _check_order(operations: Sequence[Operation], given: set[str]) -> None:
+def _check_order(operations: Sequence[ClaimedOperation], given: set[str]) -> None:
     """Assert that nothing is read that an earlier line does not say."""
     known = set(given)
     for op in operations:
@@ -230,7 +230,7 @@ def _check_order(operations: Sequence[Operation], given: set[str]) -> None:
         known.add(op.result.name)
 
 
-def _check_plans(operations: Sequence[Operation], plans: set[str]) -> None:
+def _check_plans(operations: Sequence[ClaimedOperation], plans: set[str]) -> None:
     """Assert that a plan is read as a plan, a table as a table, and a number as a number."""
     for op in operations:
         tables = [a for a in op.arguments if isinstance(a, str) and a.startswith(("table.", "routine."))]
@@ -299,9 +299,9 @@ def _parameter(row: Mapping[str, Any], fixed: bool) -> tuple[str, Number, Number
     return name, low, high, start
 
 
-def _operation(row: Mapping[str, Any], fixed: bool) -> Operation:
+def _operation(row: Mapping[str, Any], fixed: bool) -> ClaimedOperation:
     result = _held(row, "operations", fixed)
-    return Operation(result, _text(row, "function", result.name), _arguments(row, result.name, fixed))
+    return ClaimedOperation(result, _text(row, "function", result.name), _arguments(row, result.name, fixed))
 
 
 def _arguments(row: Mapping[str, Any], name: str, fixed: bool) -> tuple[Argument, ...]:

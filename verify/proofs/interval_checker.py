@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from firmloop.verify.proofs.claims import LEAST, OF_A_PLAN, Argument, Claims, Operation, ProofError
+from firmloop.verify.proofs.claims import LEAST, OF_A_PLAN, Argument, ClaimedOperation, Claims, ProofError
 from firmloop.verify.proofs.table_checker import check_sweeps, check_tree
 
 Interval = tuple[int, int]
@@ -21,7 +21,7 @@ TRUTH = (0, 1)
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class IntervalRule:
     """What an operation takes and gives.
 
     `operands`: a letter each: `v` a 32-bit value or constant, `w` a 64-bit value, `t` a truth value, `s` a shift count.
@@ -73,7 +73,7 @@ def check_intervals(claims: Claims) -> None:
 
 
 def _check_operation(
-    op: Operation, claimed: Interval, words: Mapping[str, int], ranges: Mapping[str, Interval]
+    op: ClaimedOperation, claimed: Interval, words: Mapping[str, int], ranges: Mapping[str, Interval]
 ) -> None:
     rule = RULES.get(op.function)
     if rule is None:
@@ -98,7 +98,7 @@ def _check_operation(
 
 
 def _given(
-    op: Operation, argument: Argument, letter: str, words: Mapping[str, int], ranges: Mapping[str, Interval]
+    op: ClaimedOperation, argument: Argument, letter: str, words: Mapping[str, int], ranges: Mapping[str, Interval]
 ) -> Interval:
     """Return the interval of an operand that has the word its place reads."""
     if not isinstance(argument, str):
@@ -118,7 +118,7 @@ def _given(
     return low, high
 
 
-def _check_part(op: Operation, moves: int, claimed: Interval, ranges: Mapping[str, Interval]) -> None:
+def _check_part(op: ClaimedOperation, moves: int, claimed: Interval, ranges: Mapping[str, Interval]) -> None:
     """Assert what a move or a truth value that is read from a plan may be."""
     found = TRUTH
     if op.function == "move":
@@ -213,8 +213,8 @@ def _larger(a: Interval, b: Interval) -> Interval:
     return max(a[0], b[0]), max(a[1], b[1])
 
 
-def _truths(certain: Callable[[Interval, Interval], bool], never: Callable[[Interval, Interval], bool]) -> Rule:
-    return Rule("vv", lambda a, b: (int(certain(a, b)), int(not never(a, b))))
+def _truths(certain: Callable[[Interval, Interval], bool], never: Callable[[Interval, Interval], bool]) -> IntervalRule:
+    return IntervalRule("vv", lambda a, b: (int(certain(a, b)), int(not never(a, b))))
 
 
 def _apart(a: Interval, b: Interval) -> bool:
@@ -225,43 +225,43 @@ def _one(a: Interval, b: Interval) -> bool:
     return a[0] == a[1] == b[0] == b[1]
 
 
-def _rules() -> Iterator[tuple[str, Rule]]:
-    yield "add", Rule("vv", _sum)
-    yield "sub", Rule("vv", lambda a, b: (a[0] - b[1], a[1] - b[0]))
-    yield "mul", Rule("vv", _product)
-    yield "neg", Rule("v", lambda a: (-a[1], -a[0]))
-    yield "copy", Rule("v", lambda a: a)
-    yield "abs", Rule("v", _absolute)
+def _rules() -> Iterator[tuple[str, IntervalRule]]:
+    yield "add", IntervalRule("vv", _sum)
+    yield "sub", IntervalRule("vv", lambda a, b: (a[0] - b[1], a[1] - b[0]))
+    yield "mul", IntervalRule("vv", _product)
+    yield "neg", IntervalRule("v", lambda a: (-a[1], -a[0]))
+    yield "copy", IntervalRule("v", lambda a: a)
+    yield "abs", IntervalRule("v", _absolute)
     # A factor of 2^31 is no int32_t; the constant that rounds, 2^(s-1), is one up to s = 31.
-    yield "shl", Rule("vs", lambda a, s: (a[0] << s[0], a[1] << s[0]), counts=(0, 30))
-    yield "shr", Rule("vs", _near, counts=(1, 31), inner=lambda a, s: [_sum(a, (1 << (s[0] - 1),) * 2)])
-    yield "asr", Rule("vs", _down, counts=(1, 31))
-    yield "wide", Rule("vv", _product, bits=64)
-    yield "mac", Rule("wvv", lambda total, a, b: _sum(total, _product(a, b)), bits=64)
-    yield "mul_down", Rule("vvs", lambda a, b, s: _down(_product(a, b), s), counts=(1, 63))
-    yield "high_down", Rule("ws", _down, counts=(1, 63))
+    yield "shl", IntervalRule("vs", lambda a, s: (a[0] << s[0], a[1] << s[0]), counts=(0, 30))
+    yield "shr", IntervalRule("vs", _near, counts=(1, 31), inner=lambda a, s: [_sum(a, (1 << (s[0] - 1),) * 2)])
+    yield "asr", IntervalRule("vs", _down, counts=(1, 31))
+    yield "wide", IntervalRule("vv", _product, bits=64)
+    yield "mac", IntervalRule("wvv", lambda total, a, b: _sum(total, _product(a, b)), bits=64)
+    yield "mul_down", IntervalRule("vvs", lambda a, b, s: _down(_product(a, b), s), counts=(1, 63))
+    yield "high_down", IntervalRule("ws", _down, counts=(1, 63))
     # Rounded down into 32 bits first; then the last bit that was shifted out is added.
     yield (
         "mul_shift",
-        Rule(
+        IntervalRule(
             "vvs",
             lambda a, b, s: _near(_product(a, b), s),
             counts=(1, 63),
             inner=lambda a, b, s: [_down(_product(a, b), s)],
         ),
     )
-    yield "high", Rule("ws", _near, counts=(1, 63), inner=lambda a, s: [_down(a, s)])
-    yield "min", Rule("vv", _smaller)
-    yield "max", Rule("vv", _larger)
-    yield "clamp", Rule("vvv", lambda x, low, high: _smaller(_larger(x, low), high))
-    yield "select", Rule("tvv", _chosen)
+    yield "high", IntervalRule("ws", _near, counts=(1, 63), inner=lambda a, s: [_down(a, s)])
+    yield "min", IntervalRule("vv", _smaller)
+    yield "max", IntervalRule("vv", _larger)
+    yield "clamp", IntervalRule("vvv", lambda x, low, high: _smaller(_larger(x, low), high))
+    yield "select", IntervalRule("tvv", _chosen)
     yield "lt", _truths(lambda a, b: a[1] < b[0], lambda a, b: a[0] >= b[1])
     yield "le", _truths(lambda a, b: a[1] <= b[0], lambda a, b: a[0] > b[1])
     yield "eq", _truths(_one, _apart)
     yield "ne", _truths(_apart, _one)
-    yield "and", Rule("tt", _smaller)
-    yield "or", Rule("tt", _larger)
-    yield "not", Rule("t", lambda a: (1 - a[1], 1 - a[0]))
+    yield "and", IntervalRule("tt", _smaller)
+    yield "or", IntervalRule("tt", _larger)
+    yield "not", IntervalRule("t", lambda a: (1 - a[1], 1 - a[0]))
 
 
-RULES: dict[str, Rule] = dict(_rules())
+RULES: dict[str, IntervalRule] = dict(_rules())

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
-from firmloop.verify.proofs.claims import Argument, Claims, Held, Operation, ProofError
+from firmloop.verify.proofs.claims import Argument, ClaimedOperation, Claims, Held, ProofError
 
 Statement = tuple[str, str]  # what it is, in words, and its C
 TRUTHS = ("and", "or", "not")
@@ -135,14 +135,14 @@ class Writer:
             yield "the declarations", f"bool {name}_set_{value.name}({name}_t *self, {c_type(value)} {value.name});"
         yield "the end", "#ifdef __cplusplus\n}\n#endif\n#endif\n"
 
-    def statement(self, op: Operation, placed: Callable[[str], str]) -> str:
+    def statement(self, op: ClaimedOperation, placed: Callable[[str], str]) -> str:
         """Return the line of one operation."""
         return f"const {self._result(op)} {op.result.name} = {self._expression(op, placed)};"
 
-    def _result(self, op: Operation) -> str:
+    def _result(self, op: ClaimedOperation) -> str:
         return "fl_plan_t" if op.function in (*PLANNED, "improve") else c_type(op.result)
 
-    def _expression(self, op: Operation, placed: Callable[[str], str]) -> str:
+    def _expression(self, op: ClaimedOperation, placed: Callable[[str], str]) -> str:
         function = op.function
         whole = function in (*TRUTHS, *WHOLE)
 

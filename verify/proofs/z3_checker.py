@@ -25,7 +25,7 @@ from typing import Any
 
 import z3
 
-from firmloop.verify.proofs.claims import LEAST, OF_A_PLAN, PLANS, Claims, Operation, ProofError
+from firmloop.verify.proofs.claims import LEAST, OF_A_PLAN, PLANS, ClaimedOperation, Claims, ProofError
 
 WIDE = 160  # holds every exact result: sums of 64-bit values, and these shifted to the left by any count that C defines
 PRODUCTS = {
@@ -100,7 +100,7 @@ def _check_inside(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> 
         raise ProofError(f"{name} may be given {got[0]} to {got[1]}, its range is {allowed[0]} to {allowed[1]} (raw)")
 
 
-def _check_words(op: Operation, words: Mapping[str, int]) -> None:
+def _check_words(op: ClaimedOperation, words: Mapping[str, int]) -> None:
     """Assert that each operand has the word that is read, and that the count of a shift is below its width."""
     arity = ARITY.get(op.function, 2)
     reads = READS.get(op.function, (32,) * arity)
@@ -119,7 +119,7 @@ def _check_words(op: Operation, words: Mapping[str, int]) -> None:
             raise ProofError(f"{op.says()}: the constant {argument} does not fit the word that is read there")
 
 
-def _cases(op: Operation, ranges: Ranges) -> list[list[Any]]:
+def _cases(op: ClaimedOperation, ranges: Ranges) -> list[list[Any]]:
     """Return the argument lists to prove the operation for: a product at the corners of its factors' ranges."""
     places = PRODUCTS.get(op.function, ())
     if places:
@@ -142,7 +142,7 @@ def _prove_product_lemma() -> None:
         raise ProofError("z3 cannot prove that a product is monotone in its factors; its version is at fault")
 
 
-def _check_case(op: Operation, claimed: tuple[int, int], arguments: Sequence[Any], ranges: Ranges) -> None:
+def _check_case(op: ClaimedOperation, claimed: tuple[int, int], arguments: Sequence[Any], ranges: Ranges) -> None:
     symbols, assumed = [], []
     for k, argument in enumerate(arguments):
         if isinstance(argument, str):

@@ -21,7 +21,7 @@ SHARED_KEYS = ("signal", "low", "high", "period_s", "duration_s", "repeats", "re
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class ExcitationRequest:
     """What a signal is asked for: between `low` and `high`, `samples` of `period` s; `table` holds its own keys."""
 
     low: float
@@ -62,7 +62,7 @@ class Excitation:
     name: str
     says: str
     keys: tuple[str, ...]
-    make: Callable[[Request], Array]
+    make: Callable[[ExcitationRequest], Array]
 
 
 @cache
@@ -95,7 +95,7 @@ def excitation(table: Mapping[str, object]) -> tuple[Array, Array]:
     low, high = (_number(table, key) for key in ("low", "high"))
     if not low < high:
         raise IdentifyError(f"experiment.low is {low:g} and high {high:g}; low must be below high")
-    bare = Request(low, high, 1.0, 1, table)
+    bare = ExcitationRequest(low, high, 1.0, 1, table)
     period, duration = bare.positive("period_s", 0.0), bare.positive("duration_s", 0.0)
     samples, repeats = round(duration / period), bare.whole("repeats", 1, 1, 1000)
     rest = round(bare.positive("rest_s", duration / 10) / period) if "rest_s" in table or repeats > 1 else 0
@@ -104,7 +104,7 @@ def excitation(table: Mapping[str, object]) -> tuple[Array, Array]:
             f"experiment.duration_s is {duration:g} and period_s {period:g}: that makes {samples} samples, {repeats} "
             f"times; it must be at least 8 and at most {MOST_SAMPLES} in all"
         )
-    once = np.clip(kind.make(Request(low, high, period, samples, table)), low, high)
+    once = np.clip(kind.make(ExcitationRequest(low, high, period, samples, table)), low, high)
     quiet = np.full(rest, min(max(0.0, low), high))
     values = np.concatenate([part for _ in range(repeats) for part in (quiet, once)])
     return np.arange(len(values), dtype=np.float64) * period, np.asarray(values, dtype=np.float64)

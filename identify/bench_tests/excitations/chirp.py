@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.signal
 
-from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
+from firmloop.identify.bench_tests.excitations import Array, Excitation, ExcitationRequest
 from firmloop.identify.error import IdentifyError
 
 
-def make(request: Request) -> Array:
+def make(request: ExcitationRequest) -> Array:
     """Sweep once, from the middle of the range; by default from one cycle to a fifth of the sampling rate."""
     low, high = request.positive("low_Hz", 1.0 / request.duration), request.positive("high_Hz", 0.2 / request.period)
     if not low < high <= 0.5 / request.period:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
+from firmloop.identify.bench_tests.excitations import Array, Excitation, ExcitationRequest
 from firmloop.identify.error import IdentifyError
 
 CLIPPINGS = 1000
@@ -19,7 +19,7 @@ WORK = 30_000_000  # samples in all, so that a long signal does not take minutes
 CLIPPED = 0.75  # of the peak
 
 
-def make(request: Request) -> Array:
+def make(request: ExcitationRequest) -> Array:
     """Spread `lines` sines (default 30) over `low_Hz` to `high_Hz`, logarithmically, each on a whole cycle."""
     base, top = 1.0 / request.duration, 0.4 / request.period
     low, high = request.positive("low_Hz", base), request.positive("high_Hz", top)

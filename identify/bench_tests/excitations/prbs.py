@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
+from firmloop.identify.bench_tests.excitations import Array, Excitation, ExcitationRequest
 from firmloop.identify.error import IdentifyError
 
 TAPS = {
@@ -29,7 +29,7 @@ TAPS = {
 }
 
 
-def make(request: Request) -> Array:
+def make(request: ExcitationRequest) -> Array:
     """Hold each bit for `clock_s` (default 4 samples); the sequence repeats where it is shorter than the signal."""
     order = request.whole("order", 9, min(TAPS), max(TAPS))
     clock = request.positive("clock_s", 4 * request.period)

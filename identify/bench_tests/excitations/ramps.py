@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
+from firmloop.identify.bench_tests.excitations import Array, Excitation, ExcitationRequest
 from firmloop.identify.error import IdentifyError
 
 
-def make(request: Request) -> Array:
+def make(request: ExcitationRequest) -> Array:
     """Go from 0 to high, through 0 to low, and back to 0, `cycles` times (default 2)."""
     if not request.low < 0.0 < request.high:
         raise IdentifyError(

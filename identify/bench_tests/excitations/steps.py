@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmloop.identify.bench_tests.excitations import Array, Excitation, Request
+from firmloop.identify.bench_tests.excitations import Array, Excitation, ExcitationRequest
 
 
-def make(request: Request) -> Array:
+def make(request: ExcitationRequest) -> Array:
     """Go through `levels` values from low to high and back; by default low and high alone, for half the time each."""
     levels = request.whole("levels", 2, 2, 1000)
     up = np.linspace(request.low, request.high, levels)

@@ -10,7 +10,7 @@ from functools import cache
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.kind import Constant, Kind
+from firmloop.identify.plants.kind import PlantConstant, PlantKind
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
@@ -19,13 +19,13 @@ _ENTRY_KEYS = ("value", "free", "low", "high", "ci95")
 
 
 @cache
-def kinds() -> Mapping[str, Kind]:
+def kinds() -> Mapping[str, PlantKind]:
     """Every kind of this folder by name."""
     modules = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
     return {module.KIND.name: module.KIND for module in modules}
 
 
-def find_kind(name: str) -> Kind:
+def find_kind(name: str) -> PlantKind:
     """Return the kind called `name`; IdentifyError lists those there are."""
     if name not in kinds():
         raise IdentifyError(f"plant.kind {name!r} is unknown; known: {', '.join(sorted(kinds()))}")
@@ -54,7 +54,7 @@ def make_plant(
         unit = unit_of(input)
         constants = (
             *constants,
-            Constant(found.per_unit, f"per {unit}" if unit else "", -math.inf, math.inf, False, False),
+            PlantConstant(found.per_unit, f"per {unit}" if unit else "", -math.inf, math.inf, False, False),
         )
     known = {constant.name for constant in constants}
     for name in parameters:
@@ -68,7 +68,7 @@ def _signal(name: str) -> Signal:
     return Signal(name, unit_of(name), -math.inf, math.inf)
 
 
-def _check_outputs(kind: Kind, outputs: Sequence[str]) -> None:
+def _check_outputs(kind: PlantKind, outputs: Sequence[str]) -> None:
     choice = f"any of {', '.join(kind.outputs)}" if kind.outputs else "exactly one, of any name"
     if not outputs or (not kind.outputs and len(outputs) != 1):
         raise IdentifyError(f"plant.outputs {list(outputs)}: {kind.name} has {choice}")
@@ -79,7 +79,7 @@ def _check_outputs(kind: Kind, outputs: Sequence[str]) -> None:
             raise IdentifyError(f"plant.outputs: {name!r} is unknown to {kind.name}, which has {choice}")
 
 
-def read_parameter(kind: str, constant: Constant, parameters: Mapping[str, object]) -> Parameter:
+def read_parameter(kind: str, constant: PlantConstant, parameters: Mapping[str, object]) -> Parameter:
     """Read one entry of `[plant.parameters]`; IdentifyError names key, value and rule."""
     key = f"plant.parameters.{constant.name}"
     if constant.name not in parameters:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.kind import Constant, Kind, equations
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
 from firmloop.identify.plants.plant import Balance, Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -79,15 +79,15 @@ def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     return ()
 
 
-KIND = Kind(
+KIND = PlantKind(
     name="dc_motor",
     constants=(
-        Constant("R_ohm", "ohm", 0.0, math.inf, open_low=True, guessable=False),
-        Constant("L_H", "H", 0.0, math.inf, open_low=False, guessable=False),
-        Constant("ke_V_s_rad", "V*s/rad", 0.0, math.inf, open_low=True, guessable=False),
-        Constant("kt_N_m_A", "N*m/A", 0.0, math.inf, open_low=True, guessable=False),
-        Constant("J_kg_m2", "kg*m^2", 0.0, math.inf, open_low=True, guessable=False),
-        Constant("b_N_m_s_rad", "N*m*s/rad", 0.0, math.inf, open_low=False, guessable=False),
+        PlantConstant("R_ohm", "ohm", 0.0, math.inf, open_low=True, guessable=False),
+        PlantConstant("L_H", "H", 0.0, math.inf, open_low=False, guessable=False),
+        PlantConstant("ke_V_s_rad", "V*s/rad", 0.0, math.inf, open_low=True, guessable=False),
+        PlantConstant("kt_N_m_A", "N*m/A", 0.0, math.inf, open_low=True, guessable=False),
+        PlantConstant("J_kg_m2", "kg*m^2", 0.0, math.inf, open_low=True, guessable=False),
+        PlantConstant("b_N_m_s_rad", "N*m*s/rad", 0.0, math.inf, open_low=False, guessable=False),
     ),
     inputs=("voltage_V",),
     outputs=("speed_rad_s", "position_rad", "current_A"),

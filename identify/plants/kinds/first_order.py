@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from firmloop.identify.plants.kind import Constant, Kind, equations, may_be, moving_balance
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations, may_be, moving_balance
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -42,12 +42,12 @@ def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     return tuple({"time_constant_s": lag, "delay_s": delay} for lag, delay in itertools.product(lags, delays))
 
 
-KIND = Kind(
+KIND = PlantKind(
     name="first_order",
     constants=(
-        Constant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
-        Constant("time_constant_s", "s", 0.0, math.inf, open_low=True, guessable=True),
-        Constant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
+        PlantConstant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
+        PlantConstant("time_constant_s", "s", 0.0, math.inf, open_low=True, guessable=True),
+        PlantConstant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
     ),
     inputs=(),
     outputs=(),

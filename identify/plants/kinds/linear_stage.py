@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from firmloop.identify.plants.kind import Constant
+from firmloop.identify.plants.kind import PlantConstant
 from firmloop.identify.plants.stage import stage_kind, wide
 
 KIND = stage_kind(
@@ -12,6 +12,6 @@ KIND = stage_kind(
     "force_N",
     wide("position_m", "m"),
     wide("speed_m_s", "m/s"),
-    Constant("mass_kg", "kg", 0.0, math.inf, open_low=True, guessable=False),
-    Constant("b_N_s_m", "N*s/m", 0.0, math.inf, open_low=False, guessable=False),
+    PlantConstant("mass_kg", "kg", 0.0, math.inf, open_low=True, guessable=False),
+    PlantConstant("b_N_s_m", "N*s/m", 0.0, math.inf, open_low=False, guessable=False),
 )

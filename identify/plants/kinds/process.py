@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.kind import Constant, Kind, equations
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -70,14 +70,14 @@ def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     )
 
 
-KIND = Kind(
+KIND = PlantKind(
     name="process",
     constants=(
-        Constant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
-        Constant("time_constant_s", "s", 0.0, math.inf, open_low=True, guessable=True),
-        Constant("second_time_constant_s", "s", 0.0, math.inf, open_low=False, guessable=True),
-        Constant("zero_time_constant_s", "s", -math.inf, math.inf, open_low=False, guessable=True),
-        Constant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
+        PlantConstant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
+        PlantConstant("time_constant_s", "s", 0.0, math.inf, open_low=True, guessable=True),
+        PlantConstant("second_time_constant_s", "s", 0.0, math.inf, open_low=False, guessable=True),
+        PlantConstant("zero_time_constant_s", "s", -math.inf, math.inf, open_low=False, guessable=True),
+        PlantConstant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
     ),
     inputs=(),
     outputs=(),

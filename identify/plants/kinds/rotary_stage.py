@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from firmloop.identify.plants.kind import Constant
+from firmloop.identify.plants.kind import PlantConstant
 from firmloop.identify.plants.stage import stage_kind, wide
 
 KIND = stage_kind(
@@ -12,6 +12,6 @@ KIND = stage_kind(
     "torque_N_m",
     wide("position_rad", "rad"),
     wide("speed_rad_s", "rad/s"),
-    Constant("J_kg_m2", "kg*m^2", 0.0, math.inf, open_low=True, guessable=False),
-    Constant("b_N_m_s_rad", "N*m*s/rad", 0.0, math.inf, open_low=False, guessable=False),
+    PlantConstant("J_kg_m2", "kg*m^2", 0.0, math.inf, open_low=True, guessable=False),
+    PlantConstant("b_N_m_s_rad", "N*m*s/rad", 0.0, math.inf, open_low=False, guessable=False),
 )

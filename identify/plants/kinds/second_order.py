@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from firmloop.identify.plants.kind import Constant, Kind, equations, may_be, moving_balance
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations, may_be, moving_balance
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -51,13 +51,13 @@ def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     )
 
 
-KIND = Kind(
+KIND = PlantKind(
     name="second_order",
     constants=(
-        Constant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
-        Constant("natural_frequency_rad_s", "rad/s", 0.0, math.inf, open_low=True, guessable=True),
-        Constant("damping_ratio", "", 0.0, math.inf, open_low=False, guessable=True),
-        Constant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
+        PlantConstant("gain", "", -math.inf, math.inf, open_low=False, guessable=True),
+        PlantConstant("natural_frequency_rad_s", "rad/s", 0.0, math.inf, open_low=True, guessable=True),
+        PlantConstant("damping_ratio", "", 0.0, math.inf, open_low=False, guessable=True),
+        PlantConstant("delay_s", "s", 0.0, math.inf, open_low=False, guessable=True),
     ),
     inputs=(),
     outputs=(),

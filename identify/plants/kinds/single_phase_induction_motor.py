@@ -32,7 +32,7 @@ import casadi as ca
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.iron import air_gap, magnetizing_balance
-from firmloop.identify.plants.kind import Constant, Kind, equations
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
 from firmloop.identify.plants.plant import Balance, Inside, Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -177,15 +177,15 @@ def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     return ()
 
 
-def _positive(name: str, unit: str) -> Constant:
-    return Constant(name, unit, 0.0, math.inf, open_low=True, guessable=False)
+def _positive(name: str, unit: str) -> PlantConstant:
+    return PlantConstant(name, unit, 0.0, math.inf, open_low=True, guessable=False)
 
 
-def _size(name: str, unit: str) -> Constant:
-    return Constant(name, unit, 0.0, math.inf, open_low=False, guessable=False)
+def _size(name: str, unit: str) -> PlantConstant:
+    return PlantConstant(name, unit, 0.0, math.inf, open_low=False, guessable=False)
 
 
-KIND = Kind(
+KIND = PlantKind(
     name="single_phase_induction_motor",
     constants=(
         _positive("main_R_ohm", "ohm"),

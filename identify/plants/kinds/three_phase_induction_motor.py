@@ -20,7 +20,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.plants.iron import air_gap, magnetizing_balance
-from firmloop.identify.plants.kind import Constant, Kind, equations
+from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
 from firmloop.identify.plants.plant import Balance, Inside, Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -110,10 +110,10 @@ def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
     return ()
 
 
-KIND = Kind(
+KIND = PlantKind(
     name="three_phase_induction_motor",
     constants=tuple(
-        Constant(name, unit, 0.0, math.inf, open_low=not name.startswith(("b_", "load_")), guessable=False)
+        PlantConstant(name, unit, 0.0, math.inf, open_low=not name.startswith(("b_", "load_")), guessable=False)
         for name, unit in (
             ("stator_R_ohm", "ohm"),
             ("stator_L_H", "H"),

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
-from firmloop.identify.recordings.table import Misread, Table
+from firmloop.identify.recordings.table import Misread, RawTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class Format:
     """`read` turns the bytes of a file into a Table, or says what is wrong with them."""
 
     endings: tuple[str, ...]
-    read: Callable[[bytes], Table | Misread]
+    read: Callable[[bytes], RawTable | Misread]
 
 
 @cache

@@ -7,10 +7,10 @@ import zlib
 
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.formats.csv_text import read_csv
-from firmloop.identify.recordings.table import Misread, Table
+from firmloop.identify.recordings.table import Misread, RawTable
 
 
-def read_csv_gzip(content: bytes) -> Table | Misread:
+def read_csv_gzip(content: bytes) -> RawTable | Misread:
     """Unpack, then parse as CSV."""
     try:
         return read_csv(gzip.decompress(content))

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.recordings.formats import Format
-from firmloop.identify.recordings.table import Misread, Table
+from firmloop.identify.recordings.table import Misread, RawTable
 
 
-def read_csv(content: bytes) -> Table | Misread:
+def read_csv(content: bytes) -> RawTable | Misread:
     """Parse a header line and rows of numbers; blank lines are skipped, line numbers count them."""
     try:
         text = content.decode("utf-8-sig")
@@ -33,7 +33,7 @@ def read_csv(content: bytes) -> Table | Misread:
         return _culprit(names, rows, numbers[1:], str(error))
     if values.shape[1] != len(names):
         return _culprit(names, rows, numbers[1:], f"{values.shape[1]} values below {len(names)} names")
-    return Table(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers[1:])
+    return RawTable(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers[1:])
 
 
 def _culprit(names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], says: str) -> Misread:

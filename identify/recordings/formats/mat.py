@@ -12,12 +12,12 @@ import scipy.io
 from numpy.typing import NDArray
 
 from firmloop.identify.recordings.formats import Format
-from firmloop.identify.recordings.table import Misread, Table, table_of_arrays
+from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
-def read_mat(content: bytes) -> Table | Misread:
+def read_mat(content: bytes) -> RawTable | Misread:
     """Take every numeric vector of the file; text, scalars and structures are left aside."""
     try:
         if _HDF5 in content[:1024]:

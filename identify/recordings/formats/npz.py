@@ -9,10 +9,10 @@ import zlib
 import numpy as np
 
 from firmloop.identify.recordings.formats import Format
-from firmloop.identify.recordings.table import Misread, Table, table_of_arrays
+from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
 
-def read_npz(content: bytes) -> Table | Misread:
+def read_npz(content: bytes) -> RawTable | Misread:
     """Load every array, never running pickled code."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:

@@ -8,10 +8,10 @@ import io
 import numpy as np
 
 from firmloop.identify.recordings.formats import Format
-from firmloop.identify.recordings.table import Misread, Table, table_of_arrays
+from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
 
-def read_parquet(content: bytes) -> Table | Misread:
+def read_parquet(content: bytes) -> RawTable | Misread:
     """Take every column as numbers; a missing value becomes NaN and is refused later with its row."""
     try:
         # Not at the top of the file: everything else must work without these 40 MB.

@@ -8,7 +8,7 @@ import scipy.signal
 
 from firmloop.identify.bench_tests.blackbox import (
     Record,
-    Sampled,
+    SampledModel,
     check_records,
     continuous,
     fit_arx,
@@ -16,7 +16,7 @@ from firmloop.identify.bench_tests.blackbox import (
     fit_oe,
 )
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import make_recording
@@ -33,7 +33,7 @@ def record(seed: int, noise: float, rows: int = 1200, late: int = 0) -> Record:
     return Record(f"run{seed}", drive, output + noise * random.standard_normal(rows))
 
 
-def figures(model: Sampled) -> tuple[float, float, float]:
+def figures(model: SampledModel) -> tuple[float, float, float]:
     """Natural frequency, damping, gain."""
     made = continuous(model, PERIOD)
     poles = np.linalg.eigvals(made.a)
@@ -68,7 +68,7 @@ def test_output_error_agrees_with_the_physical_fit_and_the_library():
         zip(("natural_frequency_rad_s", "damping_ratio", "gain"), figures(fit_n4sid([one], 2, 0)), strict=True)
     )
     for parameter in told.plant.parameters[:3]:
-        low, high = interval95(parameter)
+        low, high = parameter.interval_95
         assert low <= ours[parameter.name] <= high, parameter.name
         assert library[parameter.name] == pytest.approx(parameter.value, rel=0.1), parameter.name
 
@@ -92,4 +92,4 @@ def test_too_short_and_too_poor_recordings_are_refused():
 @pytest.mark.parametrize(("pole", "words"), [(1.01, "unstable"), (-0.5, "no continuous plant")])
 def test_a_model_that_no_plant_has_is_refused(pole, words):
     with pytest.raises(IdentifyError, match=words):
-        continuous(Sampled(np.array([[pole]]), np.ones(1), np.ones(1), 0), PERIOD)
+        continuous(SampledModel(np.array([[pole]]), np.ones(1), np.ones(1), 0), PERIOD)

@@ -13,7 +13,7 @@ import scipy.linalg
 import scipy.signal
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import Fit, fit, fit_start, interval95
+from firmloop.identify.fitting.fit import Fit, fit, fit_start
 from firmloop.identify.fitting.scores import scores
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
@@ -124,7 +124,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(colour: float) -> None:
         columns = {"u": clean.columns["u"], "y": clean.columns["y"] + noise}
         result = fit(plant, [make_recording(clean.time, columns, "noisy", "")], [], NONE)
         for parameter in result.plant.parameters:
-            low, high = interval95(parameter)
+            low, high = parameter.interval_95
             hits += low <= truth[parameter.name] <= high
             tries += 1
     assert 0.88 <= hits / tries <= 0.99
@@ -182,7 +182,7 @@ def test_delay_that_is_not_there_ends_at_its_bound() -> None:
         make_plant("first_order", "u", ["y"], {}), [lag_recording("first_order", 0, 0.05, 0.0, truth)], [], NONE
     )
     delay = result.plant.parameters[2]
-    low, high = interval95(delay)
+    low, high = delay.interval_95
     assert (low, delay.value >= 0.0) == (0.0, True)
     assert high < 0.01
     assert "delay_s cannot be told from 0" in result.warnings[0]

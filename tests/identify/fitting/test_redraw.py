@@ -8,7 +8,7 @@ import scipy.signal
 
 from firmloop.identify.bench_tests.sensitivity import sensitivity
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.fitting.redraw import blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.plants.kinds import make_plant
@@ -44,7 +44,7 @@ def test_three_intervals_agree_on_white_noise():
     for drawn in (redraw(found, [recording], NONE, how, 600, 1, quiet) for how in (white, blocks)):
         assert drawn.failed == 0 and drawn.draws.shape == (600, 2)
         for parameter in found.plant.parameters[:2]:
-            ends, expected = np.array(drawn.interval95(parameter.name)), np.array(interval95(parameter))
+            ends, expected = np.array(drawn.interval_95(parameter.name)), np.array(parameter.interval_95)
             width = expected[1] - expected[0]
             assert ends == pytest.approx(expected, abs=0.15 * width)
 
@@ -85,7 +85,7 @@ def test_line_harmonics_are_taken_out_of_both_sides():
     filtered = conditioning_from_table({"line_Hz": 50.0})
     bare, found = (fit(plant(), [recording], [], how) for how in (NONE, filtered))
     assert found.noise["speed_rad_s"] < 0.12 < 0.9 < bare.noise["speed_rad_s"]
-    low, high = interval95(found.plant.parameters[1])
+    low, high = found.plant.parameters[1].interval_95
     assert low < 0.1 < high
     ((left, drive),) = left_over(found, [recording], filtered)
     tests = residual_tests(left[:, 0], drive[:, 0])

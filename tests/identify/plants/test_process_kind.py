@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import make_recording
@@ -52,7 +52,7 @@ def test_it_is_found_again(lead):
         first, second = values["time_constant_s"], values["second_time_constant_s"]
         values["time_constant_s"], values["second_time_constant_s"] = second, first
     for name, true in zip(NAMES, truth, strict=True):
-        low, high = interval95(values[name])
+        low, high = values[name].interval_95
         assert abs(values[name].value - true) < 0.75 * (high - low), name
     assert found.noise["level"] == pytest.approx(0.02, rel=0.1)
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.signal
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import fit, interval95
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import (
     NONE,
@@ -72,7 +72,7 @@ def test_offset_and_drift_are_taken_out_where_asked() -> None:
     recording = lag_recording(0.02, offset=5.0, drift=0.3)
     conditioning = Conditioning(remove_offset=("y",), detrend=("y",))
     by_name = {p.name: p for p in fitted(recording, conditioning).plant.parameters}
-    low, high = interval95(by_name["gain"])
+    low, high = by_name["gain"].interval_95
     assert low < 2.0 < high
     assert high - low < 0.05
     with pytest.raises(IdentifyError, match=r"the output drifts .* detrend"):

@@ -11,7 +11,7 @@ import pytest
 
 from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import firmware
-from firmloop.codegen.target import Qemu, Region, Target, Timer, Uart, load_target, target_names
+from firmloop.codegen.target import MemoryRegion, Qemu, Target, Timer, Uart, load_target, target_names
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.build.elf import boot_crc, check_start, flat, segments
@@ -49,10 +49,10 @@ def test_a_board_s_image_can_start_and_fits(name: str, tmp_path: Path) -> None:
 def test_a_start_that_cannot_be_is_refused(tmp_path: Path) -> None:
     target = load_target("nucleo_f401re")
     image = build_image(firmware(PROGRAM, BUNDLE, target, "uart"), target, tmp_path)
-    elsewhere = replace(target, memory=(target.memory[0], Region("ram", 0x2400_0000, 8192)))
+    elsewhere = replace(target, memory=(target.memory[0], MemoryRegion("ram", 0x2400_0000, 8192)))
     with pytest.raises(ToolError, match=r"nucleo_f401re: the initial stack pointer 0x2000.* is not in the RAM"):
         check_start(image.elf, elsewhere)
-    small = replace(target, memory=(Region("flash", 0x0800_0000, 64), target.memory[1]))
+    small = replace(target, memory=(MemoryRegion("flash", 0x0800_0000, 64), target.memory[1]))
     with pytest.raises(ToolError, match="the vector table has no sound handler"):
         check_start(image.elf, small)
     with pytest.raises(ToolError, match="the second stage does not carry its CRC"):
@@ -71,7 +71,7 @@ def stand_in(driver: str, machine: str, base: int) -> Target:
     """A Cortex-M machine of QEMU that has a UART of another family."""
     return replace(
         load_target("qemu_mps2_an385"),
-        memory=(Region("flash", 0, 0x4_0000), Region("ram", 0x2000_0000, 0x1_0000)),
+        memory=(MemoryRegion("flash", 0, 0x4_0000), MemoryRegion("ram", 0x2000_0000, 0x1_0000)),
         stack_bytes=0x4000,
         uart=Uart(driver, base, 115_200, 12_000_000),
         timer=Timer("dwt", 0xE000_1000, 32),
