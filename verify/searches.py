@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.program import Program
 from firmloop.quantize.twins.qp import solve
+from firmloop.verify.block import Block
 from firmloop.verify.reference import Machine, Raw, Trace, working_type
 from firmloop.verify.verdict import Searches
 

@@ -42,6 +42,7 @@ from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
 from firmloop.quantize.twins.qp import Solution, solve
+from firmloop.verify.block import Block
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.host import build_host
 from firmloop.verify.build.image import build_image

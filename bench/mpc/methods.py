@@ -18,6 +18,7 @@ from firmloop.design.kinds import design
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.twins.qp import optimum
+from firmloop.verify.block import Block
 from firmloop.verify.reference import run
 
 RANGES = (("angle", "rad", 3.0), ("speed", "rad/s", 40.0))

@@ -21,6 +21,7 @@ from firmloop.quantize.lower.budget import DRAWN, budget_of
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
 from firmloop.quantize.twins.qp import exact, solve
+from firmloop.verify.block import Block, run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
