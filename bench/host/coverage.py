@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bench.host.real_steps import FILE, model, pieces
+from bench.host.real_steps import FILE, OUTPUT, model, pieces
 from firmloop.identify.fitting.fit import fit
 from firmloop.identify.fitting.noise import fit_noise
 from firmloop.identify.plants.kinds import make_plant

@@ -27,7 +27,7 @@ from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.reference import run
 from firmloop.verify.stimuli.stimuli import stimuli
-from tests.design.kinds.test_mpc import REFERENCE, SERVO, cart_pole, request, servo, table
+from tests.design.kinds.test_mpc import ANGLE, REFERENCE, SERVO, SPEED, cart_pole, request, servo, table
 
 HOST = load_target("host")
 HARD = {"x_min": [-3.0, -15.0], "x_max": [3.0, 15.0]}

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from firmloop.verify.build.trial import Trial, try_out
 
 from bench.codegen.every_target import emulated, numbers_of
 from firmloop.codegen.emit import emit
@@ -17,7 +18,6 @@ from firmloop.codegen.target import Target
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.image import build_image
-from firmloop.verify.build.trial import Trial, try_out
 from firmloop.verify.links.pty import open_qemu_pty
 from firmloop.verify.links.qemu import QemuProcess
 from firmloop.verify.links.uart import open_qemu_uart
