@@ -1,0 +1,89 @@
+"""What the pages show runs: the tutorial's commands, one after the other, and README's Python."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import firmloop
+
+ROOT = Path(__file__).parents[2]
+FIGURE = r"(?<![A-Za-z_])\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+NEAR = (
+    0.3  # of a figure: another compiler rounds a fit elsewhere, and noise of noise moves an interval more than a value
+)
+ENDS = {"firmloop diagnose": 1}  # status of the commands that find something; all others end with 0
+
+
+def _blocks(page: Path, language: str) -> list[str]:
+    """Return the fenced blocks of one language, blank for none."""
+    found, inside, lines = [], None, []
+    for line in page.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("```"):
+            lines.append(line)
+        elif inside is None:
+            inside, lines = line.removeprefix("```"), []
+        else:
+            found += ["\n".join(lines)] if inside == language else []
+            inside = None
+    return found
+
+
+def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    kept = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = [sys.executable, *command]
+    return subprocess.run(done, capture_output=True, text=True, cwd=folder, env=kept, timeout=600, check=False)
+
+
+def _figures(line: str) -> list[float]:
+    """Return the figures of a line, without the program's id."""
+    return [float(each) for each in re.findall(FIGURE, re.sub(r"\b[0-9a-f]{16}\b", "", line).replace(",", ""))]
+
+
+def _words(line: str) -> str:
+    """Return a line without its figures: columns are as wide as those."""
+    return " ".join(re.findall(r"[A-Za-z_]{2,}", re.sub(FIGURE, " ", re.sub(r"\b[0-9a-f]{16}\b", "", line))))
+
+
+@pytest.mark.qemu
+@pytest.mark.cross
+def test_the_tutorial_prints_what_it_shows(tmp_path: Path) -> None:
+    page = ROOT / "docs" / "tutorial.md"
+    shutil.copytree(ROOT / "examples" / "own_motor", tmp_path, dirs_exist_ok=True)
+    printed = ""
+    commands = [line for block in _blocks(page, "sh") for line in block.splitlines()]
+    assert len(commands) == 8
+    for line in commands:
+        program, *rest = line.split()
+        done = _run(rest if program == "python" else ["-m", "firmloop", *rest], tmp_path)
+        assert done.returncode == ENDS.get(" ".join(line.split()[:2]), 0), f"{line}\n{done.stderr[-800:]}"
+        printed += done.stdout
+    said = {_words(line): line for line in printed.splitlines()}
+    for block in _blocks(page, ""):
+        if "--port" in block or block.startswith("t,u"):
+            continue  # these need a board, or show a file
+        for line in block.splitlines():
+            assert _words(line) in said, f"not printed: {line}"
+            assert _figures(line) == pytest.approx(_figures(said[_words(line)]), rel=NEAR), line
+
+
+def test_the_tutorial_shows_the_project_it_uses() -> None:
+    text = (ROOT / "examples" / "own_motor" / "motor.toml").read_text(encoding="utf-8")
+    shown = "\n".join(_blocks(ROOT / "docs" / "tutorial.md", "toml"))
+    missing = [line for line in text.splitlines() if line.strip() and line not in shown.splitlines()]
+    assert missing == [text.splitlines()[0]], "all but the comment on the first line"
+
+
+@pytest.mark.skipif(not hasattr(firmloop, "load"), reason="import firmloop offers no functions yet")
+def test_the_python_of_readme_runs(tmp_path: Path) -> None:
+    (example,) = _blocks(ROOT / "README.md", "python")
+    shutil.copytree(ROOT / "examples" / "wheel_speed", tmp_path, dirs_exist_ok=True)
+    (tmp_path / "example.py").write_text(f'{example}\nassert fit._repr_html_().lstrip().startswith("<")\n')
+    done = _run(["example.py"], tmp_path)
+    assert done.returncode == 0, done.stderr[-2000:]
