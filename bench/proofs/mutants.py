@@ -29,7 +29,8 @@ from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.any_state import AnyState, any_state, departures
 from firmloop.verify.reference import Trace
-from firmloop.verify.stimuli.stimuli import Block, run_blocks, stimuli
+from firmloop.verify.block import Block, run_blocks
+from firmloop.verify.stimuli.stimuli import stimuli
 
 STEPS = 60_000  # of the first campaign
 SAMPLE = 16  # mutants of one kind and format
