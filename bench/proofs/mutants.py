@@ -24,12 +24,12 @@ from firmloop.design.law import Law
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program, QuantizeError
+from firmloop.verify.block import Block, run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.any_state import AnyState, any_state, departures
 from firmloop.verify.reference import Trace
-from firmloop.verify.block import Block, run_blocks
 from firmloop.verify.stimuli.stimuli import stimuli
 
 STEPS = 60_000  # of the first campaign

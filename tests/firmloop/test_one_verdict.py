@@ -15,7 +15,8 @@ import pytest
 from firmloop.cli import main
 from firmloop.codegen.bundle import Bundle
 from firmloop.stages import making
-from firmloop.verify.build import sanitized, trial
+from firmloop.verify import trial
+from firmloop.verify.build import sanitized
 
 SCHEMA = json.loads((Path(__file__).parents[1] / "schema" / "verdict.schema.json").read_text())
 QEMU = "qemu_mps2_an386"
