@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from firmloop.verify.build.trial import Trial, try_out
 
 from bench.codegen.every_target import emulated, numbers_of
 from firmloop.codegen.emit import emit
@@ -22,6 +21,7 @@ from firmloop.verify.links.pty import open_qemu_pty
 from firmloop.verify.links.qemu import QemuProcess
 from firmloop.verify.links.uart import open_qemu_uart
 from firmloop.verify.run import verify_on
+from firmloop.verify.trial import Trial, try_out
 from firmloop.verify.verdict import Verdict
 from tests.laws import FULL, pid
 from tests.verify.boards import BUNDLE, ONE_STEP, PROGRAM, RESULT
