@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from firmloop.diagnose.hypothesis import Scene, turning
 from firmloop.diagnose.refit import evidence, fit, fit_starts, own_evidence
@@ -61,7 +61,9 @@ def strayed(scene: Scene, rival: Rival) -> Mapping[int, Array]:
             scene.engine.simulate(recording, each, start)[:, names.index(told)] for each in (point.values, bare)
         )
         off = np.nan_to_num(seen - true)
-        found[id(recording)] = off if told == _TOLD[0] else cumulative_trapezoid(off, recording.time, initial=0.0)
+        found[id(recording)] = (
+            off if told == _TOLD[0] else scipy.integrate.cumulative_trapezoid(off, recording.time, initial=0.0)
+        )
     return found
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from firmloop.diagnose.descent import residual_of
 from firmloop.diagnose.direct import Direct, coarse
@@ -130,7 +130,7 @@ def _hint(search: Search, rival: Rival, shows: bool) -> float:
     best = search.best.fitted
     rows = sum(part.size for part in best.residuals)
     more = max(len(rival.fitted.coordinates) - len(best.coordinates), 1)
-    return float(chi2.ppf(_HINT, more)) - more * math.log(rows)
+    return float(scipy.stats.chi2.ppf(_HINT, more)) - more * math.log(rows)
 
 
 def _shows(search: Search) -> bool:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
-from scipy.ndimage import uniform_filter1d
 
 from firmloop.diagnose.rank import Search
 from firmloop.diagnose.rival import Rival
@@ -65,7 +64,7 @@ def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent
     for index, balance in enumerate(balances):
         whole[balance.state, states + index] = float(balance.per(constants))
     whole[:states, size:] = bare.b
-    moved = expm(whole * course.step)
+    moved = scipy.linalg.expm(whole * course.step)
     step, push = moved[:size, :size], moved[:size, size:]
     reading = np.concatenate([bare.c, np.zeros((len(bare.c), extra))], axis=1)
     outputs = measured(plant, recording)[:rows]
@@ -76,7 +75,7 @@ def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent
     walk[states:] = 0.3 / reach  # a step in a disturbance shows within a few rows
     covariance = np.diag(np.maximum(walk**2, 1e-18 * np.max(walk**2)))
     try:
-        predicted = solve_discrete_are(step.T, reading.T, covariance, np.diag(spread**2))
+        predicted = scipy.linalg.solve_discrete_are(step.T, reading.T, covariance, np.diag(spread**2))
         inverse = np.linalg.inv(reading @ predicted @ reading.T + np.diag(spread**2))
         kalman = predicted @ reading.T @ inverse
         filtered = predicted - kalman @ reading @ predicted
@@ -112,7 +111,7 @@ def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tup
     time = scene.train[0].time
     step = float(np.median(np.diff(time)))
     width = max(int(_WINDOW / step), 3)
-    power = uniform_filter1d(each[:, worst] ** 2, width)
+    power = scipy.ndimage.uniform_filter1d(each[:, worst] ** 2, width)
     spans: list[tuple[float, float]] = []
     open_power = power.copy()
     level = 0.3 * float(np.max(power))

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effects import effects
@@ -115,7 +115,7 @@ def _kinematics(recording: Recording) -> list[str]:
         if place not in recording.columns or speed not in recording.columns:
             continue
         moved = recording.columns[place] - recording.columns[place][0]
-        summed = cumulative_trapezoid(recording.columns[speed], recording.time, initial=0.0)
+        summed = scipy.integrate.cumulative_trapezoid(recording.columns[speed], recording.time, initial=0.0)
         power = float(summed @ summed)
         if power > 0.0:
             factor = float(moved @ summed) / power

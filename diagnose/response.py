@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.signal import lfilter, ss2tf
 
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Plant
@@ -32,7 +31,7 @@ class Response:
         """Return what torques `push` (n, b) do to the outputs (rows, r, b)."""
         full = np.zeros((rows, push.shape[1]))
         full[: len(push)] = push
-        return np.stack([lfilter(row, self.bottom, full, axis=0) for row in self.top], axis=1)
+        return np.stack([scipy.signal.lfilter(row, self.bottom, full, axis=0) for row in self.top], axis=1)
 
 
 def response(plant: Plant, values: Mapping[str, float], recording: Recording, number: int = 0) -> Response:
@@ -45,9 +44,9 @@ def response(plant: Plant, values: Mapping[str, float], recording: Recording, nu
     whole = np.zeros((states + 1, states + 1))
     whole[:states, :states] = bare.a
     whole[balance.state, states] = float(balance.per(constants))
-    moved = expm(whole * course_of(plant, recording).step)
+    moved = scipy.linalg.expm(whole * course_of(plant, recording).step)
     outputs, none = bare.c, np.zeros((len(bare.c), 1))
-    return Response(*ss2tf(moved[:states, :states], moved[:states, states:], outputs, none))
+    return Response(*scipy.signal.ss2tf(moved[:states, :states], moved[:states, states:], outputs, none))
 
 
 def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:

@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.ndimage import median_filter
-from scipy.signal import lfilter
 
 from firmloop.diagnose.locate import Latent
 from firmloop.diagnose.response import disturbed
@@ -155,7 +153,7 @@ def loudest(recordings: Sequence[Recording], residuals: Sequence[Array]) -> floa
     total = np.zeros(rows // 2 + 1)
     for left in residuals:
         power = np.abs(np.fft.rfft(left[:shortest] * np.hanning(shortest)[:, None], rows, axis=0)) ** 2
-        around = median_filter(power, (_FINER * _NEIGHBOURS, 1), mode="nearest")
+        around = scipy.ndimage.median_filter(power, (_FINER * _NEIGHBOURS, 1), mode="nearest")
         total += np.sum(power / np.maximum(around, 1e-300), axis=1)
     total[: _FINER * _CYCLES] = 0.0
     return float(2.0 * np.pi * np.argmax(total) / (rows * step)) if np.any(total) else 0.0
@@ -188,7 +186,7 @@ def _simulated_states(plant: Plant, recording: Recording) -> Array:
     states, inputs = bare.b.shape
     whole = np.zeros((states + inputs, states + inputs))
     whole[:states, :states], whole[:states, states:] = bare.a, bare.b
-    moved = expm(whole * course.step)
+    moved = scipy.linalg.expm(whole * course.step)
     step, pushed = moved[:states, :states], course.drive @ moved[:states, states:].T
     found = np.zeros((len(pushed), states))
     for row in range(len(pushed) - 1):
@@ -210,4 +208,4 @@ def _yielding(travel: Array, reaches: Array) -> Array:
 def _relaxing(travel: Array, step: float) -> Array:
     """Return how far springs behind dampers are stretched (n, b): each forgets its way over a time (Maxwell's)."""
     steps = np.diff(travel, prepend=travel[0])
-    return np.stack([lfilter([1.0], [1.0, -np.exp(-step / time)], steps) for time in _MEMORY], axis=1)
+    return np.stack([scipy.signal.lfilter([1.0], [1.0, -np.exp(-step / time)], steps) for time in _MEMORY], axis=1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 
-from scipy.optimize import minimize_scalar
+import scipy
 
 from firmloop.diagnose.descent import Place, Problem
 from firmloop.diagnose.hypothesis import Point
@@ -30,6 +30,8 @@ def near_given(problem: Problem, place: Place) -> Place:
         factor = math.exp(logarithm)
         return Point({**values, **{key: factor * values[key] for key in keys}}, place.point.starts)
 
-    likely = minimize_scalar(lambda each: problem.pull(scaled(each)), bounds=(-_FAR, _FAR), method="bounded")
+    likely = scipy.optimize.minimize_scalar(
+        lambda each: problem.pull(scaled(each)), bounds=(-_FAR, _FAR), method="bounded"
+    )
     trial = problem.at(scaled(float(likely.x)))
     return trial if trial.whole < place.whole else place

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy.stats
+import scipy
 
 from firmloop.codegen.bundle import write_files
 from firmloop.console import Console, progress, table

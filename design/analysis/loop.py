@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
-import scipy.optimize
+import scipy
 
 from firmloop.design.analysis.small_signal import LinearLaw, linearize_law
 from firmloop.design.discretize.zero_order_hold import Sampled, state_space, zero_order_hold

@@ -19,7 +19,7 @@ from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from firmloop.design.law import DesignError
 

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.mpc.read import whole

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from firmloop.design.design import Design, Kind, Request
 from firmloop.design.draft import Draft, Element

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from firmloop.design.law import DesignError
 from firmloop.identify.simulation.linearize import Linear

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
-import scipy.optimize
+import scipy
 
 from firmloop.design.discretize.zero_order_hold import zero_order_hold
 from firmloop.design.law import DesignError

@@ -16,8 +16,7 @@ import warnings
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
-import scipy.signal
+import scipy
 
 from firmloop.design.law import DesignError
 from firmloop.design.linear.reach import ON_CIRCLE, poles

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import scipy.optimize
-from scipy.spatial import HalfspaceIntersection, QhullError
+import scipy
 
 from firmloop.design.law import DesignError, Quadratic
 from firmloop.design.optimum import QuadraticSolver
@@ -115,8 +114,8 @@ class _Walk:
         if inside is None:
             return None, []
         try:
-            cut = HalfspaceIntersection(planes, inside)
-        except QhullError:
+            cut = scipy.spatial.HalfspaceIntersection(planes, inside)
+        except scipy.spatial.QhullError:
             return None, []
         corners = cut.intersections[np.all(np.isfinite(cut.intersections), axis=1)]
         facets = np.unique(np.concatenate([np.ravel(facet) for facet in cut.dual_facets]))

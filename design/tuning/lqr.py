@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from firmloop.design.law import DesignError
 from firmloop.design.models.lag_model import lag_model

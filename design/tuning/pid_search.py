@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import scipy.optimize
+import scipy
 
 from firmloop.design.discretize.zero_order_hold import state_space, zero_order_hold
 from firmloop.design.law import DesignError

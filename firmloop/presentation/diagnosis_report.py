@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import html
-import io
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from firmloop.diagnose.cut import Cut
@@ -24,9 +20,11 @@ from firmloop.diagnose.run import Diagnosis
 from firmloop.diagnose.shape import Shape
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
-from firmloop.presentation.figures import DATA, DRIVE, INK, LIMIT, MODEL, thinned
-from firmloop.presentation.figures import STYLE as FIGURE_STYLE
+from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, styled, svg, thinned
 from firmloop.presentation.report import STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -106,8 +104,7 @@ def _courses(made: Diagnosis) -> list[str]:
 
 
 def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> str:
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(8.6, 3.6))
+    with styled(8.6, 3.6) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), squeeze=True)
         above.plot(*thinned(time, measured, _COLUMNS), color=DATA, linewidth=1.9, label="recorded")
         names, colors = ("as given", "refitted", "explained"), (LIMIT, MODEL, DRIVE)
@@ -123,7 +120,7 @@ def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> 
         above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
         below.set_ylabel("residual")
         below.set_xlabel("time, s")
-        return _svg(figure)
+        return svg(figure)
 
 
 def _scatter(made: Diagnosis) -> list[str]:
@@ -138,8 +135,7 @@ def _scatter(made: Diagnosis) -> list[str]:
     if seen is None:
         return ["<p>The equations of this plant allow no latent torque.</p>"]
     law = _explained(made, plant) if shown.fitted.causes else None
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(8.6, 2.6 * len(seen.kinds)))
+    with styled(8.6, 2.6 * len(seen.kinds)) as figure:
         count = len(plant.states)
         every = figure.subplots(len(seen.kinds), count, squeeze=False)
         pick = np.linspace(0, len(seen.time) - 1, min(_DOTS, len(seen.time))).astype(int)
@@ -156,7 +152,7 @@ def _scatter(made: Diagnosis) -> list[str]:
         figure.tight_layout()
         says = "dots: recorded" + ("; in the other colour: the explanation" if law is not None else "")
         return [
-            _svg(figure),
+            svg(figure),
             f"<p>What the nominal equations with the parameters found leave unexplained ({says}).</p>",
         ]
 
@@ -165,14 +161,13 @@ def _unnamed(finding: Finding) -> list[str]:
     """Draw the law of what has no name over its own coordinate, which need not be a state."""
     if finding.location is None or not finding.law:
         return []
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(5.2, 2.6))
+    with styled(5.2, 2.6) as figure:
         axes = figure.subplots()
         axes.plot(*np.array(finding.law).T, color=MODEL)
         axes.set_xlabel(finding.location.coordinate)
         axes.set_ylabel(f"missing {finding.location.equation}")
         figure.tight_layout()
-        return [_svg(figure), "<p>What has no name in the library, as the recordings show it (SI units).</p>"]
+        return [svg(figure), "<p>What has no name in the library, as the recordings show it (SI units).</p>"]
 
 
 def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
@@ -218,7 +213,7 @@ def _reach(deviation: float | None) -> str:
     return "" if deviation is None else f"± {NORMAL_95 * deviation:.2g}"
 
 
-def _law(axes: matplotlib.axes.Axes, shape: Shape | None, kind: str, coordinate: str) -> None:
+def _law(axes: Axes, shape: Shape | None, kind: str, coordinate: str) -> None:
     if shape is not None and shape.balance == kind and shape.coordinate == coordinate:
         axes.plot(shape.points[:, 0], shape.points[:, 1], color=MODEL)
 
@@ -250,18 +245,3 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
     return f"<table>{row(head, 'th')}{''.join(row(cells, 'td') for cells in rows)}</table>"
-
-
-def _style() -> Any:
-    """Return every setting of matplotlib, so that a user's own settings change nothing."""
-    return {**matplotlib.rcParamsDefault, **FIGURE_STYLE}
-
-
-def _svg(figure: Figure) -> str:
-    """Return the picture as text without date or version; the ink is that of the page."""
-    stream = io.StringIO()
-    metadata = {"Date": None, "Creator": None}
-    figure.savefig(stream, format="svg", transparent=True, bbox_inches="tight", metadata=metadata)
-    text = stream.getvalue()
-    text = text[text.index("<svg") :].replace(INK, "currentColor")
-    return re.sub(r'( d=")([^"]*)', lambda path: path[1] + re.sub(r"(\.\d)\d+", r"\1", path[2]), text)

@@ -5,18 +5,19 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from firmloop.verify.verdict import Searches
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -79,32 +80,31 @@ class Step:
 
 def comparison_figure(comparison: Comparison) -> str:
     """Draw recording and model above, what is left between them below."""
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(8.6, 3.1))
+    with styled(8.6, 3.1) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1), squeeze=True)
         _draw_comparison(above, comparison)
         _curve(below, comparison.time, comparison.measured - comparison.simulated, LIMIT, "residual")
         below.set_ylabel("residual")
         below.set_xlabel("time, s")
-        return _svg(figure, "currentColor")
+        return svg(figure)
 
 
 def step_figure(step: Step) -> str:
     """Draw reference and measurement above, the output with its limits below."""
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(8.6, 3.6))
+    with styled(8.6, 3.6) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), squeeze=True)
         _draw_step(above, step)
         _draw_drive(below, step)
         below.set_xlabel("time, s")
-        return _svg(figure, "currentColor")
+        return svg(figure)
 
 
 def search_figure(found: Searches, ink: str = "currentColor") -> str:
     """Draw which limits were active in each step, the work of its search, and its instructions; `ink` is the text's."""
+    from matplotlib.colors import to_rgba
+
     side, steps = np.array(found.side), np.arange(found.begins, found.begins + len(found.work))
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(8.6, 4.6))
+    with styled(8.6, 4.6) as figure:
         limits, work, count = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2), squeeze=True)
         shown = np.zeros((*side.T.shape, 4))
         for value, color, label in ((1, MODEL, "at its high limit"), (-1, DATA, "at its low limit")):
@@ -120,13 +120,12 @@ def search_figure(found: Searches, ink: str = "currentColor") -> str:
         count.step(steps, found.instructions, color=DRIVE, where="mid", linewidth=FINE)
         count.set_ylabel("instructions")
         count.set_xlabel("step")
-        return _svg(figure, ink)
+        return svg(figure, ink)
 
 
 def overview(comparison: Comparison, step: Step | None, verdict: Sequence[str]) -> str:
     """Draw a walk in one picture: data and model, closed loop, and the verdict's lines."""
-    with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=(10.0, 2.7 + 0.2 * len(verdict)))
+    with styled(10.0, 2.7 + 0.2 * len(verdict)) as figure:
         bottom = (0.55 + 0.2 * len(verdict)) / figure.get_figheight()
         left, right = figure.subplots(1, 2, squeeze=True)
         figure.subplots_adjust(bottom=bottom, top=0.93, left=0.06, right=0.99, wspace=0.14)
@@ -138,12 +137,17 @@ def overview(comparison: Comparison, step: Step | None, verdict: Sequence[str]) 
         for row, line in enumerate(verdict):
             height = 0.2 * (len(verdict) - 1 - row) / figure.get_figheight()
             figure.text(0.06, height, line, family="monospace", fontsize=9)
-        return _svg(figure, LIMIT)
+        return svg(figure, LIMIT)
 
 
-def _style() -> Any:
-    """Return every setting of matplotlib, so that a user's own matplotlibrc changes nothing."""
-    return {**matplotlib.rcParamsDefault, **STYLE}
+@contextmanager
+def styled(width: float, height: float) -> Iterator[Figure]:
+    """Give an empty figure of that size in inches; a user's own matplotlibrc changes nothing in it."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
+        yield Figure(figsize=(width, height))
 
 
 def _draw_comparison(axes: Axes, comparison: Comparison) -> None:
@@ -198,7 +202,7 @@ def thinned(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
     return time[order], values[order]
 
 
-def _svg(figure: Figure, ink: str) -> str:
+def svg(figure: Figure, ink: str = "currentColor") -> str:
     """Return the picture as text without date, version or needless digits; INK becomes `ink`."""
     stream = io.StringIO()
     figure.savefig(

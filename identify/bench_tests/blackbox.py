@@ -17,14 +17,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
-import scipy.linalg
-import scipy.signal
-import scipy.stats
-from nfoursid.nfoursid import NFourSID
+import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.extras import extra
 from firmloop.identify.fitting.least_squares import fit_function
 
 Array = NDArray[np.float64]
@@ -110,9 +107,12 @@ def fit_n4sid(records: Sequence[Record], order: int, late: int) -> SampledModel:
     """Hand the longest recording to nfoursid; its direct way from u[k] to y[k] is left out, for nothing is so fast."""
     record = max(records, key=lambda one: len(one.output))
     drive = np.concatenate([np.zeros(late), record.drive[: len(record.drive) - late]])
-    frame = pd.DataFrame({"u": drive, "y": record.output})
+    pandas, nfoursid = (extra(name, "blackbox", "structure = 'n4sid'") for name in ("pandas", "nfoursid.nfoursid"))
+    frame = pandas.DataFrame({"u": drive, "y": record.output})
     logging.getLogger("nfoursid").setLevel(logging.ERROR)
-    method = NFourSID(frame, output_columns=["y"], input_columns=["u"], num_block_rows=max(10, 2 * order))
+    method = nfoursid.NFourSID(
+        frame, output_columns=["y"], input_columns=["u"], num_block_rows=max(10, 2 * order)
+    )
     method.subspace_identification()
     space, _ = method.system_identification(rank=order)
     model = SampledModel(np.asarray(space.a), np.asarray(space.b)[:, 0], np.asarray(space.c)[0], late)

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.signal
-import scipy.stats
+import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from math import erfc
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpotrf
-from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -32,7 +30,7 @@ class Noise:
             return np.asarray(values / self.scale)
         kernel = np.concatenate([[1.0], self.coefficients]) / self.scale
         # A denominator of two makes SciPy filter all columns at once; with one it convolves them one by one.
-        return np.asarray(lfilter(kernel, [1.0, 0.0], values, axis=0))
+        return np.asarray(scipy.signal.lfilter(kernel, [1.0, 0.0], values, axis=0))
 
     def unlikely(self, rows: int) -> float:
         """Return -2 log likelihood of `rows` rows that it was fitted to, but for a constant, and its price by BIC."""
@@ -40,7 +38,7 @@ class Noise:
 
     def color(self, innovations: Array) -> Array:
         """Return the noise (q, ...) along the first axis that innovations in the output's unit make, from rest."""
-        return np.asarray(lfilter([1.0], np.concatenate([[1.0], self.coefficients]), innovations, axis=0))
+        return np.asarray(scipy.signal.lfilter([1.0], np.concatenate([[1.0], self.coefficients]), innovations, axis=0))
 
 
 def white(scale: float) -> Noise:
@@ -85,9 +83,11 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     try:
         factor = np.linalg.cholesky(past)
     except np.linalg.LinAlgError:  # past a residual that dies out, rounding is all that is left
-        factor, fails = dpotrf(past, lower=1)
+        factor, fails = scipy.linalg.lapack.dpotrf(past, lower=1)
         most = fails - 1
-    removed = solve_triangular(factor[:most, :most], moments[0, 1 : most + 1], lower=True, check_finite=False)
+    removed = scipy.linalg.solve_triangular(
+        factor[:most, :most], moments[0, 1 : most + 1], lower=True, check_finite=False
+    )
     taken = np.cumsum(removed**2)
     for order in ORDERS:
         power = (float(moments[0, 0]) - float(taken[order - 1] if order else 0.0)) / used if order <= most else 0.0

@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-import scipy.signal
+import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError

@@ -11,12 +11,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
+from firmloop.identify.extras import ToolError as ToolError
 from firmloop.identify.simulation.own_folder import why_not_own
-
-
-class ToolError(Exception):
-    """A tool is missing or failed; the message names it and the command that gets it."""
-
 
 _PACKAGES = {
     "gcc": "gcc",

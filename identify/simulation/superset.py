@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.assembly import Assembly
@@ -190,7 +190,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
                 states[:, index] = recording.columns[signal.name]
         known = [signal.name in recording.columns for signal in bare.states]
         if assembly.position >= 0 and known[assembly.speed] and not known[assembly.position]:
-            way = cumulative_trapezoid(states[:, assembly.speed], recording.time, initial=0.0)
+            way = scipy.integrate.cumulative_trapezoid(states[:, assembly.speed], recording.time, initial=0.0)
             states[:, assembly.position] = states[0, assembly.position] + way
         column = recording.columns[plant.outputs[output].name]
         low, high = min(low, float(column.min())), max(high, float(column.max()))
@@ -279,7 +279,9 @@ def travelled(recording: Recording, unit: str = "rad") -> Array | None:
         return np.ascontiguousarray(recording.columns[f"position_{unit}"], dtype=np.float64)
     if f"speed_{unit}_s" not in recording.columns:
         return None
-    return np.asarray(cumulative_trapezoid(recording.columns[f"speed_{unit}_s"], recording.time, initial=0.0))
+    return np.asarray(
+        scipy.integrate.cumulative_trapezoid(recording.columns[f"speed_{unit}_s"], recording.time, initial=0.0)
+    )
 
 
 def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:

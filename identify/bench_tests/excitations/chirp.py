@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.signal
+import scipy
 
 from firmloop.identify.bench_tests.excitations import Array, Excitation, ExcitationRequest
 from firmloop.identify.error import IdentifyError

@@ -6,11 +6,11 @@ import io
 import zlib
 from collections.abc import Iterable
 
-import h5py
 import numpy as np
-import scipy.io
+import scipy
 from numpy.typing import NDArray
 
+from firmloop.identify.extras import extra
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
@@ -21,6 +21,7 @@ def read_mat(content: bytes) -> RawTable | Misread:
     """Take every numeric vector of the file; text, scalars and structures are left aside."""
     try:
         if _HDF5 in content[:1024]:
+            h5py = extra("h5py", "hdf5", "a MATLAB 7.3 file")
             with h5py.File(io.BytesIO(content), "r") as file:
                 found = [(str(name), np.asarray(item[()])) for name, item in file.items() if hasattr(item, "dtype")]
         else:

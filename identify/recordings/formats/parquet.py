@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 
 import numpy as np
 
+from firmloop.identify.extras import extra
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
 
 def read_parquet(content: bytes) -> RawTable | Misread:
     """Take every column as numbers; a missing value becomes NaN and is refused later with its row."""
-    try:
-        # Not at the top of the file: everything else must work without these 40 MB.
-        parquet = importlib.import_module("pyarrow.parquet")
-        arrow = importlib.import_module("pyarrow")
-    except ImportError:
-        return Misread("", "needs pyarrow, which is not installed", "pip install 'firmloop[parquet]', or save as CSV")
+    arrow = extra("pyarrow", "parquet", "a Parquet table")
+    parquet = extra("pyarrow.parquet", "parquet", "a Parquet table")
     try:
         table = parquet.read_table(io.BytesIO(content))
         arrays = tuple((str(name), np.asarray(table.column(name).to_numpy())) for name in table.column_names)
