@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from firmloop.console import TextConsole
+import firmloop as fl
+from firmloop.console import progress
 from firmloop.presentation.report import picture
-from firmloop.project.project import Campaign, read_project
-from firmloop.verbs import walk
 
 ROOT = Path(__file__).parents[1]
 
 if __name__ == "__main__":
-    project = read_project(ROOT / "examples" / "wheel_speed" / "wheel_speed.toml")
-    campaign = Campaign(project.targets, steps=100_000, seed=1, port=None)
-    (ROOT / "docs" / "walk.svg").write_text(picture(walk(project, campaign, TextConsole())))
+    walked = fl.run(fl.load(ROOT / "examples" / "wheel_speed" / "wheel_speed.toml"), stage=progress)
+    (ROOT / "docs" / "walk.svg").write_text(picture(walked.walk))

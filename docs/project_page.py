@@ -11,11 +11,12 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from firmloop.model import model
+
 from firmloop.console import TextConsole
 from firmloop.identify.bench_tests.excitations import excitation, excitations
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import conditioning_from_table
-from firmloop.model import model
 from firmloop.project.project import read_project
 
 NO_KEY = "qqqqqqqqqq"  # near no key there is, so that the complaint lists them all

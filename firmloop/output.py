@@ -6,12 +6,15 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from firmloop.codegen.bundle import write_files
+from firmloop.console import Console
 from firmloop.project.table import ProjectError
 
+VERDICTS = ("verdict.json", "verdict_*.json", "search_*.svg", "cost.json")  # of an older run, none may stay
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # writing fails with these without saying where
 
 
@@ -101,3 +104,22 @@ def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None
         os.replace(partial / relative, place / relative)
     for old in {found for pattern in stale for found in place.glob(pattern)} - {place / relative for relative in files}:
         old.unlink()
+
+
+def written(console: Console, folder: Path, names: Sequence[str] | Mapping[str, str]) -> None:
+    """Tell where the results are; those that a person opens in words."""
+    console.lines(
+        [f"written: {folder / name}" for name in names if name.endswith((".html", ".toml", ".csv", ".gz", ".svg"))]
+    )
+    console.result("written", [str(folder / name) for name in names])
+
+
+def save(files: Mapping[str, str], folder: Path) -> None:
+    """Write files by their name into `folder`, all or none; others that are there stay."""
+    save_over(files, folder, ())
+
+
+def save_over(files: Mapping[str, str], folder: Path, stale: Sequence[str]) -> None:
+    """Write files by their name into `folder`, all or none; what matches `stale` and is not among them goes."""
+    with results_folder(folder, stale) as partial:
+        write_files(files, partial)

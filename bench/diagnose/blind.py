@@ -26,7 +26,6 @@ from firmloop.diagnose.refit import Fitted
 from firmloop.diagnose.refit import fit as refit
 from firmloop.diagnose.rival import relative, unseen_residuals
 from firmloop.diagnose.run import Diagnosis
-from firmloop.diagnosis import diagnosed
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.plant import Plant
@@ -34,7 +33,9 @@ from firmloop.identify.recordings.recording import read_recording
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.project.project import read_project
 from firmloop.project.table import ProjectError
-from firmloop.stages.pipeline import plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.diagnosing import diagnosed
+from firmloop.stages.plant import plant_of
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from pathlib import Path
 from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import live_firmware
 from firmloop.codegen.target import Qemu, load_target
-from firmloop.monitor import stream
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
+from firmloop.stages.board.monitoring import stream
 from firmloop.verify.build.image import build_image
 from firmloop.verify.links.live import open_live_port
 from firmloop.verify.links.pty import start_on_terminal

@@ -19,7 +19,7 @@ from pathlib import Path
 from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import load_target
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import Generated, design, generate
+from firmloop.stages.making import Generated, design, generate
 from firmloop.verify.build.image import build_image
 from firmloop.verify.links.pty import start_on_terminal
 from firmloop.verify.links.qemu import QemuProcess

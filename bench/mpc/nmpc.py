@@ -37,7 +37,7 @@ from firmloop.design.law import Horizon, Law
 from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
-from firmloop.stages.pipeline import plant_of
+from firmloop.stages.plant import plant_of
 from firmloop.verify.block import Block
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.host import build_host

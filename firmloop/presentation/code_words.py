@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from firmloop.stages.making import Generated
-from firmloop.verify.proofs.limit_cycles import ZeroInput
+if TYPE_CHECKING:
+    from firmloop.stages.making import Generated
+    from firmloop.verify.proofs.limit_cycles import ZeroInput
 
 
 def quantity(value: float, unit: str) -> str:

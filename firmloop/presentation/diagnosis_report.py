@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.cut import Cut
 from firmloop.diagnose.descent import residual_of
-from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.hypothesis import outputs_of
 from firmloop.diagnose.locate import Latent, latent, nominal_plant
 from firmloop.diagnose.refit import fit_starts
-from firmloop.diagnose.run import Diagnosis
-from firmloop.diagnose.shape import Shape
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import Plant
 from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, styled, svg, thinned
 from firmloop.presentation.report import STYLE
+from firmloop.presentation.sections import page_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from firmloop.diagnose.cut import Cut
+    from firmloop.diagnose.finding import Finding
+    from firmloop.diagnose.run import Diagnosis
+    from firmloop.diagnose.shape import Shape
+    from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -42,6 +44,17 @@ def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) 
         f"<title>{html.escape(name)}: firmloop diagnosis</title>",
         f"<style>\n{STYLE}\n</style></head><body>",
         f"<h1>{html.escape(name)}: {html.escape(finding.verdict.replace('_', ' '))}</h1>",
+        *diagnosis_sections(made, cut),
+        f"<h2>This report</h2><p>was made by <code>{html.escape(command)}</code></p>",
+        "</body></html>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:
+    """Return what the page holds below its title."""
+    finding = made.finding
+    return [
         *(f"<p>{html.escape(line)}</p>" for line in finding.says),
         *_effects(finding),
         "<h2>Recording against model</h2>",
@@ -54,15 +67,12 @@ def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) 
         "<h2>What was weighed</h2>",
         _ranking(made),
         "<h2>Parameters</h2>",
-        _table(
+        page_table(
             ("parameter", "given", "refitted alone", "with the effects", "unit"),
             [(s.name, f"{s.given:.5g}", f"{s.refit:.5g}", f"{s.after:.5g}", s.unit) for s in finding.shifts],
         ),
         *_untestable(finding, made),
-        f"<h2>This report</h2><p>was made by <code>{html.escape(command)}</code></p>",
-        "</body></html>",
     ]
-    return "\n".join(parts) + "\n"
 
 
 def _effects(finding: Finding) -> list[str]:
@@ -80,7 +90,7 @@ def _effects(finding: Finding) -> list[str]:
         for key, estimate in each.parameters.items()
     ]
     head = ("effect", "output", "probability", "parameter", "value", "95 % interval", "unit")
-    return ["<h2>Left out</h2>", _table(head, rows)] if rows else []
+    return ["<h2>Left out</h2>", page_table(head, rows)] if rows else []
 
 
 def _courses(made: Diagnosis) -> list[str]:
@@ -201,9 +211,9 @@ def _controller(cut: Cut | None) -> list[str]:
         for role, blames in (("explains it", cut.blames), ("would as well", cut.others))
         for each in blames
     ]
-    parts = [_table(("figure", "value"), rows)]
+    parts = [page_table(("figure", "value"), rows)]
     if faults:
-        parts.append(_table(("", "fault", "of", "figure", "95 %", "unit"), faults))
+        parts.append(page_table(("", "fault", "of", "figure", "95 %", "unit"), faults))
     elif cut.unexplained:
         parts.append("<p>No single gain, limit, delay, period or sign explains the difference.</p>")
     return parts
@@ -224,7 +234,7 @@ def _ranking(made: Diagnosis) -> str:
         for rival in rivals:
             names = " + ".join(cause.label for cause in rival.fitted.causes)
             rows.append((str(turn + 1), names, f"{made.search.nominal.score - rival.score:.1f}"))
-    return _table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
+    return page_table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
 
 
 def _untestable(finding: Finding, made: Diagnosis) -> list[str]:
@@ -236,12 +246,5 @@ def _untestable(finding: Finding, made: Diagnosis) -> list[str]:
         rows.append((name, why, cause.effect.experiment if cause is not None else ""))
     return [
         "<h2>What these recordings cannot test</h2>",
-        _table(("effect", "because", "the experiment that would"), rows),
+        page_table(("effect", "because", "the experiment that would"), rows),
     ]
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    def row(cells: Sequence[str], tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-    return f"<table>{row(head, 'th')}{''.join(row(cells, 'td') for cells in rows)}</table>"

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from firmloop.design.design import Design
 from firmloop.identify.fitting.fit import Fit, RecordingScore
-from firmloop.identify.plants.plant import Parameter
-from firmloop.stages.pipeline import Loop, Outcome
+
+if TYPE_CHECKING:
+    from firmloop.design.design import Design
+    from firmloop.identify.plants.plant import Parameter
+    from firmloop.stages.analysis import Loop
+    from firmloop.stages.making import Generated
+    from firmloop.stages.verification import Outcome
 
 
 def outcomes_document(outcomes: Sequence[Outcome]) -> list[Mapping[str, object]]:
@@ -18,33 +24,6 @@ def outcomes_document(outcomes: Sequence[Outcome]) -> list[Mapping[str, object]]
         outcome.verdict.as_dict() if outcome.verdict else {"target": outcome.target, "not_run": outcome.not_run}
         for outcome in outcomes
     ]
-
-
-def cost_document(outcomes: Sequence[Outcome]) -> Mapping[str, object]:
-    """Return cost.json: what a step takes on each target that counts, and each function of the controller there."""
-    return {
-        "schema": 1,
-        "targets": {
-            outcome.target: {
-                "program_id": outcome.verdict.program_id,
-                "compiler": outcome.verdict.compiler,
-                "flags": list(outcome.verdict.flags),
-                "cost": outcome.verdict.as_dict()["cost"],
-                "functions": {
-                    function.name: {
-                        "instructions_max": outcome.verdict.cost.instructions_max
-                        if function.name.endswith("_step")
-                        else None,
-                        "text_bytes": function.text_bytes,
-                        "stack_bytes": function.stack_bytes,
-                    }
-                    for function in outcome.verdict.cost.functions
-                },
-            }
-            for outcome in outcomes
-            if outcome.verdict
-        },
-    }
 
 
 def fit_document(fit: Fit) -> Mapping[str, object]:
@@ -112,3 +91,25 @@ def fields_document(noun: object) -> Mapping[str, object]:
 def finite(value: object) -> object:
     """Return null for what JSON cannot write."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def result_json(document: Mapping[str, object]) -> str:
+    """Write a result file whose figures need not all be known: null where one is not."""
+    return as_json({"schema": 1, **{key: _known(value) for key, value in document.items()}})
+
+
+def _known(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _known(entry) for key, entry in value.items()}
+    return [_known(entry) for entry in value] if isinstance(value, list | tuple) else finite(value)
+
+
+def as_json(document: Mapping[str, object]) -> str:
+    """Write a result file."""
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def c_files(generated: Generated) -> dict[str, str]:
+    """Return every file of the C and around it, by its name."""
+    made = {**generated.bundle.files, **generated.package}
+    return {**made, "manifest.json": as_json(generated.manifest), "proof.json": as_json(generated.proof)}

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.verify.verdict import Searches
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from firmloop.verify.verdict import Searches
 
 Array = NDArray[np.float64]
 
@@ -146,7 +146,8 @@ def styled(width: float, height: float) -> Iterator[Figure]:
     import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
+    settings: Any = {**matplotlib.rcParamsDefault, **STYLE}  # type: ignore[dict-item]  # of literal names
+    with matplotlib.rc_context(settings):
         yield Figure(figsize=(width, height))
 
 

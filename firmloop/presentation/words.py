@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from firmloop.console import table
-from firmloop.design.analysis.loop import Margins, StepMetrics
-from firmloop.design.design import Design
-from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import Parameter
 from firmloop.presentation.code_words import in_unit, quantity
-from firmloop.stages.pipeline import Loop, Outcome
-from firmloop.stages.tracking import Tracking
-from firmloop.verify.verdict import Verdict
+
+if TYPE_CHECKING:
+    from firmloop.design.analysis.loop import Margins, StepMetrics
+    from firmloop.design.design import Design
+    from firmloop.identify.fitting.fit import Fit
+    from firmloop.identify.plants.plant import Parameter
+    from firmloop.stages.analysis import Loop
+    from firmloop.stages.tracking import Tracking
+    from firmloop.stages.verification import Outcome
+    from firmloop.verify.verdict import Verdict
 
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.presentation.documents import cost_document
 from firmloop.project.table import ProjectError
-from firmloop.stages.pipeline import Outcome
+from firmloop.stages.verification import Outcome
 
 FIGURES = (
     "instructions_max",
@@ -121,3 +120,30 @@ def _read(path: Path) -> Mapping[str, object]:
 
 def _has_cost(target: object) -> bool:
     return isinstance(target, Mapping) and isinstance(target.get("cost"), Mapping)
+
+
+def cost_document(outcomes: Sequence[Outcome]) -> Mapping[str, object]:
+    """Return cost.json: what a step takes on each target that counts, and each function of the controller there."""
+    return {
+        "schema": 1,
+        "targets": {
+            outcome.target: {
+                "program_id": outcome.verdict.program_id,
+                "compiler": outcome.verdict.compiler,
+                "flags": list(outcome.verdict.flags),
+                "cost": outcome.verdict.as_dict()["cost"],
+                "functions": {
+                    function.name: {
+                        "instructions_max": outcome.verdict.cost.instructions_max
+                        if function.name.endswith("_step")
+                        else None,
+                        "text_bytes": function.text_bytes,
+                        "stack_bytes": function.stack_bytes,
+                    }
+                    for function in outcome.verdict.cost.functions
+                },
+            }
+            for outcome in outcomes
+            if outcome.verdict
+        },
+    }

@@ -1,29 +1,24 @@
-"""From a project to C: the plant that it names, the law, the program, its proofs and its files."""
+"""From a plant and a project to C: the law, the program, its proofs and its files."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
-from firmloop.codegen.bundle import Bundle, CodegenError
-from firmloop.codegen.delivery import Delivery
+from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.emit import emit, manifest
+from firmloop.codegen.delivery import Delivery
 from firmloop.codegen.packages import package
 from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
-from firmloop.design.law import DesignError
-from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.plants.plant_table import plant_from_table
-from firmloop.project.project import Project, check_units
+from firmloop.project.project import Project
 from firmloop.quantize.lower.word_length import lower_within
-from firmloop.quantize.program import Program, QuantizeError
+from firmloop.quantize.program import Program
 from firmloop.quantize.proof import proof
 from firmloop.quantize.twins.qp import optimum
-from firmloop.verify.proofs.checker import Checked, ProofError, check_proof
+from firmloop.stages.plant import located
+from firmloop.verify.proofs.checker import Checked, check_proof
 from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input
 from firmloop.verify.stimuli.vectors import golden
 
@@ -39,16 +34,6 @@ class Generated:
     proof: Mapping[str, object]
     checked: Checked | None  # what the second, independent proof covered; None in floating point
     still: ZeroInput | None = None  # what it does by itself while its inputs stand still; None in floating point
-
-
-def plant_of(project: Project) -> Plant:
-    """Build the plant that `[plant]` describes, and check that the controller's wires fit its ends."""
-    part = project.plant
-    assert part is not None, "require() has seen to it"
-    with located(project):
-        plant = plant_from_table(part.table.values)
-    check_units(project, plant.inputs[0], plant.outputs[0])
-    return plant
 
 
 def design(project: Project, plant: Plant | None) -> Design:
@@ -85,22 +70,3 @@ def formats_of(project: Project) -> tuple[str, ...]:
     """Return the number formats that may be taken, the narrowest first."""
     arithmetic = project.arithmetic or "float32"
     return ("fixed16", "fixed32") if arithmetic == "fixed" else (arithmetic,)
-
-
-def command_of(verb: str, path: Path) -> str:
-    """Return the command that makes a result again, without folders: it stands in the generated files."""
-    name = path.name if re.fullmatch(r"[A-Za-z0-9_.+-]+", path.name, flags=re.ASCII) else "PROJECT.toml"
-    return f"firmloop {verb} {name}"
-
-
-@contextmanager
-def located(project: Project) -> Iterator[None]:
-    """Put file and line of the project in front of what a part says about it."""
-    try:
-        yield
-    except (DesignError, QuantizeError, CodegenError, ProofError) as error:
-        raise project.document.complaint(str(error)) from None
-    except IdentifyError as error:
-        if str(error).startswith(("plant.", "plant ", "recordings.")):
-            raise project.document.complaint(str(error)) from None
-        raise

@@ -110,9 +110,7 @@ def fit_n4sid(records: Sequence[Record], order: int, late: int) -> SampledModel:
     pandas, nfoursid = (extra(name, "blackbox", "structure = 'n4sid'") for name in ("pandas", "nfoursid.nfoursid"))
     frame = pandas.DataFrame({"u": drive, "y": record.output})
     logging.getLogger("nfoursid").setLevel(logging.ERROR)
-    method = nfoursid.NFourSID(
-        frame, output_columns=["y"], input_columns=["u"], num_block_rows=max(10, 2 * order)
-    )
+    method = nfoursid.NFourSID(frame, output_columns=["y"], input_columns=["u"], num_block_rows=max(10, 2 * order))
     method.subspace_identification()
     space, _ = method.system_identification(rank=order)
     model = SampledModel(np.asarray(space.a), np.asarray(space.b)[:, 0], np.asarray(space.c)[0], late)

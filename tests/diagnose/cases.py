@@ -15,7 +15,8 @@ from firmloop.diagnose.preflight import preflight
 from firmloop.diagnose.refit import Fitted, fit, noises_of
 from firmloop.identify.fitting.noise import Noise, white
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 
 BY_NAME = {machine.name: machine for machine in MACHINES}
 

@@ -17,7 +17,7 @@ from firmloop.identify.recordings.recording import Recording, read_recording
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.identify.simulation.superset import superset
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of
+from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import BY_NAME
 
 TRUE = {

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from firmloop.machine import survey
+from firmloop.stages.board.machine import survey
 
 ROOT = Path(__file__).parents[2]
 SCHEMAS = ROOT / "tests" / "schema"
@@ -286,7 +286,7 @@ def test_a_fault_of_ours_is_one_line(
     def broken(path: Path) -> None:
         raise ZeroDivisionError("a bug\non two lines")
 
-    monkeypatch.setattr("firmloop.project.project.read_project", broken)
+    monkeypatch.setattr("firmloop.door.load.read_project", broken)
     arguments = ["generate", str(project), "--out", str(tmp_path / "out")]
     assert main(arguments) == 70
     said = capsys.readouterr().err
@@ -328,6 +328,6 @@ def test_interrupted(
     def interrupted(path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("firmloop.project.project.read_project", interrupted)
+    monkeypatch.setattr("firmloop.door.load.read_project", interrupted)
     assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().err == "firmloop: stopped; nothing was written\n"

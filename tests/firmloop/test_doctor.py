@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from firmloop import machine
 from firmloop.cli import main
+from firmloop.stages.board import machine
 from firmloop.verify.links.ports import Port
 
 

@@ -14,7 +14,8 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import effects_table
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import design, plant_of
+from firmloop.stages.making import design
+from firmloop.stages.plant import plant_of
 from tests.sizes import EFFECTS_OF_A_MOTOR, EFFECTS_OF_A_STAGE, MOTOR, STAGE, motor, stage, use_of
 
 HEAD = """schema = 1

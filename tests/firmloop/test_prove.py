@@ -14,7 +14,7 @@ import pytest
 from firmloop.cli import main
 from firmloop.codegen.emit import emit
 from firmloop.design.kinds import kinds
-from firmloop.generate import as_json
+from firmloop.presentation.documents import as_json
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.proof import proof
@@ -195,11 +195,11 @@ def test_a_missing_file_is_named(delivered: Path, capsys: pytest.CaptureFixture[
 def test_without_z3_nothing_is_proven(
     made: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("firmloop.prove", "firmloop.verify.proofs.z3_checker"):
+    for module in ("firmloop.stages.proving", "firmloop.verify.proofs.z3_checker"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "z3", None)
     assert main(["prove", str(made)]) == 3
-    assert "z3, the second judge, is not installed" in capsys.readouterr().err
+    assert "z3 is not installed; install it with: pip install z3-solver" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arithmetic", ["fixed32", "fixed16", "float32", "float64"])

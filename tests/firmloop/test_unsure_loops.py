@@ -12,7 +12,8 @@ from firmloop.design.analysis.loop import margins
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import design, plant_of
+from firmloop.stages.making import design
+from firmloop.stages.plant import plant_of
 
 
 def test_margins_hold_those_of_the_true_plant(

@@ -9,8 +9,8 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-import firmloop.verify.links
 from firmloop.codegen.target import Target
+from firmloop.verify import links
 from firmloop.verify.links.framed import FramedLink
 
 
@@ -26,7 +26,7 @@ class Opener:
 @cache
 def openers() -> Mapping[str, Opener]:
     """Return every link by its name."""
-    names = sorted(module.name for module in pkgutil.iter_modules(firmloop.verify.links.__path__))
+    names = sorted(module.name for module in pkgutil.iter_modules(links.__path__))
     modules = [import_module(f"firmloop.verify.links.{name}") for name in names]
     found = [module.LINK for module in modules if isinstance(getattr(module, "LINK", None), Opener)]
     return {opener.name: opener for opener in found}

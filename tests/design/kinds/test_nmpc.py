@@ -21,7 +21,7 @@ from firmloop.identify.signal import Signal
 from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
-from firmloop.stages.pipeline import plant_of
+from firmloop.stages.plant import plant_of
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink

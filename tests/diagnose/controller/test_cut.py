@@ -13,7 +13,9 @@ from firmloop.cli import main
 from firmloop.diagnose.cut import Cut, cut
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import controller_of, plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
+from firmloop.stages.recorded_controller import controller_of
 from tests.diagnose.controller.closed import GAINS, Firmware, project
 
 

@@ -19,7 +19,8 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import drawn
 from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 

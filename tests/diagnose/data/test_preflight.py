@@ -15,7 +15,8 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import concealed
 
 Array = NDArray[np.float64]

@@ -24,8 +24,12 @@ from firmloop.presentation.figures import (
 )
 from firmloop.presentation.report import Walk, picture, report
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import Outcome, analyze, design, generate, identify, read_data
-from firmloop.tuning import beside
+from firmloop.stages.analysis import analyze
+from firmloop.stages.data import read_data
+from firmloop.stages.fitting import identify
+from firmloop.stages.making import design, generate
+from firmloop.stages.tuning import beside
+from firmloop.stages.verification import Outcome
 from firmloop.verify.verdict import Cost, Difference, Rounded, Searches, Verdict
 
 VERDICT = Verdict(

@@ -20,7 +20,8 @@ from firmloop.identify.recordings.hold import knots
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 
 _STEP = 1e-3
 _STAGE = {"mass_kg": 0.5, "b_N_s_m": 40.0}

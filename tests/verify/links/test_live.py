@@ -17,11 +17,12 @@ from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import live_firmware
 from firmloop.codegen.target import load_target, target_names
 from firmloop.identify.recordings.recording import read_recording
-from firmloop.monitor import Seen, Setting, Watch, settings_of, stream
 from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program
-from firmloop.stages.pipeline import design, generate, plant_of
+from firmloop.stages.board.monitoring import Seen, Setting, Watch, settings_of, stream
+from firmloop.stages.making import design, generate
+from firmloop.stages.plant import plant_of
 from firmloop.verify.build.image import build_image
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import binding, seal, unseal

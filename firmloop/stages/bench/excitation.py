@@ -1,65 +1,26 @@
-"""`firmloop excite`: an excitation signal for the bench, as a recording to play and as a C table."""
+"""Make an excitation signal for the bench, as a recording to play and as a C table."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.codegen.bundle import write_files
-from firmloop.console import Console
 from firmloop.identify.bench_tests.excitations import excitation
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.recordings.recording import make_recording, write_recording
+from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.units import unit_of
-from firmloop.output import results_folder
 from firmloop.project.project import Project
 from firmloop.project.table import ProjectError
-from firmloop.stages.pipeline import command_of
+from firmloop.stages.plant import command_of
 from firmloop.stages.saturation import refuse_saturated
 
 Array = NDArray[np.float64]
-
 PER_LINE = 8
 FULL_BAND = 0.9  # share of the power by which the band of a signal is told
-
-
-def excite(project: Project, out: Path, console: Console) -> int:
-    """Make the signal of `[experiment]`; OUT/excitation.csv and OUT/<name>_excitation.c with its header."""
-    table = project.document.table("experiment")
-    if not table.values:
-        raise ProjectError(
-            f"{project.path}: this command needs a part that is missing: [experiment] with "
-            'signal = "prbs", low = -6, high = 6, period_s = 0.001, duration_s = 10'
-        )
-    name = table.text("input", 'input = "voltage_V"') if "input" in table.values else _input(project)
-    with results_folder(out, ()) as folder:
-        try:
-            time, values = excitation(table.without("input"))
-        except IdentifyError as error:
-            raise project.document.complaint(str(error)) from None
-        made = make_recording(time, {name: values}, "the excitation", "")
-        refuse_saturated(project, (made,), name)
-        write_recording(made, folder / "excitation.csv")
-        files = _c_table(project, name, time, values)
-        write_files(files, folder)
-    low, high = _band(time, values)
-    console.lines(
-        [
-            f"excitation: {table.values['signal']} of {name}, {len(time)} samples of {time[1] - time[0]:g} s, "
-            f"{values.min():.4g} to {values.max():.4g} {unit_of(name)}",
-            f"  {FULL_BAND:.0%} of its power lies within {low:.3g} and {high:.3g} Hz",
-            f"written: {out / 'excitation.csv'}",
-        ]
-    )
-    console.result(
-        "excitation",
-        {"signal": table.values["signal"], "input": name, "samples": len(time), "band_Hz": [low, high]},
-    )
-    console.result("written", [str(out / part) for part in ("excitation.csv", *files)])
-    return 0
 
 
 def _input(project: Project) -> str:
@@ -124,3 +85,40 @@ def _c_float(value: np.float32) -> str:
     """Nine digits hold every float32."""
     text = json.dumps(float(f"{value:.9g}"))
     return f"{text}f"
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """A signal to play on the bench, its C table by file name, and the band in Hz that holds most of its power."""
+
+    kind: str
+    input: str
+    recording: Recording
+    c_files: Mapping[str, str]
+    band: tuple[float, float]
+
+
+def excite(project: Project) -> Excitation:
+    """Make the signal of `[experiment]`.
+
+    Raises
+    ------
+    ProjectError
+        when there is none, it cannot be made, or it leaves the actuator's range.
+    """
+    table = project.document.table("experiment")
+    if not table.values:
+        raise ProjectError(
+            f"{project.path}: this command needs a part that is missing: [experiment] with "
+            'signal = "prbs", low = -6, high = 6, period_s = 0.001, duration_s = 10'
+        )
+    name = table.text("input", 'input = "voltage_V"') if "input" in table.values else _input(project)
+    try:
+        time, values = excitation(table.without("input"))
+    except IdentifyError as error:
+        raise project.document.complaint(str(error)) from None
+    made = make_recording(time, {name: values}, "the excitation", "")
+    refuse_saturated(project, (made,), name)
+    return Excitation(
+        str(table.values["signal"]), name, made, _c_table(project, name, time, values), _band(time, values)
+    )

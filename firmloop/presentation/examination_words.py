@@ -1,105 +1,28 @@
-"""`firmloop examine`: how far a fit can be trusted, by more than one way."""
+"""Tell how far a fit can be trusted."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from firmloop.codegen.bundle import write_files
-from firmloop.console import Console, progress, table
-from firmloop.identify.bench_tests.sensitivity import FIGURES, Sensitivity, sensitivity
-from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import Fit, fit
-from firmloop.identify.fitting.redraw import Redrawn, blocks, left_over, redraw, white
-from firmloop.identify.fitting.residual_tests import ResidualTests, residual_tests
+from firmloop.console import table
+from firmloop.identify.bench_tests.sensitivity import FIGURES, Sensitivity
+from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import Parameter
-from firmloop.identify.recordings.conditioning import NONE
-from firmloop.identify.recordings.recording import column
-from firmloop.output import results_folder
 from firmloop.presentation.documents import fields_document, finite, fit_document
-from firmloop.presentation.words import about_fit, in_unit, rounded_to
-from firmloop.project.project import Project, require
-from firmloop.project.project_text import fitted_text
-from firmloop.stages.pipeline import Data, conditioning_of, located, plant_of, read_data
-from firmloop.stages.pipeline import identify as identify_stage
-from firmloop.stages.saturation import refuse_saturated
+from firmloop.presentation.words import in_unit, rounded_to
 
-MOST_BOOTSTRAPS = 2000  # more change the third digit of an interval's end only
+if TYPE_CHECKING:
+    from firmloop.identify.fitting.redraw import Redrawn
+    from firmloop.identify.plants.plant import Parameter
+    from firmloop.stages.bench.examination import Examination
+
 TITLES = {
     "final": "final value",
     "rise_s": "rise time",
     "settling_2_s": "settling 2 %",
     "overshoot_percent": "overshoot",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Examination:
-    """Everything that was found out about one fit."""
-
-    fit: Fit
-    monte_carlo: Redrawn
-    bootstrap: Redrawn
-    residuals: Mapping[str, Mapping[str, ResidualTests]]  # by recording, then output
-    sensitivity: Sensitivity | None
-    insensitive: str  # why there is no sensitivity
-    unconditioned: Fit | None
-
-
-def examine(project: Project, out: Path, draws: int, seed: int, console: Console) -> int:
-    """Fit, draw the data anew, test the residuals, vary the parameters; OUT/examination.json."""
-    require(project, "plant", "recordings")
-    data = read_data(project)
-    refuse_saturated(project, data.train)
-    with results_folder(out, ()) as folder:
-        with progress("examining the fit") as bar:
-            found = examination(project, data, draws, seed, bar)
-        document = _document(found)
-        files = {
-            "examination.json": json.dumps({"schema": 1, **document}, indent=1) + "\n",
-            "project.toml": fitted_text(project, found.fit.plant, out),
-        }
-        write_files(files, folder)
-    console.lines(about_fit(found.fit))
-    console.lines(about_examination(found))
-    for key, value in document.items():
-        console.result(key, value)
-    console.lines([f"written: {out / 'project.toml'}"])
-    console.result("written", [str(out / name) for name in files])
-    return 0
-
-
-def examination(project: Project, data: Data, draws: int, seed: int, report: object) -> Examination:
-    """Run every examination on the project's fit."""
-    assert callable(report)
-    conditioning = conditioning_of(project)
-    fitted = identify_stage(project, data, lambda share, doing: report(0.1 * share, doing))
-    with located(project):
-        drawn = redraw(fitted, data.train, conditioning, white, draws, seed, lambda s, d: report(0.1 + 0.6 * s, d))
-        fewer = min(draws, MOST_BOOTSTRAPS)
-        again = redraw(fitted, data.train, conditioning, blocks, fewer, seed, lambda s, d: report(0.7 + 0.1 * s, d))
-        bare = None
-        if conditioning != NONE:
-            bare = fit(plant_of(project), data.train, (), NONE, lambda share, doing: report(0.8 + 0.1 * share, doing))
-        varied, why = None, ""
-        level = float(max((column(one, fitted.plant.inputs[0].name) for one in data.train), key=np.ptp).max())
-        try:
-            report(0.9, "varying the parameters")
-            varied = sensitivity(fitted.plant, level or 1.0, seed)
-        except IdentifyError as error:
-            why = str(error)
-    tests = {
-        recording.source: {
-            output.name: residual_tests(left[:, k], drive[:, 0]) for k, output in enumerate(fitted.plant.outputs)
-        }
-        for recording, (left, drive) in zip(data.train, left_over(fitted, data.train, conditioning), strict=True)
-    }
-    return Examination(fitted, drawn, again, tests, varied, why, bare)
 
 
 def about_examination(found: Examination) -> list[str]:
@@ -185,7 +108,8 @@ def _moved(one: Parameter, other: Parameter) -> str:
     return f"{(one.value - other.value) / other.deviation:+.2f} standard deviations"
 
 
-def _document(found: Examination) -> dict[str, object]:
+def examination_document(found: Examination) -> dict[str, object]:
+    """Return what `--json` and the result file say."""
     drawn, again = found.monte_carlo, found.bootstrap
     conditioned = {}
     if found.unconditioned is not None:

@@ -1,22 +1,21 @@
-"""The verb prove: judge a delivered proof.json, and hold the C beside it against what it claims."""
+"""Judge a delivered proof.json, and hold the C beside it against what it claims."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from firmloop.codegen.emit import with_included
 from firmloop.codegen.environment import text_of
-from firmloop.console import Console, table
 from firmloop.project.table import ProjectError
 from firmloop.verify.proofs.c_checker import check_header, check_source, support_files
 from firmloop.verify.proofs.claims import Claims, ProofError, read_claims
 from firmloop.verify.proofs.interval_checker import check_intervals
 from firmloop.verify.proofs.z3_checker import check_with_z3, judge
 
-PROVEN, REFUTED = 0, 1
 MOST_BYTES = 64 * 2**20  # of a file; a generated controller has a thousandth of it
 INTERVALS, COMPARED = "interval rules", "compared with the proof, word by word"
 Judged = list[tuple[str, str]]  # claim, and who judged it
@@ -25,33 +24,6 @@ NOT_JUDGED = (
     "the program id by itself: that proof.json, header and manifest.json name the same one is compared",
     "what only explains: units, margins, arguments in words, comments; the test, the vectors and the build files",
 )
-
-
-def prove(folder: Path, console: Console) -> int:
-    """Prove FOLDER/proof.json again, and that the C in FOLDER states what it proves."""
-    document = _document(folder / "proof.json")
-    try:
-        claims = read_claims(document)
-    except ProofError as error:
-        raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
-    judged: Judged = []
-    refuted = ""
-    try:
-        _judge_claims(claims, judged)
-        _judge_c(claims, folder, judged)
-    except ProofError as error:
-        refuted = str(error)
-    console.lines(
-        [
-            f"{folder}: {claims.name}, {claims.arithmetic}, program {claims.program_id}",
-            *table(judged),
-            *([f"refuted: {refuted}"] if refuted else [f"  not judged here: {what}" for what in NOT_JUDGED]),
-            *([] if refuted else ["proven"]),
-        ]
-    )
-    verdict = {"program_id": claims.program_id, "proven": not refuted, "refuted": refuted or None}
-    console.result("proof", verdict | {"judged": dict(judged), "not_judged": list(NOT_JUDGED)})
-    return REFUTED if refuted else PROVEN
 
 
 def _judge_claims(claims: Claims, judged: Judged) -> None:
@@ -133,3 +105,36 @@ def _text(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ProjectError(f"{path}: cannot be read ({error})") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Proving:
+    """What was judged and by whom, and what was refuted; empty where nothing was."""
+
+    claims: Claims
+    judged: Judged
+    refuted: str
+
+
+def prove(folder: Path) -> Proving:
+    """Prove FOLDER/proof.json again, and that the C in FOLDER states what it proves.
+
+    Raises
+    ------
+    ProjectError
+        when there is no such proof.
+    ToolError
+        when z3 is not installed.
+    """
+    document = _document(folder / "proof.json")
+    try:
+        claims = read_claims(document)
+    except ProofError as error:
+        raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
+    judged: Judged = []
+    try:
+        _judge_claims(claims, judged)
+        _judge_c(claims, folder, judged)
+    except ProofError as error:
+        return Proving(claims, judged, str(error))
+    return Proving(claims, judged, "")

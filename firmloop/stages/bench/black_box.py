@@ -1,16 +1,13 @@
-"""`firmloop model`: a linear model from data alone, written as equations that every other verb takes."""
+"""Fit a linear model to data alone, and write it as equations that every other verb takes."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from firmloop.codegen.bundle import write_files
-from firmloop.console import Console, progress, table
 from firmloop.identify.bench_tests.blackbox import (
     EVEN,
     STRUCTURES,
@@ -30,59 +27,17 @@ from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE, condition_input, condition_output
 from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.simulation.simulate import simulate
-from firmloop.output import results_folder
 from firmloop.presentation.documents import finite
-from firmloop.presentation.words import rounded_to
 from firmloop.project.project import Project, require
-from firmloop.project.project_text import made_text
 from firmloop.project.table import Table
-from firmloop.stages.pipeline import conditioning_of, located, read_data
+from firmloop.stages.data import conditioning_of, read_data
+from firmloop.stages.plant import located
+from firmloop.stages.progress import Stage
 from firmloop.stages.saturation import cut_input, refuse_saturated
 
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals
 WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
-
-
-def model(project: Project, out: Path, console: Console) -> int:
-    """Fit `[model]` to the train recordings; OUT/project.toml holds it as an ode, OUT/model.json all figures."""
-    require(project, "plant", "recordings")
-    assert project.plant is not None
-    asked = project.document.table("model")
-    asked.only(("structure", "order", "delay_samples"))
-    structure = asked.text("structure", 'structure = "oe"') if "structure" in asked.values else "oe"
-    if structure not in STRUCTURES:
-        raise asked.wrong("structure", f"is no model structure; known: {', '.join(STRUCTURES)}")
-    order, late = _whole(asked, "order", 2, 1, MOST_ORDER), _whole(asked, "delay_samples", 0, 0, 10_000)
-    data = read_data(project)
-    refuse_saturated(project, data.train)
-    with results_folder(out, ()) as folder, located(project):
-        with progress(f"fitting {structure}"):
-            period = _period(data.train)
-            records = [_record(project, recording) for recording in data.train]
-            check_records(records, order, late)
-            sampled = STRUCTURES[structure](records, order, late)
-            check_answer(records, sampled)
-            made = continuous(sampled, period)
-        plant = _ode(project, made)
-        judged = {
-            role: [_judge(project, plant, recording) for recording in recordings]
-            for role, recordings in (("train", data.train), ("test", data.test))
-        }
-        with progress("drawing the residuals anew"):
-            spread = _spread(structure, records, sampled, period, judged["train"])
-        result = _document(structure, period, sampled, made, judged) | {"ci95_half": spread}
-        files = {
-            "model.json": json.dumps({"schema": 1, **result}, indent=1) + "\n",
-            "project.toml": made_text(project, plant, "model", out),
-        }
-        write_files(files, folder)
-    cut = cut_input(project, data.train)
-    console.lines(_lines(structure, made, judged, spread) + ([f"  note: {cut}"] if cut else []))
-    console.result("model", result)
-    console.lines([f"written: {out / 'project.toml'}"])
-    console.result("written", [str(out / name) for name in files])
-    return 0
 
 
 def _whole(part: Table, key: str, default: int, low: int, high: int) -> int:
@@ -175,99 +130,84 @@ def _spread(
 
     Nor are there any by n4sid: it takes seconds a draw.
     """
-    if structure == "n4sid" or not _white(judged):
+    if structure == "n4sid" or not white(judged):
         return None
     try:
         drawn = [continuous(one, period) for one in redrawn(structure, records, sampled, DRAWS)]
     except IdentifyError:  # some draw has no continuous model: neither has its spread a meaning
         return None
     factor = float(scipy.stats.t.ppf(0.975, DRAWS - 1))
-    poles = np.array([_poles(one) for one in drawn])
+    poles = np.array([poles_of(one) for one in drawn])
     return {
-        "gain": factor * float(np.std([_gain(one) for one in drawn], ddof=1)),
+        "gain": factor * float(np.std([gain_at_rest(one) for one in drawn], ddof=1)),
         "poles_rad_s": [
             [factor * float(np.std(part, ddof=1)) for part in (column.real, column.imag)] for column in poles.T
         ],
     }
 
 
-def _white(judged: Sequence[Mapping[str, object]]) -> bool:
+def white(judged: Sequence[Mapping[str, object]]) -> bool:
     """Tell whether every recording's residuals are white."""
     return all(isinstance(one["whiteness"], float) and one["whiteness"] >= WHITE for one in judged)
 
 
-def _poles(made: Continuous) -> np.ndarray:
+def poles_of(made: Continuous) -> np.ndarray:
+    """Return the poles (n,) in rad/s, in one order for models alike."""
     return np.sort_complex(np.linalg.eigvals(made.a).astype(np.complex128))
 
 
-def _lines(
-    structure: str,
-    made: Continuous,
-    judged: Mapping[str, Sequence[Mapping[str, object]]],
-    spread: Mapping[str, object] | None,
-) -> list[str]:
-    poles, halves = _poles(made), [] if spread is None else spread["poles_rad_s"]
-    assert isinstance(halves, list)
-    words = [f"{p.real:.2g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.2g}{p.imag:+.2g}j" for p in poles]
-    lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
-    if spread is None:
-        lines.append(f"  gain at rest {_gain(made):.2g}, poles {', '.join(words)} rad/s")
-        why = "they need structure = 'arx' or 'oe'"
-        if structure != "n4sid" and _white(judged["train"]):
-            why = "with its residuals drawn anew the model has no continuous form any more; lower order"
-        elif structure != "n4sid":
-            why = "the residuals are not white, so that drawing them anew repeats nothing; raise order"
-        if structure == "arx":
-            why += ", or take structure = 'oe' where the noise is the sensor's"
-        lines.append(f"  note: no intervals; {why}")
-    else:
-        lines.append(f"  gain at rest  {_with(_gain(made), spread['gain'])}")
-        for pole, (real, imaginary) in zip(poles, halves, strict=True):
-            turning = "" if abs(pole.imag) < 1e-9 * abs(pole) else f", {_with(pole.imag, imaginary)} j"
-            lines.append(f"  pole          {_with(pole.real, real)}{turning} rad/s")
-    rows = [
-        (
-            f"{role} {entry['recording']}",
-            f"fit {entry['fit_percent']:.1f} %",
-            f"rmse {entry['rmse']:.3g}",
-            f"white {entry['whiteness']:.2g}",
-            f"independent of the input {entry['independence']:.2g}",
-        )
-        for role, entries in judged.items()
-        for entry in entries
-    ]
-    return lines + table(rows)
-
-
-def _with(value: float, half: object) -> str:
-    """Write a value with its half width, and no digit beyond it."""
-    assert isinstance(half, float)
-    return f"{value:.3g}" if half == 0.0 else f"{rounded_to(value, half)} ± {half:.2g}"
-
-
-def _gain(made: Continuous) -> float:
+def gain_at_rest(made: Continuous) -> float:
+    """Return output per input at rest; infinite with an integrator."""
     try:
         return float(-made.c @ np.linalg.solve(made.a, made.b))
     except np.linalg.LinAlgError:
         return float("inf")
 
 
-def _document(
-    structure: str,
-    period: float,
-    sampled: SampledModel,
-    made: Continuous,
-    judged: Mapping[str, Sequence[Mapping[str, object]]],
-) -> dict[str, object]:
-    poles = _poles(made)
-    return {
-        "structure": structure,
-        "order": len(made.a),
-        "period_s": period,
-        "delay_s": made.delay,
-        "discrete": {"a": sampled.a.tolist(), "b": sampled.b.tolist(), "c": sampled.c.tolist()},
-        "continuous": {"a": made.a.tolist(), "b": made.b.tolist(), "c": made.c.tolist()},
-        "poles_rad_s": [[float(pole.real), float(pole.imag)] for pole in poles],
-        "gain": finite(_gain(made)),
-        **judged,
-    }
+@dataclass(frozen=True, slots=True)
+class BlackBox:
+    """A model from data alone: sampled, continuous and as a [plant] table; how it does on each recording."""
+
+    structure: str
+    period: float  # s
+    sampled: SampledModel
+    made: Continuous
+    plant: Mapping[str, object]
+    judged: Mapping[str, Sequence[Mapping[str, object]]]  # by role
+    spread: Mapping[str, object] | None  # half widths of 95 % intervals
+    cut: str  # says where the input runs into a limit
+
+
+def black_box(project: Project, stage: Stage) -> BlackBox:
+    """Fit `[model]` to the train recordings.
+
+    Raises
+    ------
+    ProjectError
+        when a key is wrong, or the recordings do not hold such a model.
+    """
+    require(project, "plant", "recordings")
+    asked = project.document.table("model")
+    asked.only(("structure", "order", "delay_samples"))
+    structure = asked.text("structure", 'structure = "oe"') if "structure" in asked.values else "oe"
+    if structure not in STRUCTURES:
+        raise asked.wrong("structure", f"is no model structure; known: {', '.join(STRUCTURES)}")
+    order, late = _whole(asked, "order", 2, 1, MOST_ORDER), _whole(asked, "delay_samples", 0, 0, 10_000)
+    data = read_data(project)
+    refuse_saturated(project, data.train)
+    with located(project):
+        with stage(f"fitting {structure}"):
+            period = _period(data.train)
+            records = [_record(project, recording) for recording in data.train]
+            check_records(records, order, late)
+            sampled = STRUCTURES[structure](records, order, late)
+            check_answer(records, sampled)
+            made = continuous(sampled, period)
+        plant = _ode(project, made)
+        judged = {
+            role: [_judge(project, plant, recording) for recording in recordings]
+            for role, recordings in (("train", data.train), ("test", data.test))
+        }
+        with stage("drawing the residuals anew"):
+            spread = _spread(structure, records, sampled, period, judged["train"])
+    return BlackBox(structure, period, sampled, made, plant, judged, spread, cut_input(project, data.train))

@@ -10,19 +10,18 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.codegen.target import Target, load_target
-from firmloop.console import Console, progress
-from firmloop.identify.recordings.recording import make_recording, write_recording
-from firmloop.output import results_file
+from firmloop.codegen.target import load_target
+from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectError
 from firmloop.quantize.program import Program
-from firmloop.stages.pipeline import command_of, design, generate, plant_of
+from firmloop.stages.making import design, generate
+from firmloop.stages.plant import command_of, plant_of
+from firmloop.stages.progress import Stage
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.live import STATUS, LiveLink, Samples, open_live_port, watchable
 from firmloop.verify.reference import Raw
@@ -30,8 +29,6 @@ from firmloop.verify.scaling import to_physical, to_raw
 
 WAIT = 0.5  # s for samples before the clock is looked at again
 SILENCE = 10.0  # s without a sample, beside the time of two, after which the controller has stopped
-BARS = " .:-=+*#%@"  # of the terminal's plot, from low to high
-PLOT_WIDTH = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,40 +60,6 @@ class Seen:
     lost_in_image: int
     lost_on_line: int
     set_from: tuple[int, ...] = ()  # a setting each: the first step that it acted on
-
-
-def monitor(project: Project, watch: Watch, out: Path, console: Console) -> int:
-    """Stream the signals for a while and write the recording OUT."""
-    require(project, "controller", "signals", "arithmetic")
-    plant = plant_of(project) if project.plant else None
-    program = generate(project, design(project, plant), command_of("monitor", project.path)).program
-    settings = settings_of(program, watch)
-    names = _chosen(program, watch.signals, [setting.name for setting in settings])
-    target: Target = load_target(watch.target)
-    with results_file(out) as partial, open_live_port(target, watch.port, program) as link:
-        before = link.state()
-        with progress(f"watching {watch.port}") as bar:
-            seen = stream(link, names, watch.every, round(watch.seconds / program.period), bar, settings)
-        after = link.state()
-        columns = _columns(project, program, names, seen.rows)
-        elapsed = (seen.rows["step"] - seen.rows["step"][0]).astype(np.float64) * program.period
-        write_recording(make_recording(elapsed, columns, out.name, ""), partial)
-    console.lines([f"{name:>24} |{_sparks(values)}|" for name, values in columns.items()])
-    console.lines(
-        [
-            *_about_settings(program, settings, seen),
-            f"{len(seen.rows):,} samples of {', '.join(names)}, every {watch.every * program.period:g} s; "
-            f"lost: {seen.lost_in_image} in the image, {seen.lost_on_line} on the line",
-            f"the controller ran {after.steps - before.steps:,} steps, {after.late - before.late} of them late",
-            f"written: {out}",
-        ]
-    )
-    console.result("samples", len(seen.rows))
-    console.result("lost", {"image": seen.lost_in_image, "line": seen.lost_on_line})
-    console.result("set", _set_document(program, settings, seen))
-    console.result("late_steps", after.late - before.late)
-    console.result("written", [str(out)])
-    return 0
 
 
 def stream(
@@ -169,27 +132,6 @@ def settings_of(program: Program, watch: Watch) -> tuple[Setting, ...]:
     return tuple(sorted(found, key=lambda setting: setting.after))
 
 
-def _about_settings(program: Program, settings: Sequence[Setting], seen: Seen) -> list[str]:
-    units = {parameter.name: parameter.unit or "1" for parameter in program.parameters}
-    return [
-        f"{entry['name']} set to {entry['value']:.6g} {units[str(entry['name'])]} from {entry['time_s']:.6g} s on"
-        for entry in _set_document(program, settings, seen)
-    ]
-
-
-def _set_document(program: Program, settings: Sequence[Setting], seen: Seen) -> list[dict[str, str | float]]:
-    parameters = {parameter.name: parameter for parameter in program.parameters}
-    first = int(seen.rows["step"][0])
-    return [
-        {
-            "name": setting.name,
-            "value": float(to_physical(parameters[setting.name], setting.value)[0]),
-            "time_s": max(0, step - first) * program.period,
-        }
-        for setting, step in zip(settings, seen.set_from, strict=True)
-    ]
-
-
 def _chosen(program: Program, asked: Sequence[str], tuned: Sequence[str]) -> tuple[str, ...]:
     known = watchable(program)
     wires = [value.name for value in (*program.inputs, *program.outputs)]
@@ -226,9 +168,39 @@ def _column(project: Project, program: Program, name: str, unit: str) -> str:
     return f"{name}_{suffix}" if suffix else name
 
 
-def _sparks(values: NDArray[np.float64]) -> str:
-    """Draw a column in one line of characters: the mean of each stretch, from its lowest to its highest value."""
-    means = np.array([part.mean() for part in np.array_split(values, min(PLOT_WIDTH, len(values)))])
-    span = float(np.ptp(means)) or 1.0
-    places = ((means - means.min()) / span * (len(BARS) - 1)).round().astype(int)
-    return "".join(BARS[place] for place in places)
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What a watch has seen: its recording, what was set, and how many steps the controller made and was late in."""
+
+    program: Program
+    recording: Recording
+    names: tuple[str, ...]
+    settings: tuple[Setting, ...]
+    seen: Seen
+    steps: int
+    late: int
+
+
+def monitor(project: Project, watch: Watch, name: str, stage: Stage) -> Watched:
+    """Stream the signals for a while; the recording is called `name`.
+
+    Raises
+    ------
+    ProjectError
+        when a signal or parameter is unknown, or a value beyond its range.
+    LinkError
+        when the controller does not answer.
+    """
+    require(project, "controller", "signals", "arithmetic")
+    plant = plant_of(project) if project.plant else None
+    program = generate(project, design(project, plant), command_of("monitor", project.path)).program
+    settings = settings_of(program, watch)
+    names = _chosen(program, watch.signals, [setting.name for setting in settings])
+    with open_live_port(load_target(watch.target), watch.port, program) as link:
+        before = link.state()
+        with stage(f"watching {watch.port}") as report:
+            seen = stream(link, names, watch.every, round(watch.seconds / program.period), report, settings)
+        after = link.state()
+    elapsed = (seen.rows["step"] - seen.rows["step"][0]).astype(np.float64) * program.period
+    recording = make_recording(elapsed, _columns(project, program, names, seen.rows), name, "")
+    return Watched(program, recording, names, settings, seen, after.steps - before.steps, after.late - before.late)

@@ -1,84 +1,28 @@
-"""`firmloop tune`: every tuning rule on one plant, in one table."""
+"""Tell in one table what every tuning rule makes of a plant."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from firmloop.codegen.bundle import write_files
-from firmloop.console import Console, progress, table
-from firmloop.design.analysis.contest import Entry, contest
-from firmloop.design.design import Design, Request
-from firmloop.design.tuning import rules
-from firmloop.identify.plants.plant import Plant
-from firmloop.output import results_folder
+from firmloop.console import table
 from firmloop.presentation.documents import fields_document, finite
 from firmloop.presentation.words import no_finer
-from firmloop.project.project import Project, require
-from firmloop.stages.pipeline import located, plant_of
+
+if TYPE_CHECKING:
+    from firmloop.design.analysis.contest import Entry
 
 HEAD = (
     *("", "kp", "ki", "kd", "Ms", "gain margin", "phase margin", "rise", "settling 2 %", "overshoot"),
     *("step IAE", "load peak", "load IAE", "noise gain"),
 )
-SEARCHING = ("iae", "ise", "itae")  # rules that take seconds, in `tune` or where they are asked for
 MARGINS = ("sensitivity_peak", "gain_margin_db", "phase_margin_deg")
 COLUMNS = (
     *("rule", "kp", "ki", "kd", "ms", "gain_margin_dB", "phase_margin_deg", "rise_s", "settling_2_s"),
     *("overshoot_percent", "step_iae", "load_peak", "load_recovery_s", "load_iae", "noise_gain", "refused"),
 )
-
-
-def tune(project: Project, out: Path, console: Console) -> int:
-    """Compare the rules; OUT/tuning.json and tuning.csv hold the table."""
-    require(project, "plant", "controller", "signals")
-    with results_folder(out, ()) as folder:
-        with progress("tuning by every rule"):
-            entries = compare(project, plant_of(project), tuple(rules()))
-        document = {"schema": 1, "rules": contest_document(entries)}
-        write_files({"tuning.json": json.dumps(document, indent=1) + "\n", "tuning.csv": _csv(entries)}, folder)
-    console.lines(about_contest(entries))
-    console.result("tuning", document["rules"])
-    console.lines([f"written: {out / 'tuning.csv'}"])
-    console.result("written", [str(out / "tuning.json"), str(out / "tuning.csv")])
-    return 0
-
-
-def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry, ...]:
-    """Tune the project's loop by every rule that `[tuning]` names, those of `usual` where it names none."""
-    part, asked = project.controller, project.document.table("tuning")
-    assert part is not None, "require() has seen to it"
-    if part.kind != "pid":
-        raise part.table.wrong("kind", 'is no pid, and tuning rules give the gains of one; take kind = "pid"')
-    asked.only(("rules", *rules()))
-    names = asked.texts("rules", 'rules = ["simc", "amigo"]') or tuple(usual)
-    for name in names:
-        if name not in rules():
-            raise asked.wrong("rules", f"{name!r} is no tuning rule; known: {', '.join(rules())}")
-    own: dict[str, Mapping[str, object]] = {}
-    for name in names:
-        keys = asked.table(name)
-        keys.only(rules()[name].keys)
-        own[name] = keys.values
-    request = Request(
-        project.name, part.settings, part.period, project.controller_inputs, project.controller_outputs, plant
-    )
-    with located(project):
-        return contest(request, names, own)
-
-
-def beside(project: Project, design: Design, plant: Plant) -> tuple[Entry, ...]:
-    """Compare the rules beside a PID that one of them has tuned, or where `[tuning]` asks for it.
-
-    Taken are those that `[tuning]` names, else the design's own and all that take no search.
-    """
-    asked = bool(design.tuned_by) or "tuning" in project.document.values
-    if project.controller is None or project.controller.kind != "pid" or not asked:
-        return ()
-    return compare(project, plant, [name for name in rules() if name not in SEARCHING or name == design.tuned_by])
 
 
 def about_contest(entries: Sequence[Entry]) -> list[str]:
@@ -135,7 +79,7 @@ def _document(entry: Entry) -> dict[str, object]:
     }
 
 
-def _csv(entries: Sequence[Entry]) -> str:
+def contest_csv(entries: Sequence[Entry]) -> str:
     """Write the table in full precision; empty cells where a rule gives nothing."""
     stream = io.StringIO()
     rows = csv.writer(stream, lineterminator="\n")

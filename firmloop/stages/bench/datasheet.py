@@ -1,17 +1,11 @@
-"""`firmloop datasheet`: a motor's parameters from its datasheet and the standard tests; what contradicts what."""
+"""Take a motor's parameters from its datasheet and the standard tests, and find what contradicts what."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
-import numpy as np
-
-from firmloop.codegen.bundle import write_files
-from firmloop.console import Console, table
-from firmloop.identify.bench_tests.datasheets import Contradiction, Reading, Sheet, read_sheet, sheets
+from firmloop.identify.bench_tests.datasheets import Reading, Sheet, read_sheet, sheets
 from firmloop.identify.bench_tests.graphical import one_point
 from firmloop.identify.bench_tests.motor_forms import MotorForm, motor_forms
 from firmloop.identify.bench_tests.quantity import in_si
@@ -28,14 +22,10 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.recordings.recording import Recording, column, read_recording
 from firmloop.identify.units import unit_of
-from firmloop.output import results_folder
-from firmloop.presentation.words import in_unit, rounded_to
 from firmloop.project.project import Project
-from firmloop.project.project_text import made_text
 from firmloop.project.table import ProjectError, Table
-from firmloop.stages.pipeline import located
+from firmloop.stages.plant import located
 
-AGREES, CONTRADICTS = 0, 1
 TOLERANCE = 0.05  # share by which printed figures may miss each other: makers round, and allow for their spread
 TESTS = {
     "locked_rotor_dc": ("voltage_V", "current_A"),
@@ -58,40 +48,6 @@ class Found:
     deviation: float | None
     origin: str
     tolerance: float = 0.0
-
-
-def datasheet(project: Project, out: Path, console: Console) -> int:
-    """Read datasheet and tests; OUT/project.toml holds the plant, OUT/datasheet.json everything else."""
-    document = project.document
-    if not document.table("datasheet").values and not document.table("standard_tests").values:
-        raise ProjectError(
-            f"{project.path}: this command needs a part that is missing: [datasheet] with figures such as "
-            'torque_constant = "2.8 mN*m/A", or [standard_tests.no_load] with voltage_V, current_A, speed_rad_s'
-        )
-    with results_folder(out, ()) as folder, located(project):
-        sheet = _sheet(project)
-        part = document.table("datasheet")
-        tolerance = part.number("tolerance", "tolerance = 0.05") if "tolerance" in part.values else TOLERANCE
-        try:
-            reading = read_sheet(sheet, part.without("tolerance", "plant"), tolerance)
-            found = _parameters(project, sheet, reading)
-        except IdentifyError as error:
-            raise document.complaint(str(error)) from None
-        told = [entry.sentence(sheet) for entry in reading.contradictions] + _disagreements(sheet, reading, found)
-        plant = _plant(project, sheet, found)
-        missing = [name for name in sheet.parameters if name not in found]
-        forms = {} if missing or sheet.kind != "dc_motor" else motor_forms({k: v.value for k, v in found.items()})
-        result = _document(sheet, reading, found, forms, told)
-        files = {"datasheet.json": json.dumps({"schema": 1, **result}, indent=1) + "\n"}
-        if not missing:
-            files["project.toml"] = made_text(project, plant, "datasheet", out)
-        write_files(files, folder)
-    console.lines(_lines(sheet, reading, found, forms, told, missing))
-    for key, value in result.items():
-        console.result(key, value)
-    console.lines([f"written: {out / name}" for name in files if name.endswith(".toml")])
-    console.result("written", [str(out / name) for name in files])
-    return CONTRADICTS if told else AGREES
 
 
 def _sheet(project: Project) -> Sheet:
@@ -210,94 +166,43 @@ def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mappin
     return table
 
 
-def _lines(
-    sheet: Sheet,
-    reading: Reading,
-    found: Mapping[str, Found],
-    forms: Mapping[str, MotorForm],
-    told: list[str],
-    missing: list[str],
-) -> list[str]:
-    lines = [f"{sheet.kind} by its datasheet and tests"]
-    lines += table([(name, _figure(name, one), one.origin) for name, one in found.items()])
-    for order, form in forms.items():
-        above, below = _polynomial(form.numerator), _polynomial(form.denominator)
-        lines.append(f"  {order}: speed/voltage = {above} / ({below}), states {', '.join(form.states)}")
-        lines.append(f"    a = {_matrix(form.a)}, b = {_matrix(form.b)}, c = {_matrix(form.c)}")
-    if any(one.tolerance for one in found.values()):
-        lines.append(
-            "  note: a datasheet gives no 95 % intervals; ± after its figures is what datasheet.tolerance allows"
+@dataclass(frozen=True, slots=True)
+class Datasheet:
+    """What a datasheet and its tests lead to; `told` are contradictions in words, `missing` has no value."""
+
+    sheet: Sheet
+    reading: Reading
+    found: Mapping[str, Found]
+    forms: Mapping[str, MotorForm]
+    told: tuple[str, ...]
+    missing: tuple[str, ...]
+    plant: Mapping[str, object]  # the [plant] table
+
+
+def datasheet(project: Project) -> Datasheet:
+    """Read `[datasheet]` and `[standard_tests]`.
+
+    Raises
+    ------
+    ProjectError
+        when there is neither, or a figure cannot be used.
+    """
+    document = project.document
+    if not document.table("datasheet").values and not document.table("standard_tests").values:
+        raise ProjectError(
+            f"{project.path}: this command needs a part that is missing: [datasheet] with figures such as "
+            'torque_constant = "2.8 mN*m/A", or [standard_tests.no_load] with voltage_V, current_A, speed_rad_s'
         )
-    lines += [f"  CONTRADICTION: {sentence}" for sentence in told]
-    if missing:
-        ways = "; ".join(f"{name}: give {_ways(sheet, name)}" for name in missing)
-        lines.append(f"  no project.toml was written, for the figures do not lead to {', '.join(missing)} ({ways})")
-    return lines
-
-
-def _ways(sheet: Sheet, name: str) -> str:
-    figure = sheet.parameters[name]
-    others = [" and ".join(r.needs) for r in sheet.relations if r.figure == figure]
-    return " or ".join([figure, *others])
-
-
-def _figure(name: str, one: Found) -> str:
-    half = NORMAL_95 * (one.deviation or 0.0) or one.tolerance
-    figure = f"{rounded_to(one.value, half)} ± {half:.2g}" if half and one.value else f"{one.value:.4g}"
-    return in_unit(figure, unit_of(name))
-
-
-def _polynomial(coefficients: tuple[float, ...]) -> str:
-    powers = {0: "", 1: " s"}
-    last = len(coefficients) - 1
-    return " + ".join(f"{c:.3g}{powers.get(last - k, f' s^{last - k}')}" for k, c in enumerate(coefficients))
-
-
-def _matrix(matrix: object) -> str:
-    rows = np.atleast_2d(np.asarray(matrix))
-    return "[" + "; ".join(" ".join(f"{value:.3g}" for value in row) for row in rows) + "]"
-
-
-def _document(
-    sheet: Sheet, reading: Reading, found: Mapping[str, Found], forms: Mapping[str, MotorForm], told: list[str]
-) -> dict[str, object]:
-    return {
-        "plant": sheet.kind,
-        "figures": {
-            name: {"value": value, "unit": sheet.figures.get(name, ""), "derived": name in reading.derived}
-            for name, value in reading.figures.items()
-        },
-        "parameters": {
-            name: {
-                "value": one.value,
-                "unit": unit_of(name),
-                "deviation": one.deviation,
-                "tolerance": one.tolerance,
-                "origin": one.origin,
-            }
-            for name, one in found.items()
-        },
-        "forms": {
-            order: {
-                "numerator": list(form.numerator),
-                "denominator": list(form.denominator),
-                "states": list(form.states),
-                **{key: np.asarray(getattr(form, key)).tolist() for key in "abc"},
-            }
-            for order, form in forms.items()
-        },
-        "contradictions": [_contradiction(entry) for entry in reading.contradictions],
-        "said": told,
-    }
-
-
-def _contradiction(entry: Contradiction) -> dict[str, object]:
-    return {
-        "figure": entry.figure,
-        "printed": entry.printed,
-        "computed": entry.computed,
-        "share": entry.share,
-        "from": list(entry.others),
-        "formula": entry.relation.says,
-        "source": entry.relation.source,
-    }
+    with located(project):
+        sheet = _sheet(project)
+        part = document.table("datasheet")
+        tolerance = part.number("tolerance", "tolerance = 0.05") if "tolerance" in part.values else TOLERANCE
+        try:
+            reading = read_sheet(sheet, part.without("tolerance", "plant"), tolerance)
+            found = _parameters(project, sheet, reading)
+        except IdentifyError as error:
+            raise document.complaint(str(error)) from None
+        told = [entry.sentence(sheet) for entry in reading.contradictions] + _disagreements(sheet, reading, found)
+        missing = tuple(name for name in sheet.parameters if name not in found)
+        forms = {} if missing or sheet.kind != "dc_motor" else motor_forms({k: v.value for k, v in found.items()})
+        return Datasheet(sheet, reading, found, forms, tuple(told), missing, _plant(project, sheet, found))

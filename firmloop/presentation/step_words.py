@@ -1,91 +1,22 @@
-"""`firmloop step`: measure step responses, trial by trial, and read models off them."""
+"""Tell what step responses show."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from firmloop.codegen.bundle import write_files
-from firmloop.console import Console, table
-from firmloop.identify.bench_tests.graphical import METHODS
-from firmloop.identify.bench_tests.step_noise import DRAWS, noise_halves
-from firmloop.identify.bench_tests.step_response import StepFigures, StepResponse, step_figures, step_response
+from firmloop.console import table
 from firmloop.identify.bench_tests.trials import FEWEST, Repeated, repeated
-from firmloop.identify.error import IdentifyError
 from firmloop.identify.units import unit_of
-from firmloop.output import results_folder
 from firmloop.presentation.documents import fields_document, finite
 from firmloop.presentation.words import in_unit, quantity, rounded_to
-from firmloop.project.project import Project, require
-from firmloop.stages.pipeline import read_data
-from firmloop.stages.saturation import refuse_saturated
+from firmloop.stages.bench.step_tests import SAYS, Halves
 
-Halves = Mapping[str, Mapping[str, float]]  # of 95 % intervals, by what is read and figure
+if TYPE_CHECKING:
+    from firmloop.identify.bench_tests.step_response import StepFigures, StepResponse
 
 UNITS = {"rise_s": "s", "settling_2_s": "s", "settling_5_s": "s", "peak_s": "s", "overshoot_percent": "%"}
-SAYS = {
-    "gain": "gain",
-    "rise_s": "rise time 10-90 %",
-    "settling_2_s": "settling time 2 %",
-    "settling_5_s": "settling time 5 %",
-    "overshoot_percent": "overshoot",
-    "peak_s": "peak time",
-    "final": "final value",
-    "steady_state_error": "steady-state error",
-}
-
-
-def step(project: Project, out: Path, console: Console) -> int:
-    """Measure every train recording as one trial; OUT/step.json holds all figures."""
-    require(project, "recordings", "plant")
-    assert project.plant is not None
-    drive, output = project.plant.input, project.plant.outputs[0]
-    with results_folder(out, ()) as folder:
-        trials = read_data(project).train
-        refuse_saturated(project, trials)
-        responses = [step_response(recording, drive, output) for recording in trials]
-        figures = [step_figures(response, expected(response, project)) for response in responses]
-        read = {method.name: [_read(method.read, response) for response in responses] for method in METHODS}
-        readers = {"figures": measured, **{method.name: method.read for method in METHODS}}
-        halves = noise_halves(responses[0], readers, DRAWS) if len(responses) < FEWEST else {}
-        if halves:  # what was expected is known, so that the error is as unsure as the final value
-            halves["figures"]["steady_state_error"] = halves["figures"]["final"]
-        document = _document(responses, figures, read, halves)
-        write_files({"step.json": json.dumps({"schema": 1, **document}, indent=1) + "\n"}, folder)
-    console.lines(about_steps(responses, figures, read, halves))
-    console.result("step", document)
-    console.result("written", [str(out / "step.json")])
-    return 0
-
-
-def measured(response: StepResponse) -> Mapping[str, float]:
-    """Return the figures of a response by name."""
-    found = step_figures(response)
-    return {name: getattr(found, name) for name in SAYS}
-
-
-def expected(response: StepResponse, project: Project) -> float:
-    """Return the final value that the plant's given gain promises; NaN where no gain is given."""
-    assert project.plant is not None
-    given = project.plant.parameters.get("gain")
-    gain = given.get("value") if isinstance(given, Mapping) else given
-    return (
-        response.start + float(gain) * (response.drive[1] - response.drive[0])
-        if isinstance(gain, int | float)
-        else (math.nan)
-    )
-
-
-def _read(method: object, response: StepResponse) -> Mapping[str, float] | str:
-    """Read one model; the reason where the response does not hold it."""
-    assert callable(method)
-    try:
-        found: Mapping[str, float] = method(response)
-    except IdentifyError as error:
-        return str(error)
-    return found
 
 
 def about_steps(
@@ -141,12 +72,13 @@ def _held(value: float, unit: str, half: float) -> str:
     return in_unit(f"{rounded_to(value, half)} ± {half:.2g}", unit)
 
 
-def _document(
+def steps_document(
     responses: Sequence[StepResponse],
     figures: Sequence[StepFigures],
     read: Mapping[str, Sequence[Mapping[str, float] | str]],
     halves: Halves,
 ) -> dict[str, object]:
+    """Return what `--json` and the result file say."""
     trials = [
         {
             "recording": response.source,

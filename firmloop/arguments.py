@@ -1,0 +1,72 @@
+"""What several commands ask for, and how the words of a command line become values."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+STEPS, MOST_STEPS = 100_000, 1_000_000_000
+MOST_VALUE = 1e300  # of a parameter; its range is narrower
+SEED = 1
+
+
+def project_and_place(parser: argparse.ArgumentParser, place_shown: str) -> None:
+    """Ask for the project and for where the results go."""
+    parser.add_argument("project", type=Path, metavar="PROJECT", help="the project's TOML file")
+    parser.add_argument("--out", type=place, required=True, metavar=place_shown, help="where the results go")
+
+
+def campaign(parser: argparse.ArgumentParser) -> None:
+    """Ask where to verify, and how much."""
+    parser.add_argument(
+        "--target", action="append", metavar="NAME", help="instead of the project's targets; may be repeated"
+    )
+    parser.add_argument("--port", metavar="URL", help="where the board is: /dev/ttyACM0, COM3, socket://host:port")
+    parser.add_argument("--steps", type=steps, default=STEPS, metavar="N", help=f"steps per target (default {STEPS})")
+    parser.add_argument(
+        "--seed", type=seed, default=SEED, metavar="N", help=f"seed of the noise stimuli (default {SEED})"
+    )
+
+
+def place(text: str) -> Path:
+    """Read a path that is to be written."""
+    if not text.strip() or "\0" in text:
+        raise argparse.ArgumentTypeError("names no place")
+    return Path(text)
+
+
+def steps(text: str) -> int:
+    """Read a number of steps."""
+    return whole(text, 1, MOST_STEPS)
+
+
+def seed(text: str) -> int:
+    """Read the seed of a random generator."""
+    return whole(text, 0, 2**63 - 1)
+
+
+def setting(text: str) -> tuple[str, float, float]:
+    """Read NAME=VALUE[@SECONDS]."""
+    name, equals, rest = text.partition("=")
+    value, at, seconds = rest.partition("@")
+    if not name.strip() or not equals or (at and not seconds):
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not like kp=1.2 or kp=1.2@5.0")
+    return name.strip(), number(value, -MOST_VALUE, MOST_VALUE), number(seconds, 0.0, 1e6) if at else 0.0
+
+
+def number(text: str, low: float, high: float) -> float:
+    """Read a number from `low` to `high`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = low - 1.0
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not a number from {low:g} to {high:g}")
+    return value
+
+
+def whole(text: str, low: int, high: int) -> int:
+    """Read a whole number from `low` to `high`."""
+    if not text.isascii() or not text.isdigit() or len(text) > 20 or not low <= int(text) <= high:
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not a whole number from {low} to {high}")
+    return int(text)

@@ -1,0 +1,88 @@
+"""Turn a project's controller into C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from firmloop.design.design import Design
+from firmloop.identify.plants.plant import Plant
+from firmloop.output import save
+from firmloop.presentation.documents import c_files
+from firmloop.presentation.notebook import notebook
+from firmloop.presentation.sections import code_section
+from firmloop.project.project import Project, require
+from firmloop.quantize.program import Program
+from firmloop.stages import making
+from firmloop.stages.making import Generated
+from firmloop.stages.plant import command_of, plant_of
+from firmloop.stages.progress import Stage, quietly
+
+if TYPE_CHECKING:
+    from firmloop.door.design import Designed
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """A controller as exact arithmetic and as C.
+
+    Attributes
+    ----------
+    project, plant, design
+        where it comes from; the plant is None where the project has none
+    generated
+        program, bundle, manifest, proof and package
+    """
+
+    project: Project
+    plant: Plant | None
+    design: Design
+    generated: Generated
+
+    @property
+    def program(self) -> Program:
+        """The promise: operations over bounded values, each with unit, range and fraction bits."""
+        return self.generated.program
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        """The text of every file by its name: sources, headers, manifest, proof, test, build files."""
+        return c_files(self.generated)
+
+    def save(self, folder: str | Path) -> None:
+        """Write every file into `folder`."""
+        save(self.files, Path(folder))
+
+    def _repr_html_(self) -> str:
+        return notebook(code_section(self.generated))
+
+
+def generate(source: Project | Designed, *, stage: Stage = quietly) -> Code:
+    """Turn the law into exact arithmetic with proven ranges, and that into C99.
+
+    Parameters
+    ----------
+    source
+        a project with `[controller]`, `[signals]` and `[arithmetic]`, or what `design` made of it
+
+    Raises
+    ------
+    ProjectError
+        when a part of the project is missing or wrong, or no number format is safe.
+    """
+    return generate_for("generate", source, stage)
+
+
+def generate_for(verb: str, source: Project | Designed, stage: Stage) -> Code:
+    """Generate; the C names `firmloop VERB` as the command that makes it again."""
+    project = source if isinstance(source, Project) else source.project
+    require(project, "controller", "signals", "arithmetic")
+    if isinstance(source, Project):
+        plant = plant_of(project) if project.plant else None
+        design = making.design(project, plant)
+    else:
+        plant, design = source.plant, source.design
+    with stage("generating C"):
+        return Code(project, plant, design, making.generate(project, design, command_of(verb, project.path)))

@@ -1,0 +1,29 @@
+"""Load a project."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from firmloop.project.project import Project, read_project
+
+
+def load(path: str | os.PathLike[str]) -> Project:
+    """Read and check a project file; recordings are read later, by what needs them.
+
+    Parameters
+    ----------
+    path
+        the project's TOML file
+
+    Returns
+    -------
+    Project
+        what every other function of `firmloop` starts from
+
+    Raises
+    ------
+    ProjectError
+        on the first thing that is wrong, with file, line, rule and way out.
+    """
+    return read_project(Path(path))

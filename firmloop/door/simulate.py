@@ -1,0 +1,82 @@
+"""Predict a recording's outputs from its input."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmloop.identify.recordings.recording import Recording, read_recording, write_recording
+from firmloop.identify.units import unit_of
+from firmloop.output import results_file
+from firmloop.presentation.figures import Comparison, comparison_figure
+from firmloop.presentation.notebook import notebook
+from firmloop.project.project import Project, require
+from firmloop.stages import prediction
+from firmloop.stages.prediction import Start, as_recorded, at_rest
+from firmloop.stages.progress import Stage, quietly
+
+__all__ = ["Simulated", "as_recorded", "at_rest", "simulate"]
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """A recording beside what the plant makes of its input.
+
+    Attributes
+    ----------
+    measured
+        the recording, time in s, columns in the units of their names
+    predicted
+        the same rows and columns, every output of the plant replaced by its simulation
+    outputs
+        the plant's outputs
+    """
+
+    measured: Recording
+    predicted: Recording
+    outputs: tuple[str, ...]
+
+    def save(self, file: str | Path) -> None:
+        """Write the prediction as a CSV file, `.csv` or `.csv.gz`."""
+        with results_file(Path(file)) as partial:
+            write_recording(self.predicted, partial)
+
+    def _repr_html_(self) -> str:
+        time, seen, said = self.measured.time, self.measured.columns, self.predicted.columns
+        return notebook(
+            comparison_figure(Comparison(name, name, unit_of(name), time, seen[name], said[name]))
+            for name in self.outputs
+            if name in seen and name in said
+        )
+
+
+def simulate(
+    project: Project, recording: str | os.PathLike[str], *, start: Start = at_rest, stage: Stage = quietly
+) -> Simulated:
+    """Predict every output of a recording from its input column alone.
+
+    Parameters
+    ----------
+    project
+        with `[plant]`; `[recordings]` says how columns are named, where it is there
+    recording
+        the file, as `[recordings]` takes it
+    start
+        `firmloop.at_rest`, at the first recorded position, or `firmloop.as_recorded`, which fits the initial state
+
+    Raises
+    ------
+    ProjectError
+        when a part of the project is missing or wrong.
+    IdentifyError
+        when the recording cannot be used.
+    ToolError
+        when the C compiler that the simulator needs is not installed.
+    """
+    require(project, "plant")
+    named, path = project.recordings, Path(recording)
+    read = read_recording(path, named.rename, named.hold) if named else read_recording(path, {})
+    assert project.plant is not None, "require() has seen to it"
+    with stage("simulating"):
+        return Simulated(read, prediction.predicted(project, read, start), project.plant.outputs)

@@ -1,0 +1,56 @@
+"""Close the loop of a law and a plant on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from firmloop.design.analysis.loop import (
+    Margins,
+    StepMetrics,
+    Trajectory,
+    closed_loop,
+    margins,
+    step_metrics,
+    step_profile,
+)
+from firmloop.design.analysis.uncertainty import figures_of, half_widths
+from firmloop.design.design import Design
+from firmloop.design.law import Horizon
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.simulation.linearize import Linear, linearize
+from firmloop.project.project import Project
+from firmloop.quantize.twins.qp import optimum
+from firmloop.stages.plant import located
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """How a law and a plant get on with each other."""
+
+    margins: Margins
+    step: Trajectory
+    metrics: StepMetrics
+    halves: Mapping[str, float]  # of 95 % intervals of both, by field, from those of the plant's parameters
+    points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
+
+
+def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
+    """Close the loop on paper: margins, and a step of the reference.
+
+    None where the controller has no reference, or follows the plant's own equations, which are not linear.
+    """
+    solve = designed.law.solve
+    if len(designed.law.inputs) < 2 or (solve is not None and isinstance(solve.problem, Horizon)):
+        return None
+    with located(project):
+        linear = linearize(plant)
+        law, profile = designed.law, step_profile(designed.law, linear)
+        step = closed_loop(law, linear, profile, optimum)
+
+        def figures(moved: Linear) -> Mapping[str, float]:
+            measured = () if law.solve else (step_metrics(closed_loop(law, moved, profile)),)  # seconds for a search
+            return figures_of(margins(law, moved), *measured)
+
+        points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
+        return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures), points)

@@ -1,0 +1,1 @@
+"""Bench: what is measured and read off before there is a controller."""

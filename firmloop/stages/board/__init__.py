@@ -1,0 +1,1 @@
+"""Board: what this machine has, and what is flashed and watched."""

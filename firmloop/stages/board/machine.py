@@ -1,0 +1,115 @@
+"""Find out what this machine has and lacks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from firmloop.verify.links.ports import find_ports
+
+PACKAGES = (
+    ("casadi", "plants and control laws"),
+    ("numpy", "all arithmetic"),
+    ("scipy", "fitting"),
+    ("jinja2", "printing C"),
+    ("pyserial", "boards"),
+    ("matplotlib", "figures of the report"),
+    ("z3-solver", "the second proof of fixed-point ranges"),
+    ("threadpoolctl", "diagnosis"),
+    ("numba", "the reference of quadratic programs"),
+)
+EXTRAS = (
+    ("h5py", "hdf5", "MATLAB 7.3 recordings"),
+    ("nfoursid", "blackbox", "subspace models"),
+    ("pandas", "blackbox", "subspace models"),
+    ("pyarrow", "parquet", "Parquet recordings"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """One program or package this machine has (`version`) or lacks (None); `needed_for` says who would miss it."""
+
+    name: str
+    version: str | None
+    needed_for: str
+    install: str
+
+
+def packages() -> tuple[Tool, ...]:
+    """Every Python package that firmloop cannot do without."""
+    return tuple(Tool(name, _installed(name), needed_for, f"pip install {name}") for name, needed_for in PACKAGES)
+
+
+def extras() -> tuple[Tool, ...]:
+    """Every Python package that only some recordings or models need."""
+    return tuple(
+        Tool(name, _installed(name), needed_for, f"pip install 'firmloop[{extra}]'")
+        for name, extra, needed_for in EXTRAS
+    )
+
+
+def _installed(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def comforts() -> tuple[Tool, ...]:
+    """Programs without which everything still works, with less comfort."""
+    return (
+        Tool("make", _version("make"), "the Makefile of an image", "apt-get install make"),
+        Tool("setpriv", _version("setpriv"), "ends QEMU when firmloop is killed", "apt-get install util-linux"),
+        Tool("pyocd", _version("pyocd"), "flashing a board", "pip install pyocd"),
+        Tool("openocd", _version("openocd"), "flashing a board, instead of pyocd", "apt-get install openocd"),
+    )
+
+
+def survey() -> tuple[Tool, ...]:
+    """Ask every program that firmloop may call for its version."""
+    return (
+        Tool("gcc", _version("gcc"), "fit, host verification", "apt-get install gcc libc6-dev"),
+        Tool(
+            "arm-none-eabi-gcc", _version("arm-none-eabi-gcc"), "Cortex-M images", "apt-get install gcc-arm-none-eabi"
+        ),
+        Tool("newlib", _newlib(), "Cortex-M images", "apt-get install libnewlib-arm-none-eabi"),
+        Tool(
+            "qemu-system-arm",
+            _version("qemu-system-arm"),
+            "Cortex-M runs without a board",
+            "apt-get install qemu-system-arm",
+        ),
+    )
+
+
+def _version(program: str) -> str | None:
+    """Return the first line a program says about its version, None if it is not here or does not run."""
+    said = _said(program, "--version")
+    return said.split("\n", 1)[0].strip() or None if said is not None else None
+
+
+def _newlib() -> str | None:
+    """Return that the ARM compiler finds its C library; gcc names a file it does not find by its bare name."""
+    said = _said("arm-none-eabi-gcc", "-print-file-name=nano.specs")
+    return "found" if said is not None and Path(said.strip()).is_file() else None
+
+
+def _said(program: str, option: str) -> str | None:
+    path = shutil.which(program)
+    if path is None:
+        return None
+    try:
+        done = subprocess.run([path, option], capture_output=True, text=True, timeout=20, check=True)
+    except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
+        return None
+    return done.stdout
+
+
+def ports_refused() -> list[str]:
+    """Return the serial ports that this user may not use."""
+    return [port.device for port in find_ports() if not os.access(port.device, os.R_OK | os.W_OK)]

@@ -1,0 +1,73 @@
+"""Read the recordings that a project names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.recordings.conditioning import NONE, Conditioning, conditioning_from_table
+from firmloop.identify.recordings.recording import Recording, read_recording
+from firmloop.project.project import Project
+from firmloop.stages.plant import located
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """The recordings a project names, read and checked."""
+
+    train: tuple[Recording, ...]
+    test: tuple[Recording, ...]
+
+
+def read_data(project: Project) -> Data:
+    """Read every recording the project names."""
+    named = project.recordings
+    assert named is not None, "require() has seen to it"
+    return Data(
+        tuple(read_recording(path, named.rename, named.hold) for path in named.train),
+        tuple(read_recording(path, named.rename, named.hold) for path in named.test),
+    )
+
+
+def conditioning_of(project: Project) -> Conditioning:
+    """Read `[recordings.conditioning]`; nothing is done where there is none."""
+    if project.recordings is None:
+        return NONE
+    with located(project):
+        return conditioning_from_table(project.recordings.conditioning.values)
+
+
+def recorded_inputs(project: Project, data: Data, most: int) -> tuple[Mapping[str, Array], ...]:
+    """Return what the controller would have seen: each recording held at the controller's period, `most` samples.
+
+    The measurement is the plant's first output; the reference is a recorded `reference_*` in the same unit.
+    """
+    if project.plant is None or project.controller is None:
+        return ()
+    inputs = {signal.name for signal in project.controller_inputs}
+    period, measured = project.controller.period, project.plant.outputs[0]
+    unit = measured.partition("_")[2]
+    played = []
+    for recording in (*data.train, *data.test):
+        wanted = {"measurement": measured, "reference": f"reference_{unit}"}
+        time = recording.time - recording.time[0]
+        count = min(int(time[-1] / period) + 1, most)
+        rows = np.searchsorted(time, np.arange(count) * period * (1 + 1e-12), side="right") - 1
+        held = {name: recording.columns[column][rows] for name, column in wanted.items() if column in recording.columns}
+        signals = {name: values for name, values in held.items() if name in inputs}
+        if signals:
+            played.append(signals)
+    return tuple(played)
+
+
+def available_data(project: Project) -> Data:
+    """Read those recordings that are there: stimuli for a verification, which does not need them."""
+    named = project.recordings
+    if named is None or project.plant is None:
+        return Data((), ())
+    return Data(tuple(read_recording(p, named.rename) for p in (*named.train, *named.test) if p.is_file()), ())

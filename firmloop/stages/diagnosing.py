@@ -1,0 +1,45 @@
+"""Say where simulation and recordings differ and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from threadpoolctl import threadpool_limits
+
+from firmloop.diagnose.cut import Cut, cut
+from firmloop.diagnose.doubt import with_doubt
+from firmloop.diagnose.halves import with_controller
+from firmloop.diagnose.prepare import as_conditioned
+from firmloop.diagnose.run import Diagnosis, diagnose
+from firmloop.project.project import Project
+from firmloop.stages.data import Data, conditioning_of
+from firmloop.stages.fitting import identify
+from firmloop.stages.plant import located, plant_of
+from firmloop.stages.progress import Report
+from firmloop.stages.recorded_controller import controller_of
+
+
+def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
+    """Diagnose the project on its recordings."""
+    return both_halves(project, data, report)[0]
+
+
+def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis, Cut | None]:
+    """Diagnose the project's plant on its recordings, and replay its controller where they hold what it was given.
+
+    A plant without values is identified first.
+    """
+    with located(project):
+        plant = plant_of(project)
+        if any(math.isnan(parameter.value) for parameter in plant.parameters):
+            plant = identify(project, data, report).plant
+        conditioning = conditioning_of(project)
+        (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
+        with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
+            made = diagnose(plant, train, test, report)
+        controller = controller_of(project)
+        replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
+        said = (*made.finding.says, *(f"Note: {note}." for note in notes))
+        finding = replace(made.finding, notes=(*made.finding.notes, *notes), says=said)
+        return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed

@@ -1,0 +1,182 @@
+"""The Python door: functions of the same names as sub-packages, nouns that show themselves, and what a type checker sees."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+import firmloop as fl
+from firmloop.cli import main
+from firmloop.door.run import Run
+from firmloop.identify.extras import ToolError
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("load", "identify", "simulate", "design", "generate", "verify", "diagnose", "run")
+USER = """\
+import firmloop as fl
+from firmloop.identify.plants.plant import Plant
+import firmloop.identify.units
+
+project = fl.load("wheel_speed.toml")
+identified = fl.identify(project)
+plant: Plant = identified.plant
+designed = fl.design(identified)
+kp: float = designed.gains["kp"]
+code = fl.generate(designed)
+agrees: bool = fl.verify(code, targets=["host"], steps=1000).agrees
+verdict: str = fl.diagnose(project).finding.verdict
+predicted = fl.simulate(project, "ramp.csv", start=fl.as_recorded).predicted.columns["speed_rad_s"]
+text: str = fl.run(project).files("out")["report.html"]
+"""
+
+
+class Page(HTMLParser):
+    """Checks that every tag is closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.seen.add(tag)
+        if tag not in ("meta", "path", "use", "rect", "image", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if self.open and self.open[-1] == tag:
+            self.open.pop()
+
+
+def shown(noun: object) -> set[str]:
+    page = Page()
+    page.feed(noun._repr_html_())  # type: ignore[attr-defined]
+    assert not page.open
+    return page.seen
+
+
+def _python(code: str, folder: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={"PYTHONPATH": str(ROOT)},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "before", ["", "from firmloop.verify.run import verify_on; import firmloop.identify.fitting.fit"]
+)
+def test_a_name_of_the_door_is_its_function_whatever_was_imported(name: str, before: str, tmp_path: Path) -> None:
+    code = f"{before}\nimport firmloop as fl\nprint(fl.{name}.__module__, type(fl.{name}).__name__, len(fl.{name}.__doc__) > 40)"
+    assert _python(code, tmp_path) == f"firmloop.door.{name} function True"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from firmloop.identify.plants.plant import Plant; print(Plant.__name__)",
+        "import firmloop; firmloop.identify; from firmloop.identify.plants.plant import Plant; print(Plant.__name__)",
+        "import firmloop.identify.plants.plant as plant; print(plant.Plant.__name__)",
+        "import firmloop; firmloop.identify; import firmloop.identify.plants.plant; "
+        "print(firmloop.identify.plants.plant.Plant.__name__)",
+    ],
+)
+def test_a_sub_package_of_the_same_name_is_imported_as_any_other(code: str, tmp_path: Path) -> None:
+    assert _python(code, tmp_path) == "Plant"
+
+
+def test_an_import_costs_nothing(tmp_path: Path) -> None:
+    said = _python(
+        "import sys, firmloop; print(sum(name.startswith('firmloop.') for name in sys.modules), 'numpy' in sys.modules)",
+        tmp_path,
+    )
+    assert said == "0 False"
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'fly'"):
+        fl.fly  # type: ignore[attr-defined]  # noqa: B018
+    assert set(NAMES) <= set(dir(fl)) and set(NAMES) <= set(fl.__all__)
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory, recorded_files: dict[str, str]) -> Run:
+    from tests.firmloop.conftest import PROJECT
+
+    folder = tmp_path_factory.mktemp("walk")
+    for name, text in {**recorded_files, "tank_heater.toml": PROJECT}.items():
+        (folder / name).write_text(text)
+    return fl.run(fl.load(folder / "tank_heater.toml"), steps=500)
+
+
+def test_run_returns_what_each_of_its_functions_returns(walked: Run) -> None:
+    assert walked.agrees and walked.verified.verdicts["host"].steps >= 500
+    gain = {parameter.name: parameter for parameter in walked.identified.plant.parameters}["gain"]
+    assert gain.value == pytest.approx(3.0, rel=0.02)
+    assert walked.designed.gains["kp"] == 0.8 and walked.designed.law.inputs[0].unit == "degC"
+    assert walked.code.program.id == walked.verified.verdicts["host"].program_id
+
+
+def test_every_noun_shows_tables_and_plots(walked: Run, tmp_path: Path) -> None:
+    assert {"table", "svg"} <= shown(walked) and {"table", "svg"} <= shown(walked.identified)
+    assert {"table", "svg"} <= shown(walked.designed)
+    assert {"table", "pre"} <= shown(walked.code) and "table" in shown(walked.verified)
+    folder = walked.code.project.path.parent
+    simulated = fl.simulate(walked.code.project, folder / "test.csv")
+    assert "svg" in shown(simulated)
+    simulated.save(tmp_path / "y.csv")
+    assert (tmp_path / "y.csv").is_file()
+
+
+def test_the_command_line_writes_what_the_functions_save(walked: Run, tmp_path: Path) -> None:
+    project, path = walked.code.project, str(walked.code.project.path)
+    fl.generate(project).save(tmp_path / "one")
+    assert main(["generate", path, "--out", str(tmp_path / "two")]) == 0
+    fl.identify(project).save(tmp_path / "three")
+    assert main(["identify", path, "--out", str(tmp_path / "four")]) == 0
+    for one, two in (("one", "two"), ("three", "four")):
+        names = sorted(file.name for file in (tmp_path / one).iterdir())
+        assert names and names == sorted(file.name for file in (tmp_path / two).iterdir())
+        for name in names:
+            assert (tmp_path / one / name).read_bytes() == (tmp_path / two / name).read_bytes(), name
+
+
+def test_a_users_file_passes_the_strict_type_checker(tmp_path: Path) -> None:
+    (tmp_path / "user.py").write_text(USER)
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--config-file",
+        str(ROOT / "pyproject.toml"),
+        str(tmp_path / "user.py"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stdout
+    (tmp_path / "user.py").write_text(USER.replace("kp: float", "kp: str"))
+    assert subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False).returncode == 1
+
+
+def test_what_an_extra_brings_is_named_with_its_command(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (project.parent / "train.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
+    project.write_text(project.read_text().replace("train.csv", "train.mat"))
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 3
+    assert (
+        "needs h5py, which is not installed; install it with: pip install 'firmloop[hdf5]'" in capsys.readouterr().err
+    )
+    with pytest.raises(ToolError, match="hdf5"):
+        fl.identify(fl.load(project))
