@@ -146,7 +146,8 @@ def styled(width: float, height: float) -> Iterator[Figure]:
     import matplotlib
     from matplotlib.figure import Figure
 
-    settings: Any = {**matplotlib.rcParamsDefault, **STYLE}  # type: ignore[dict-item]  # of literal names
+    settings: dict[Any, Any] = dict(matplotlib.rcParamsDefault)
+    settings.update(STYLE)
     with matplotlib.rc_context(settings):
         yield Figure(figsize=(width, height))
 

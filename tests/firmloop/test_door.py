@@ -1,4 +1,4 @@
-"""The Python door: functions of the same names as sub-packages, nouns that show themselves, and what a type checker sees."""
+"""The Python door: functions called as sub-packages, nouns that show themselves, and what a type checker sees."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _python(code: str, folder: Path) -> str:
     "before", ["", "from firmloop.verify.run import verify_on; import firmloop.identify.fitting.fit"]
 )
 def test_a_name_of_the_door_is_its_function_whatever_was_imported(name: str, before: str, tmp_path: Path) -> None:
-    code = f"{before}\nimport firmloop as fl\nprint(fl.{name}.__module__, type(fl.{name}).__name__, len(fl.{name}.__doc__) > 40)"
+    code = f"{before}\nimport firmloop as fl\nf = fl.{name}\nprint(f.__module__, type(f).__name__, len(f.__doc__) > 40)"
     assert _python(code, tmp_path) == f"firmloop.door.{name} function True"
 
 
@@ -97,7 +97,7 @@ def test_a_sub_package_of_the_same_name_is_imported_as_any_other(code: str, tmp_
 
 def test_an_import_costs_nothing(tmp_path: Path) -> None:
     said = _python(
-        "import sys, firmloop; print(sum(name.startswith('firmloop.') for name in sys.modules), 'numpy' in sys.modules)",
+        "import sys, firmloop; print(sum(n.startswith('firmloop.') for n in sys.modules), 'numpy' in sys.modules)",
         tmp_path,
     )
     assert said == "0 False"
