@@ -16,6 +16,8 @@ def why_not_own(folder: Path) -> str | None:
     The folder itself must be a real one, of this user's, that nobody else can write. Of the folders and links above it,
     none may be another user's or open to all, but for those where only the owner of an entry may rename it, as in /tmp.
     """
+    if not hasattr(os, "getuid"):
+        return None  # Windows: files have no owner's number, and the user's own folder for temporary files is private
     state = folder.lstat()
     if stat.S_ISLNK(state.st_mode):
         return f"{folder} is a link"

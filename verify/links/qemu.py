@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import shutil
 import subprocess
 import weakref
@@ -36,6 +37,11 @@ class QemuProcess:
         folder
             a private one; taken over
         """
+        if not hasattr(select, "poll"):
+            raise LinkError(
+                "not supported here: an emulator needs inherited descriptors and poll(), which this system lacks; "
+                "run it under Linux (on Windows: WSL), or name a board with --port"
+            )
         program = find_tool("qemu-system-arm")
         command = [
             *_ended_with_parent(),

@@ -13,12 +13,14 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from firmloop.codegen.target import Target
+from firmloop.verify.links import LinkError
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.opener import Opener
 from firmloop.verify.links.qemu import QemuProcess, qemu_of
 from firmloop.verify.links.stream import PipeStream
 from firmloop.verify.links.turns import PipeTurns, Processors
 
+DESCRIPTORS = Path("/proc/self/fd")  # where an image that inherits a pipe finds it by name
 OPENING = 60.0  # s until the image must have answered first; it takes some 0.1 s
 TIMEOUT = 30.0  # s for the reply to one attempt, on a busy machine; a dead QEMU is noticed at once
 ATTEMPTS = 2
@@ -35,6 +37,10 @@ def open_semihosting(target: Target, elf: Path, program_id: str) -> FramedLink:
         when QEMU is not installed.
     """
     qemu = qemu_of(target)
+    if not DESCRIPTORS.is_dir():
+        raise LinkError(
+            f"not supported here: semihosting takes {DESCRIPTORS}, which only Linux has; take another link: --port pty"
+        )
     where = f"semihosting in QEMU {qemu.machine}"
     with ExitStack() as undo:
         folder = Path(tempfile.mkdtemp(prefix="firmloop."))
@@ -42,7 +48,7 @@ def open_semihosting(target: Target, elf: Path, program_id: str) -> FramedLink:
         asked, writer = _pipe(undo)
         reader, answered = _pipe(undo)
         for name, end in (("to_target", asked), ("to_host", answered)):
-            (folder / name).symlink_to(f"/proc/self/fd/{end}")
+            (folder / name).symlink_to(DESCRIPTORS / str(end))
         os.set_blocking(writer, False)
         processors = Processors()
         undo.callback(processors.undo)

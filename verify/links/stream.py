@@ -242,6 +242,8 @@ def open_serial(
             release()
 
     try:
+        if not hasattr(select, "poll"):
+            return PortStream(port, fate, let_go)
         descriptor = port.fileno()
     except (AttributeError, io.UnsupportedOperation):
         return PortStream(port, fate, let_go)

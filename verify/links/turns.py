@@ -37,10 +37,7 @@ class Processors:
 
     def __init__(self) -> None:
         self._thread = threading.get_native_id()
-        self._all = os.sched_getaffinity(self._thread)
-        # Field 39 of proc(5) stat, counted from the closing parenthesis of the name, is the processor.
-        shared = int(Path("/proc/thread-self/stat").read_text().rpartition(")")[2].split()[36])
-        self._shared = {shared}
+        self._all, self._shared = _processors(self._thread)
         self.together()
 
     def together(self) -> None:
@@ -59,9 +56,19 @@ class Processors:
     def _move(self, processors: set[int]) -> bool:
         try:
             os.sched_setaffinity(self._thread, processors)
-        except OSError:  # a container may forbid it; or the thread that opened the link has ended
+        except (AttributeError, OSError):  # only Linux can; a container may forbid it; or the thread has ended
             return False
         return True
+
+
+def _processors(thread: int) -> tuple[set[int], set[int]]:
+    """Return the processors that a thread may run on and the one where it is; none where the system does not tell."""
+    try:
+        # Field 39 of proc(5) stat, counted from the closing parenthesis of the name, is the processor.
+        here = int(Path("/proc/thread-self/stat").read_text().rpartition(")")[2].split()[36])
+        return os.sched_getaffinity(thread), {here}
+    except (AttributeError, OSError):
+        return set(), set()
 
 
 def share_processor(target: Target) -> Callable[[], None]:
@@ -103,7 +110,7 @@ class PipeTurns:
     def set_emulator_blocking(self, blocking: bool) -> bool:
         """Say whether a read of the emulator waits for bytes; return False if that cannot be."""
         done = False
-        with suppress(OSError):  # it has ended, or the kernel does not let us
+        with suppress(AttributeError, OSError):  # only Linux can; it has ended, or the kernel does not let us
             process = os.pidfd_open(self._process)
             try:
                 folder = Path(f"/proc/{self._process}/fd")
