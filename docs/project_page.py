@@ -11,13 +11,12 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from firmloop.model import model
-
-from firmloop.console import TextConsole
 from firmloop.identify.bench_tests.excitations import excitation, excitations
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import conditioning_from_table
 from firmloop.project.project import read_project
+from firmloop.stages.bench.black_box import black_box
+from firmloop.stages.progress import quietly
 
 NO_KEY = "qqqqqqqqqq"  # near no key there is, so that the complaint lists them all
 LISTS = ("known here: ", "known keys: ", "known: ", " has ")
@@ -237,7 +236,7 @@ def _model() -> object:
         data = Path(folder) / "a.csv"
         data.write_text("time_s,voltage_V,speed_rad_s\n0,0,0\n")
         file.write_text(f'{HEAD}[recordings]\ntrain = ["a.csv"]\n{plant}[model]\n{NO_KEY} = 1\n')
-        return model(read_project(file), Path(folder) / "out", TextConsole())
+        return black_box(read_project(file), quietly)
 
 
 def _signals_table() -> str:

@@ -25,7 +25,7 @@ MAY_IMPORT = {
 # Inside a package, low to high: what stands beside one another imports nothing of its own floor's other rooms.
 ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "identify": (
-        ("error", "normal", "signal", "units"),
+        ("error", "extras", "normal", "signal", "units"),
         ("plants",),
         ("recordings",),
         ("simulation",),
@@ -68,6 +68,16 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("environment", "names", "toml_table", "view"),
         ("delivery", "emit", "host", "target"),
         ("firmware", "packages"),
+    ),
+    "firmloop": (
+        ("console", "project"),
+        ("output", "stages"),
+        ("presentation",),
+        ("door",),
+        ("told", "arguments"),
+        ("commands",),
+        ("cli",),
+        ("__main__",),
     ),
 }
 # What a checker of a proof may import: each other, and nothing of what made the proof or the C that it judges.

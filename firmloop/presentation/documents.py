@@ -95,13 +95,14 @@ def finite(value: object) -> object:
 
 def result_json(document: Mapping[str, object]) -> str:
     """Write a result file whose figures need not all be known: null where one is not."""
-    return as_json({"schema": 1, **{key: _known(value) for key, value in document.items()}})
+    return as_json({"schema": 1, **{key: known(value) for key, value in document.items()}})
 
 
-def _known(value: object) -> object:
+def known(value: object) -> object:
+    """Return a document with null for every figure that is not known."""
     if isinstance(value, Mapping):
-        return {key: _known(entry) for key, entry in value.items()}
-    return [_known(entry) for entry in value] if isinstance(value, list | tuple) else finite(value)
+        return {key: known(entry) for key, entry in value.items()}
+    return [known(entry) for entry in value] if isinstance(value, list | tuple) else finite(value)
 
 
 def as_json(document: Mapping[str, object]) -> str:

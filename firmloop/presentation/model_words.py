@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmloop.console import table
-from firmloop.presentation.documents import finite
+from firmloop.presentation.documents import finite, known
 from firmloop.presentation.words import rounded_to
 from firmloop.stages.bench.black_box import BlackBox, gain_at_rest, poles_of, white
 
@@ -62,6 +62,6 @@ def model_document(found: BlackBox) -> dict[str, object]:
         "continuous": {"a": made.a.tolist(), "b": made.b.tolist(), "c": made.c.tolist()},
         "poles_rad_s": [[float(pole.real), float(pole.imag)] for pole in poles_of(made)],
         "gain": finite(gain_at_rest(made)),
-        **found.judged,
+        **{role: known(entries) for role, entries in found.judged.items()},
         "ci95_half": found.spread,
     }

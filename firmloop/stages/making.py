@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from firmloop.codegen.bundle import Bundle
-from firmloop.codegen.emit import emit, manifest
 from firmloop.codegen.delivery import Delivery
+from firmloop.codegen.emit import emit, manifest
 from firmloop.codegen.packages import package
 from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -180,3 +182,13 @@ def test_what_an_extra_brings_is_named_with_its_command(
     )
     with pytest.raises(ToolError, match="hdf5"):
         fl.identify(fl.load(project))
+
+
+def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = re.search(r"```python\n(.*?import firmloop as fl.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert found
+    folder = shutil.copytree(ROOT / "examples" / "wheel_speed", tmp_path / "wheel_speed")
+    monkeypatch.chdir(folder)
+    names: dict[str, object] = {}
+    exec(found[1].replace("fl.verify(", "verified = fl.verify("), names)
+    assert getattr(names["verified"], "agrees", False)

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from firmloop.codegen.target import Target
-from firmloop.verify.links import LinkError
+from firmloop.verify.link import LinkError
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.opener import Opener
 from firmloop.verify.links.qemu import QemuProcess, qemu_of

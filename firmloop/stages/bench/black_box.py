@@ -27,7 +27,6 @@ from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE, condition_input, condition_output
 from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.simulation.simulate import simulate
-from firmloop.presentation.documents import finite
 from firmloop.project.project import Project, require
 from firmloop.project.table import Table
 from firmloop.stages.data import conditioning_of, read_data
@@ -111,9 +110,9 @@ def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Re
     found, tests = scores(measured, simulated), residual_tests(measured - simulated, column(recording, drive))
     return {
         "recording": recording.source,
-        "fit_percent": finite(found.fit_percent),
+        "fit_percent": found.fit_percent,
         "rmse": found.rmse,
-        "r2": finite(found.r2),
+        "r2": found.r2,
         "whiteness": tests.whiteness,
         "independence": tests.independence,
     }

@@ -88,7 +88,7 @@ def _c_float(value: np.float32) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Excitation:
+class ExcitationSignal:
     """A signal to play on the bench, its C table by file name, and the band in Hz that holds most of its power."""
 
     kind: str
@@ -98,7 +98,7 @@ class Excitation:
     band: tuple[float, float]
 
 
-def excite(project: Project) -> Excitation:
+def excite(project: Project) -> ExcitationSignal:
     """Make the signal of `[experiment]`.
 
     Raises
@@ -119,6 +119,6 @@ def excite(project: Project) -> Excitation:
         raise project.document.complaint(str(error)) from None
     made = make_recording(time, {name: values}, "the excitation", "")
     refuse_saturated(project, (made,), name)
-    return Excitation(
+    return ExcitationSignal(
         str(table.values["signal"]), name, made, _c_table(project, name, time, values), _band(time, values)
     )
