@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-import firmloop
-
 ROOT = Path(__file__).parents[2]
 FIGURE = r"(?<![A-Za-z_])\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 NEAR = (
@@ -80,7 +78,6 @@ def test_the_tutorial_shows_the_project_it_uses() -> None:
     assert missing == [text.splitlines()[0]], "all but the comment on the first line"
 
 
-@pytest.mark.skipif(not hasattr(firmloop, "load"), reason="import firmloop offers no functions yet")
 def test_the_python_of_readme_runs(tmp_path: Path) -> None:
     (example,) = _blocks(ROOT / "README.md", "python")
     shutil.copytree(ROOT / "examples" / "wheel_speed", tmp_path, dirs_exist_ok=True)

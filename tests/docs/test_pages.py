@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-import firmloop
 from firmloop.cli import main
 from firmloop.diagnose.finding import Finding, Ratio
 
@@ -74,7 +73,6 @@ def test_benchmarks_of_a_page_exist(path: Path) -> None:
         assert ROOT.joinpath(*name.split(".")).with_suffix(".py").is_file(), f"{name} is not there"
 
 
-@pytest.mark.skipif(not hasattr(firmloop, "load"), reason="firmloop/commands is not there yet")
 def test_files_of_the_ten_changes_exist() -> None:
     rows = [row for row in _tables("architecture.md") if row[-1].isdigit()]
     assert len(rows) == 10
