@@ -35,7 +35,7 @@ from firmloop.quantize.twins.elementary import (
 )
 from firmloop.quantize.twins.qp import Rows, solve
 from firmloop.quantize.twins.rti import Model, improve
-from firmloop.quantize.twins.rti_course import Course
+from firmloop.quantize.twins.rti_course import RtiCourse
 
 Operand = Any  # numpy array, or a literal of the same element type
 Interval = tuple[float, float]
@@ -244,7 +244,7 @@ def _plan(rows: Rows, *parameters: Operand) -> Operand:
     return np.vstack([solution.moves.T, solution.status.astype(stacked.dtype)])
 
 
-def _course(course: Course, model: Model, *parameters: Operand) -> Operand:
+def _course(course: RtiCourse, model: Model, *parameters: Operand) -> Operand:
     """Return the results, then the status, one row each, a column a lane."""
     stacked = np.stack(np.broadcast_arrays(*(np.atleast_1d(p) for p in parameters)), axis=-1)
     results, status = improve(course, model, stacked)

@@ -85,14 +85,11 @@ CHECKERS = ("claims", "checker", "c_checker", "c_tokens", "interval_checker", "s
 EFFECTS = ROOT / "identify" / "plants" / "effects"
 LONGEST_FILE = 400
 LARGEST_FOLDER = 20
-# What is left of older faults; an entry only ever goes.
-CIRCLES_LEFT = {
-    "firmloop": {"tuning.py", "presentation", "stages"},
-}
-REPEATED = {  # nouns of two places that have one name as yet
-    *("Course", "Parameter"),  # design
+# Nouns of two places that have one name as yet; an entry only ever goes.
+REPEATED = {
+    "Parameter",  # design
     *("Coordinate", "Loop", "Term"),  # diagnose, which has no rooms yet
-    *("Comparison", "Table"),  # firmloop
+    "Table",  # firmloop
 }
 # Libraries that take a tenth of a second or more, or 40 MB, and that most commands do without: imported where used.
 HEAVY = {
@@ -299,8 +296,7 @@ def test_no_circle_among_what_stands_in_one_folder(folder: Path) -> None:
             here = path.relative_to(folder).parts[0]
             there = {other.relative_to(folder).parts[0] for other in imported if other.is_relative_to(folder)}
             arrows.setdefault(here, set()).update(there - {here})
-    left = CIRCLES_LEFT.get(_id(folder), set())
-    assert all(circle <= left for circle in _circles(arrows)), _circles(arrows)
+    assert not _circles(arrows)
 
 
 def test_a_checker_imports_nothing_of_what_it_judges() -> None:

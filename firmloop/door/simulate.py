@@ -9,7 +9,7 @@ from pathlib import Path
 from firmloop.identify.recordings.recording import Recording, read_recording, write_recording
 from firmloop.identify.units import unit_of
 from firmloop.output import results_file
-from firmloop.presentation.figures import Comparison, comparison_figure
+from firmloop.presentation.figures import CurvePair, comparison_figure
 from firmloop.presentation.notebook import notebook
 from firmloop.project.project import Project, require
 from firmloop.stages import prediction
@@ -45,7 +45,7 @@ class Simulated:
     def _repr_html_(self) -> str:
         time, seen, said = self.measured.time, self.measured.columns, self.predicted.columns
         return notebook(
-            comparison_figure(Comparison(name, name, unit_of(name), time, seen[name], said[name]))
+            comparison_figure(CurvePair(name, name, unit_of(name), time, seen[name], said[name]))
             for name in self.outputs
             if name in seen and name in said
         )

@@ -54,7 +54,7 @@ STYLE: Mapping[str, Any] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class CurvePair:
     """One recorded output beside its prediction: arrays (n,), time in s, the others in `unit`."""
 
     title: str
@@ -78,7 +78,7 @@ class Step:
     limits: tuple[float, float]
 
 
-def comparison_figure(comparison: Comparison) -> str:
+def comparison_figure(comparison: CurvePair) -> str:
     """Draw recording and model above, what is left between them below."""
     with styled(8.6, 3.1) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1), squeeze=True)
@@ -123,7 +123,7 @@ def search_figure(found: Searches, ink: str = "currentColor") -> str:
         return svg(figure, ink)
 
 
-def overview(comparison: Comparison, step: Step | None, verdict: Sequence[str]) -> str:
+def overview(comparison: CurvePair, step: Step | None, verdict: Sequence[str]) -> str:
     """Draw a walk in one picture: data and model, closed loop, and the verdict's lines."""
     with styled(10.0, 2.7 + 0.2 * len(verdict)) as figure:
         bottom = (0.55 + 0.2 * len(verdict)) / figure.get_figheight()
@@ -152,7 +152,7 @@ def styled(width: float, height: float) -> Iterator[Figure]:
         yield Figure(figsize=(width, height))
 
 
-def _draw_comparison(axes: Axes, comparison: Comparison) -> None:
+def _draw_comparison(axes: Axes, comparison: CurvePair) -> None:
     _curve(axes, comparison.time, comparison.measured, DATA, "recorded")
     _curve(axes, comparison.time, comparison.simulated, MODEL, "model")
     axes.set_title(comparison.title)

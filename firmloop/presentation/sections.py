@@ -13,7 +13,7 @@ import numpy as np
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.units import unit_of
 from firmloop.presentation import words
-from firmloop.presentation.figures import Comparison, Step, comparison_figure, search_figure, step_figure
+from firmloop.presentation.figures import CurvePair, Step, comparison_figure, search_figure, step_figure
 from firmloop.presentation.tuning_table import HEAD, contest_rows
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def plant_section(fit: Fit, data: Data) -> list[str]:
     ]
 
 
-def comparisons(fit: Fit, data: Data) -> list[Comparison]:
+def comparisons(fit: Fit, data: Data) -> list[CurvePair]:
     """Every recording beside its prediction, output by output."""
     pairs: list[tuple[str, RecordingScore, Recording]] = [
         (role, score, recording)
@@ -91,7 +91,7 @@ def comparisons(fit: Fit, data: Data) -> list[Comparison]:
         for score, recording in zip(scores, recordings, strict=True)
     ]
     return [
-        Comparison(
+        CurvePair(
             title=f"{role}: {Path(score.source).name}, fit {score.scores[output.name].fit_percent:.1f} %",
             output=output.name,
             unit=unit_of(output.name),

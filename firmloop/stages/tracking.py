@@ -33,7 +33,7 @@ SHARE = 8.0  # of the reference's range is the wave's amplitude
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class TrackedRun:
     """One run of the C against the plant, and the error of its last wave: root of the mean square, and largest."""
 
     measurement: Array
@@ -49,8 +49,8 @@ class Tracking:
     period: float  # s
     unit: str
     reference: Array
-    without: Course
-    beside: Course  # with it
+    without: TrackedRun
+    beside: TrackedRun  # with it
 
     def as_dict(self) -> dict[str, object]:
         """Return what `--json` says."""
@@ -97,6 +97,6 @@ def _run(program: Program, loop: PlantLoop) -> LoopRun:
     return close_loop(program, loop, link)
 
 
-def _course(run: LoopRun) -> Course:
+def _course(run: LoopRun) -> TrackedRun:
     error = (run.reference - run.measurement)[-ROUND:]
-    return Course(run.measurement, run.command, float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
+    return TrackedRun(run.measurement, run.command, float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))

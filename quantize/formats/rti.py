@@ -8,7 +8,7 @@ import numpy as np
 
 from firmloop.design.law import Horizon
 from firmloop.quantize.program import Table
-from firmloop.quantize.twins.rti_course import FAR, Course, Raw, course_of
+from firmloop.quantize.twins.rti_course import FAR, Raw, RtiCourse, course_of
 
 TOLERANCE = {"float32": 2.0**-18, "float64": 2.0**-40}  # share of a span by which a row may be violated
 TRUSTED = {"float32": 2.0**-10, "float64": 2.0**-20}  # share of the spans by which an answer may miss its optimum
@@ -43,13 +43,13 @@ def table_of(problem: Horizon, arithmetic: str, name: str) -> Table:
     return Table(name, says, "fl_rti_t", "fl_rti.h", tuple(sizes.items()), tuple(numbers.items()))
 
 
-def course_from(table: Table, kind: np.dtype[Any]) -> Course:
+def course_from(table: Table, kind: np.dtype[Any]) -> RtiCourse:
     """Make a table ready for `improve`."""
     numbers = {key: np.array(values, dtype=kind) for key, values in table.numbers}
     sizes = dict(table.sizes)
     n, m = sizes["FL_RTI_STATES"], sizes["FL_RTI_INPUTS"]
     tolerance, trusted, least = (numbers[name].item() for name in ("tolerance", "trusted", "least"))
-    return Course(
+    return RtiCourse(
         numbers["q"].reshape(n, n), numbers["r"].reshape(m, m), numbers["p"].reshape(n, n), numbers["change"],
         numbers["rest"], numbers["low"], numbers["high"], numbers["weight"],
         tuple(int(k) for k in numbers["limited"][:-1]), sizes["FL_RTI_LENGTH"], sizes["FL_RTI_ITERATIONS"],

@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.quantize.twins.rti_course import CAPPED, FAR, SOLVED, Course, Raw, add_up
+from firmloop.quantize.twins.rti_course import CAPPED, FAR, SOLVED, Raw, RtiCourse, add_up
 from firmloop.quantize.twins.rti_search import RtiSearch
 
 Model = Callable[[Sequence[Raw]], Sequence[Raw]]  # x and u -> x of the next sample, then its slopes row by row
@@ -29,7 +29,7 @@ Model = Callable[[Sequence[Raw]], Sequence[Raw]]  # x and u -> x of the next sam
 CHUNK = 256  # lanes at a time: their tableaus stay within the processor's cache
 
 
-def improve(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
+def improve(course: RtiCourse, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
     """Return the results (lanes, k) and the status (lanes,) for `parameters` (lanes, p).
 
     Parameters are x[0], t, the last output, 1 where there is a plan, x[1..N] and u[0..N-1] of that plan. Results are
@@ -42,7 +42,7 @@ def improve(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 
-def _chunk(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
+def _chunk(course: RtiCourse, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
     n, m, length = len(course.q), len(course.r), course.length
     edges = np.cumsum([n, n, m, 1, length * n])
     first, target, last, planned, states, moves = np.split(parameters, edges, axis=1)
@@ -60,7 +60,7 @@ def _chunk(course: Course, model: Model, parameters: Raw) -> tuple[Raw, NDArray[
 class _Iteration:
     """The plan of every lane: states x (lanes, N + 1, n), moves u (lanes, N, m)."""
 
-    def __init__(self, course: Course, model: Model, target: Raw, last: Raw, x: Raw, u: Raw) -> None:
+    def __init__(self, course: RtiCourse, model: Model, target: Raw, last: Raw, x: Raw, u: Raw) -> None:
         self.course, self.model = course, model
         self.target, self.last, self.x, self.u = target, last, x.copy(), u.copy()
         self.lanes, self.kind = len(x), x.dtype.type

@@ -18,7 +18,7 @@ MANY = 500  # sums at a time from which on each addend of all of them is one ope
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class RtiCourse:
     """A problem in its number format; n states, m inputs, c states with limits.
 
     A row is violated beyond `tolerance` of its span (`weight` is one over that: of each input, then of each limited
@@ -53,10 +53,10 @@ class Course:
         return self.unknowns + self.length * len(self.limited)
 
 
-def course_of(problem: Horizon, kind: np.dtype[Any], tolerance: float, trusted: float, least: float) -> Course:
+def course_of(problem: Horizon, kind: np.dtype[Any], tolerance: float, trusted: float, least: float) -> RtiCourse:
     """Round a problem to a number format."""
     low, high, weight = (np.clip(part, -FAR, FAR).astype(kind) for part in (problem.low, problem.high, problem.weight))
-    return Course(
+    return RtiCourse(
         problem.q.astype(kind), problem.r.astype(kind), problem.p.astype(kind), problem.change.astype(kind),
         problem.rest.astype(kind), low, high, weight, problem.limited, problem.length, problem.iterations,
         problem.budget, float(kind.type(tolerance)), float(kind.type(trusted)), float(kind.type(least)),

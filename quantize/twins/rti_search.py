@@ -13,13 +13,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.quantize.twins.rti_course import CAPPED, FAR, INFEASIBLE, Course, Raw, add_up
+from firmloop.quantize.twins.rti_course import CAPPED, FAR, INFEASIBLE, Raw, RtiCourse, add_up
 
 
 class RtiSearch:
     """The quadratic program of one iteration in the rows of its limits: `value` is y, or m of an active row."""
 
-    def __init__(self, course: Course, limits: Raw, plan: Raw, g: Raw, factor: Raw, inverse: Raw) -> None:
+    def __init__(self, course: RtiCourse, limits: Raw, plan: Raw, g: Raw, factor: Raw, inverse: Raw) -> None:
         """Take G, the plan's moves and limited states, g, L and 1/D of H = L D L', a lane each."""
         own, lanes, kind = course, len(g), g.dtype.type
         self.own, self.kind = own, kind

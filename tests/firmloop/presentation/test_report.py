@@ -14,7 +14,7 @@ from firmloop.identify.plants.plant import Parameter
 from firmloop.presentation import words
 from firmloop.presentation.figures import (
     COLUMNS,
-    Comparison,
+    CurvePair,
     Step,
     comparison_figure,
     overview,
@@ -153,10 +153,10 @@ def test_picture_is_one_svg(walk: Walk) -> None:
     assert "board: 100,000 steps, 0 differences: agrees" in text
 
 
-def _comparison(rows: int) -> Comparison:
+def _comparison(rows: int) -> CurvePair:
     time = np.arange(rows) * 1e-3
     noise = np.random.default_rng(1).normal(size=rows)
-    return Comparison("a <title> & $x$", "speed_rad_s", "rad/s", time, noise, 0 * noise)
+    return CurvePair("a <title> & $x$", "speed_rad_s", "rad/s", time, noise, 0 * noise)
 
 
 def test_figures_escape_and_repeat() -> None:
