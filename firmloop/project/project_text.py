@@ -13,7 +13,9 @@ from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.plants.plant_table import effects_table
 from firmloop.project.project import Project
+from firmloop.project.toml_comments import rewritten
 
+OURS = re.compile(r"# (plant (fitted|made|diagnosed)|controller designed) by: firmloop .*")
 # Tables whose entries stand on one line each.
 INLINE = (("plant", "parameters"), ("plant", "balances"), ("plant", "effects"), ("signals",))
 
@@ -33,13 +35,13 @@ def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
     }
     if plant.effects:
         table["effects"] = effects_table(plant)
-    return _text({**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
+    return _kept(project, {**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
 
 
 def made_text(project: Project, plant: Mapping[str, object], verb: str, folder: Path) -> str:
     """Return the project with `plant` as its [plant] table, to be kept in `folder`; `verb` has made it."""
     document = {**_moved(project, folder), "plant": plant}
-    return _text(document, f"plant made by: firmloop {verb} {project.path.name}")
+    return _kept(project, document, f"plant made by: firmloop {verb} {project.path.name}")
 
 
 def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> str:
@@ -57,14 +59,15 @@ def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> s
     table.pop("effects", None)
     if plant.effects:
         table["effects"] = effects_table(plant)
-    return _text({**document, "plant": table}, f"plant diagnosed by: firmloop diagnose {project.path.name}")
+    return _kept(project, {**document, "plant": table}, f"plant diagnosed by: firmloop diagnose {project.path.name}")
 
 
 def designed_text(project: Project, design: Design, folder: Path) -> str:
     """Return the project with the gains of `design` instead of the rule that found them, to be kept in `folder`."""
     document = _moved(project, folder)
     gains = settled(_table(document["controller"]), design)
-    return _text({**document, "controller": gains}, f"controller designed by: firmloop design {project.path.name}")
+    says = f"controller designed by: firmloop design {project.path.name}"
+    return _kept(project, {**document, "controller": gains}, says)
 
 
 def settled(table: Mapping[str, object], design: Design) -> dict[str, object]:
@@ -94,6 +97,24 @@ def _moved(project: Project, folder: Path) -> dict[str, object]:
                 table[key] = [os.path.relpath(file.resolve(), folder.resolve()) for file in files]
         document["recordings"] = table
     return document
+
+
+def _kept(project: Project, document: Mapping[str, object], says: str) -> str:
+    """Return the document as the user's own text with other figures, else as a text of ours."""
+    ours = _text(document, says)
+    try:
+        text = project.path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ours
+    own = rewritten(text, ours)
+    first = ours.partition("\n")[0]
+    return ours if own is None else f"{first}\n{_without_ours(own)}"
+
+
+def _without_ours(text: str) -> str:
+    """Drop the line that an earlier command has put on top."""
+    first, _, rest = text.partition("\n")
+    return rest if OURS.fullmatch(first.rstrip("\r")) else text
 
 
 def _text(document: Mapping[str, object], says: str) -> str:

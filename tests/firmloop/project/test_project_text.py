@@ -6,12 +6,13 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.project.project import read_project, same_unit
 from firmloop.project.project_text import _text, fitted_text
+from firmloop.project.toml_comments import rewritten
 from firmloop.project.toml_lines import key_lines
 
 TEXTS = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
@@ -87,3 +88,45 @@ def test_units_that_are_the_same() -> None:
         assert same_unit(one, other)
     for one, other in (("rad/s", "rpm"), ("V", "mV"), ("rad", "rad/s"), ("degC", "K"), ("1", "V")):
         assert not same_unit(one, other)
+
+
+COMMENTED = """# the bench of my motor
+schema = 1
+name = "m"   # names the C
+
+[recordings]
+train = ["train.csv"]  # steps, then a prbs
+
+[plant]
+kind = "first_order"  # good enough
+input = "voltage_V"
+outputs = ["speed_rad_s"]
+[plant.parameters]
+# from the sheet
+gain = { value = 20.0, free = true }  # rad/s/V
+time_constant_s = { value = 0.1, free = true }
+delay_s = { value = 0.0, free = false }
+"""
+
+
+def test_comments_of_a_user_survive_what_is_written_back(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(COMMENTED)
+    read = read_project(path)
+    assert read.plant
+    plant = make_plant(read.plant.kind, read.plant.input, read.plant.outputs, read.plant.parameters)
+    for _ in range(2):  # a second command on what the first has written adds no second line of its own
+        text = fitted_text(read, plant, tmp_path)
+        for comment in ("# the bench of my motor", "# names the C", "# steps, then a prbs", "# good enough"):
+            assert comment in text
+        assert "# from the sheet" in text and "# rad/s/V" in text
+        assert text.count("by: firmloop") == 1
+        path.write_text(text)
+        read = read_project(path)
+
+
+@settings(max_examples=40)
+@given(st.dictionaries(TEXTS, TABLES, max_size=5), st.dictionaries(TEXTS, TABLES, max_size=5))
+def test_figures_written_into_a_text_read_back_or_nothing_is_written(one: Any, other: Any) -> None:
+    said = rewritten(_text(one, "one"), _text(other, "other"))
+    assert said is None or tomllib.loads(said) == other
