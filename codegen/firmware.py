@@ -118,7 +118,7 @@ def _image(
         **sources,
         **headers,
         "link.ld": render("link.ld.j2", heading | _link_view(program, target)),
-        "Makefile": render("board/Makefile.j2", makefile),
+        "Makefile": render("Makefile.j2", makefile),
     }
 
 
