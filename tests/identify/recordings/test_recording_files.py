@@ -14,6 +14,7 @@ import pytest
 import scipy.io
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.extras import ToolError
 from firmloop.identify.recordings.recording import column, make_recording, read_recording, write_recording
 
 GOOD = "time_s,voltage_V,speed_rad_s\n0,1,0\n0.1,1,2.5\n0.2,-1,4\n0.35,0,3\n"
@@ -224,5 +225,5 @@ def test_parquet_without_pyarrow_says_how_to_get_it(tmp_path: Path, monkeypatch:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     (tmp_path / "r.parquet").write_bytes(b"PAR1")
-    with pytest.raises(IdentifyError, match="pip install"):
+    with pytest.raises(ToolError, match="pip install"):
         read_recording(tmp_path / "r.parquet", {})
