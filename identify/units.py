@@ -2,39 +2,95 @@
 
 from __future__ import annotations
 
-# Longest ending first, so that torque_N_m is not read as metres.
-_ENDINGS = (
-    ("_N_m_s_rad", "N*m*s/rad"),
-    ("_V_s_rad", "V*s/rad"),
-    ("_N_m_A", "N*m/A"),
-    ("_N_s_m", "N*s/m"),
-    ("_kg_m2", "kg*m^2"),
-    ("_rad_s", "rad/s"),
-    ("_N_m", "N*m"),
-    ("_m_s", "m/s"),
-    ("_N_m_s2_rad2", "N*m*s^2/rad^2"),
-    ("_K_per_W", "K/W"),
-    ("_ohm", "ohm"),
-    ("_rad", "rad"),
-    ("_kg", "kg"),
-    ("_Hz", "Hz"),
-    ("_V", "V"),
-    ("_A", "A"),
-    ("_N", "N"),
-    ("_H", "H"),
-    ("_F", "F"),
-    ("_K", "K"),
-    ("_m", "m"),
-    ("_C", "degC"),
-    ("_s", "s"),
-)
+import re
+
+from firmloop.identify.printed_units import is_symbol, is_unit
+
+# A name has no solidus, so that each ending says what it means; the longest that fits counts.
+_ENDINGS = {
+    "N_m_s2_rad2": "N*m*s^2/rad^2",
+    "N_m_s_rad": "N*m*s/rad",
+    "V_s_rad": "V*s/rad",
+    "N_m_rad": "N*m/rad",
+    "N_m_A": "N*m/A",
+    "N_s2_m2": "N*s^2/m^2",
+    "N_s_m": "N*s/m",
+    "N_m": "N*m",
+    "kg_m2": "kg*m^2",
+    "rad_s2": "rad/s^2",
+    "rad_s": "rad/s",
+    "deg_s": "deg/s",
+    "m3_s": "m^3/s",
+    "m_s2": "m/s^2",
+    "m_s": "m/s",
+    "kg_s": "kg/s",
+    "l_min": "l/min",
+    "V_s": "V*s",
+    "K_per_W": "K/W",
+    "W_K": "W/K",
+    "J_K": "J/K",
+    "ohm": "ohm",
+    "rpm": "rpm",
+    "rad": "rad",
+    "deg": "deg",
+    "bar": "bar",
+    "Pa": "Pa",
+    "Wb": "Wb",
+    "kg": "kg",
+    "Hz": "Hz",
+    "m3": "m^3",
+    "m2": "m^2",
+    "V": "V",
+    "A": "A",
+    "N": "N",
+    "H": "H",
+    "F": "F",
+    "K": "K",
+    "m": "m",
+    "C": "degC",
+    "s": "s",
+    "W": "W",
+}
+_MOST_WORDS = 5
+# Arduino's clocks, and what a whole column may be called after; letters alone are symbols of quantities.
+_WHOLE = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "rpm": "rpm", "mA": "mA", "mV": "mV", "deg": "deg"}
+# Ends of names that are words in a name, not units: v_in, speed_min, gain_kp, u_pu.
+_WORDS = frozenset("in min p kp Kp g h l T J F K rev turn turns tr second sec".split())
 
 
 def unit_of(name: str) -> str:
     """Return the unit that `name` ends in (`speed_rad_s` -> `rad/s`), empty where the ending is none we know."""
-    return next((unit for ending, unit in _ENDINGS if name.endswith(ending)), "")
+    rate = re.search(r"(?:^|_)(?:rate|slew)_(.+)_s$", name)
+    if rate and rate.group(1) in _ENDINGS:
+        return f"{_ENDINGS[rate.group(1)]}/s"
+    return _ENDINGS.get(ending_of(name), "")
 
 
 def ending_of(name: str) -> str:
-    """Return the unit as it is spelled in `name` (`speed_rad_s` -> `rad_s`), empty where the ending is none we know."""
-    return next((ending[1:] for ending, _ in _ENDINGS if name.endswith(ending)), "")
+    """Return the unit as it is spelled in `name` (`speed_rad_s` -> `rad_s`), empty where the ending is none we know.
+
+    Units before it that make no ending we know (`x_V_m_s`) leave it unknown: half a unit is a wrong one.
+    """
+    words = name.split("_")
+    for count in range(min(_MOST_WORDS, len(words) - 1), 0, -1):
+        ending = "_".join(words[-count:])
+        if ending in _ENDINGS:
+            before = words[-count - 1] if len(words) > count + 1 else ""
+            return "" if before.rstrip("234") in _ENDINGS else ending
+    return ""
+
+
+def carried_unit(name: str) -> str:
+    """Return the unit that a foreign column name carries: `t_ms`, `Speed [rpm]`, `i (mA)`, `rpm`; empty where none."""
+    bracket = re.search(r"[\[(]([^\[\]()]+(?:\([^()]*\))?[^\[\]()]*)[\])]\s*$", name)
+    if bracket:
+        return bracket.group(1).strip() if is_unit(bracket.group(1)) else ""
+    if name in _WHOLE or name.lower() == "rpm":
+        return _WHOLE.get(name, "rpm")
+    if unit_of(name):
+        return unit_of(name)
+    words = re.split(r"[_\s/]+", name.strip())
+    last = words[-1]
+    if len(words) < 2 or last in _WORDS or (len(last) == 1 and last not in _ENDINGS):
+        return ""
+    return last if is_symbol(last) or last in ("mNm", "Nm", "Ncm", "uNm") else ""

@@ -34,7 +34,7 @@ TESTS = {
     "coast_down": ("recording",),
     "step": ("recording",),
 }
-DIMENSIONS = {"voltage_V": "V", "current_A": "A", "frequency_Hz": "1/s", "speed_rad_s": "1/s"}
+DIMENSIONS = {"voltage_V": "V", "current_A": "A", "frequency_Hz": "Hz", "speed_rad_s": "rad/s"}
 
 
 @dataclass(frozen=True, slots=True)

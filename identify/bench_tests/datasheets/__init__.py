@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from firmloop.identify.bench_tests.quantity import in_si
+from firmloop.identify.bench_tests.unit_slips import unit_slip
 from firmloop.identify.error import IdentifyError
 
 
@@ -51,15 +52,18 @@ class Contradiction:
     share: float
     relation: Relation
     others: tuple[str, ...]  # printed figures that lead elsewhere
+    tolerance: float  # share
 
     def sentence(self, sheet: Sheet) -> str:
-        """Say which figures, and by how much."""
+        """Say which figures, by how much, and which slip of a unit would explain it."""
         unit = sheet.figures[self.figure]
         others = " and ".join(self.others)
         lead = "leads" if len(self.others) == 1 else "lead"
+        slip = unit_slip(1.0 + self.share, self.tolerance)
+        check = f"; {slip}: check the units of these figures" if slip else ""
         return (
             f"{self.figure} is {self.printed:.4g} {unit}, but {others} {lead} to {self.computed:.4g} {unit} "
-            f"({self.relation.says}): {self.share:+.1%}"
+            f"({self.relation.says}): {self.share:+.1%}{check}"
         )
 
 
@@ -117,7 +121,7 @@ def read_sheet(sheet: Sheet, table: Mapping[str, object], tolerance: float) -> R
         known = any(pair <= whole for pair in found)  # a wider circle around the same two figures says nothing new
         if relation.figure not in origin and abs(off) > tolerance and not known:
             entry = Contradiction(
-                relation.figure, printed[relation.figure], computed, off, relation, tuple(sorted(origin))
+                relation.figure, printed[relation.figure], computed, off, relation, tuple(sorted(origin)), tolerance
             )
             found = {pair: told for pair, told in found.items() if not whole < pair} | {whole: entry}
     moved = [_followed(sheet, {**printed, name: printed[name] * (1.0 + tolerance)}) for name in printed]

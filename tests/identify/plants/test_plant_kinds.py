@@ -134,7 +134,7 @@ def test_wrong_plant_is_refused_by_name(case: str) -> None:
         ("reference_rad_s", "rad/s"),
         ("b_N_m_s_rad", "N*m*s/rad"),
         ("motor_cmd_norm", ""),
-        ("speed_rpm", ""),
+        ("speed_rpm", "rpm"),
     ],
 )
 def test_units_are_read_from_names(name: str, unit: str) -> None:
