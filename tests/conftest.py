@@ -25,7 +25,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     slow = "" if "slow" in (config.option.markexpr or "") else "slow; run with -m slow"
     for mark, reason in (("cross", cross), ("qemu", qemu), ("recordings", recordings), ("slow", slow)):
         for item in items:
-            if reason and mark in item.keywords:
+            if reason and item.get_closest_marker(mark):  # keywords would hold the names of folders, too
                 item.add_marker(pytest.mark.skip(reason=reason))
 
 

@@ -50,6 +50,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         write_files(files, folder)
     console.lines(about_fit(found.fit))
     console.lines(about_examination(found))
+    console.lines([f"  note: {note}" for note in data.notes])
     for key, value in document.items():
         console.result(key, value)
     written(console, arguments.out, files)

@@ -30,6 +30,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if out.resolve() == arguments.recording.resolve():
         raise ProjectError(f"--out {out}: is the recording itself; choose another file")
     start = as_recorded if arguments.fit_initial else at_rest
-    simulate(project, arguments.recording, start=start, stage=progress).save(out)
+    made = simulate(project, arguments.recording, start=start, stage=progress)
+    made.save(out)
+    console.lines([f"note: {note}" for note in made.measured.notes])
     written(console, out.parent, [out.name])
     return 0

@@ -32,6 +32,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         files = {"step.json": result_json(document)}
         write_files(files, folder)
     console.lines(about_steps(found.responses, found.figures, found.read, found.halves))
+    console.lines([f"  note: {note}" for note in found.notes])
     console.result("step", document)
     written(console, arguments.out, files)
     return 0

@@ -6,13 +6,14 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.identify.recordings.recording import Recording, read_recording, write_recording
+from firmloop.identify.recordings.recording import Recording, write_recording
 from firmloop.identify.units import unit_of
 from firmloop.output import results_file
 from firmloop.presentation.figures import CurvePair, comparison_figure
 from firmloop.presentation.notebook import notebook
 from firmloop.project.project import Project, require
 from firmloop.stages import prediction
+from firmloop.stages.data import read_as_named
 from firmloop.stages.prediction import Start, as_recorded, at_rest
 from firmloop.stages.progress import Stage, quietly
 
@@ -75,8 +76,7 @@ def simulate(
         when the C compiler that the simulator needs is not installed.
     """
     require(project, "plant")
-    named, path = project.recordings, Path(recording)
-    read = read_recording(path, named.rename, named.hold) if named else read_recording(path, {})
+    read = read_as_named(project, Path(recording))
     assert project.plant is not None, "require() has seen to it"
     with stage("simulating"):
         return Simulated(read, prediction.predicted(project, read, start), project.plant.outputs)

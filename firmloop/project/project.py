@@ -10,8 +10,8 @@ from pathlib import Path
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.names import check_identifier
 from firmloop.codegen.target import target_names
-from firmloop.identify.recordings.hold import HOLDS
 from firmloop.identify.signal import Signal
+from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, Table, read_table
 from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.word_length import Allowed
@@ -29,17 +29,6 @@ EXAMPLES = {
     "target": '[target] with names = ["host"]',
 }
 FURTHER = ("tuning", "datasheet", "standard_tests", "experiment", "model")  # tables that only one verb reads
-
-
-@dataclass(frozen=True, slots=True)
-class Recordings:
-    """Which files to fit, which only to score, and how to read them."""
-
-    train: tuple[Path, ...]
-    test: tuple[Path, ...]
-    rename: Mapping[str, str]  # a file's column name -> ours
-    conditioning: Table
-    hold: str = "zero_order"  # what an input does between rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +131,7 @@ def read_project(path: Path) -> Project:
         path=path,
         document=document,
         name=name,
-        recordings=_recordings(document.table("recordings")) if "recordings" in document.values else None,
+        recordings=read_recordings_part(document.table("recordings")) if "recordings" in document.values else None,
         plant=_plant(document.table("plant")) if "plant" in document.values else None,
         controller=_controller(document.table("controller")) if "controller" in document.values else None,
         signals=_signals(document.table("signals")),
@@ -215,26 +204,6 @@ def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> 
             raise table.wrong(
                 signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {wire.unit!r}; use one unit"
             )
-
-
-def _recordings(table: Table) -> Recordings:
-    table.only(("train", "test", "rename", "conditioning", "hold"))
-    folder = table.file.parent
-    train = tuple(folder / name for name in table.texts("train", 'train = ["steps.csv"]'))
-    test = tuple(folder / name for name in table.texts("test", 'test = ["ramp.csv"]'))
-    for file in test:
-        if file.resolve() in {other.resolve() for other in train}:
-            raise table.wrong("test", f"{file.name} is also a train recording; a score needs data that was not fitted")
-    rename = table.table("rename")
-    for key in rename.values:
-        rename.text(key, f'{key} = "speed_rad_s"')
-    rename.texts_differ()
-    hold = str(table.values.get("hold", HOLDS[0]))
-    if hold not in HOLDS:
-        raise table.wrong("hold", f"is {hold!r}; it must be one of {', '.join(HOLDS)}")
-    return Recordings(
-        train, test, {key: str(value) for key, value in rename.values.items()}, table.table("conditioning"), hold
-    )
 
 
 def _plant(table: Table) -> PlantPart:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,15 +24,25 @@ class Data:
     train: tuple[Recording, ...]
     test: tuple[Recording, ...]
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How the files were read, where they are not plain."""
+        return tuple(note for recording in (*self.train, *self.test) for note in recording.notes)
+
 
 def read_data(project: Project) -> Data:
     """Read every recording the project names."""
     named = project.recordings
     assert named is not None, "require() has seen to it"
-    return Data(
-        tuple(read_recording(path, named.rename, named.hold) for path in named.train),
-        tuple(read_recording(path, named.rename, named.hold) for path in named.test),
-    )
+    return Data(*(tuple(read_as_named(project, path) for path in part) for part in (named.train, named.test)))
+
+
+def read_as_named(project: Project, path: Path) -> Recording:
+    """Read one file as `[recordings]` says; plainly where there is none."""
+    named = project.recordings
+    if named is None:
+        return read_recording(path, {})
+    return read_recording(path, named.rename, named.hold, named.clock)
 
 
 def conditioning_of(project: Project) -> Conditioning:
@@ -70,4 +81,4 @@ def available_data(project: Project) -> Data:
     named = project.recordings
     if named is None or project.plant is None:
         return Data((), ())
-    return Data(tuple(read_recording(p, named.rename) for p in (*named.train, *named.test) if p.is_file()), ())
+    return Data(tuple(read_as_named(project, p) for p in (*named.train, *named.test) if p.is_file()), ())

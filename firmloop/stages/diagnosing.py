@@ -40,6 +40,7 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
             made = diagnose(plant, train, test, report)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
-        said = (*made.finding.says, *(f"Note: {note}." for note in notes))
-        finding = replace(made.finding, notes=(*made.finding.notes, *notes), says=said)
+        told = (*data.notes, *notes)
+        said = (*made.finding.says, *(f"Note: {note}." for note in told))
+        finding = replace(made.finding, notes=(*made.finding.notes, *told), says=said)
         return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed

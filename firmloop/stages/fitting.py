@@ -18,4 +18,4 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     with located(project):
         fitted = fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
     seen = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
-    return replace(fitted, warnings=(*fitted.warnings, *filter(None, seen)))
+    return replace(fitted, warnings=(*data.notes, *fitted.warnings, *filter(None, seen)))

@@ -20,14 +20,15 @@ Start = Callable[[Project, Plant, Recording], Array | None]  # chooses the initi
 
 
 def predicted(project: Project, recording: Recording, start: Start) -> Recording:
-    """Replace every output of the plant by its simulation; the columns keep the names they have in the file."""
+    """Replace every output of the plant by its simulation; columns whose numbers are the file's keep its names."""
     with located(project):
         plant = plant_of(project)
         simulated = simulate(plant, recording, start(project, plant, recording))
     columns = dict(recording.columns)
     for index, signal in enumerate(plant.outputs):
         columns[signal.name] = simulated[:, index]
-    foreign = {ours: name for name, ours in project.recordings.rename.items()} if project.recordings else {}
+    rules = project.recordings.rename if project.recordings else {}
+    foreign = {rule.name: name for name, rule in rules.items() if rule.is_a_name}
     named = {foreign.get(name, name): values for name, values in columns.items()}
     return make_recording(recording.time, named, recording.source, recording.sha256)
 

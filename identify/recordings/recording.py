@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.recordings.columns import Column, RowClock, arranged
 from firmloop.identify.recordings.formats import find_format, known_endings
+from firmloop.identify.recordings.stamps import check_stamps
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
@@ -39,6 +41,7 @@ class Recording:
     source: str
     sha256: str
     hold: str = "zero_order"  # what an input does between rows, see identify.hold
+    notes: tuple[str, ...] = ()  # how the file was read, where it is not plain
 
     def part(self, first: int, end: int) -> Recording:
         """Return the rows from `first` to before `end`, at the times they had."""
@@ -46,8 +49,10 @@ class Recording:
         return replace(self, time=np.ascontiguousarray(self.time[first:end]), columns=MappingProxyType(columns))
 
 
-def read_recording(path: Path, rename: Mapping[str, str], hold: str = "zero_order") -> Recording:
-    """Read CSV (plain or gzip), npz, MATLAB or Parquet; `rename` maps a foreign column name to ours.
+def read_recording(
+    path: Path, rename: Mapping[str, Column], hold: str = "zero_order", clock: RowClock | None = None
+) -> Recording:
+    """Read a file of any format; `rename` says what a foreign column is, `clock` stands for its time column.
 
     Raises IdentifyError naming file, row, column and what to do.
     """
@@ -62,16 +67,17 @@ def read_recording(path: Path, rename: Mapping[str, str], hold: str = "zero_orde
         raise IdentifyError(f"{path}: cannot be read ({error.strerror}); give a readable file") from None
     if not content:
         raise IdentifyError(f"{path}: is empty; write one header line (time_s, then the signals) and the samples")
-    table = form.read(content)
-    if isinstance(table, Misread):
-        where = f"{table.where}: " if table.where else ""
-        raise IdentifyError(f"{path}: {where}{table.wrong}; {table.remedy}")
-    names = tuple(rename.get(name, name) for name in table.names)
-    _check_names(path, table.names, names)
-    _check_rows(path, names, table)
-    columns = dict(zip(names, table.columns, strict=True))
+    raw = form.read(content)
+    if isinstance(raw, Misread):
+        where = f"{raw.where}: " if raw.where else ""
+        raise IdentifyError(f"{path}: {where}{raw.wrong}; {raw.remedy}")
+    table = arranged(raw, rename, clock, str(path))
+    _check_rows(path, table)
+    given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}
+    check_stamps(table, given.get("time_s", ("time_s", Column("time_s"))), str(path))
+    columns = dict(zip(table.names, table.columns, strict=True))
     made = make_recording(columns.pop("time_s"), columns, path.name, hashlib.sha256(content).hexdigest())
-    return replace(made, hold=hold)
+    return replace(made, hold=hold, notes=tuple(f"{path.name} {note}" for note in table.notes))
 
 
 def make_recording(time: Array, columns: Mapping[str, Array], source: str, sha256: str) -> Recording:
@@ -114,36 +120,13 @@ def _read_only(values: Array) -> Array:
     return fixed
 
 
-def _check_names(path: Path, foreign: tuple[str, ...], names: tuple[str, ...]) -> None:
-    for position, name in enumerate(names):
-        if not name:
-            raise IdentifyError(f"{path}: column {position + 1} has no name; name every column in the header")
-        if name in names[:position]:
-            origin = f" ({foreign[position]} was renamed)" if foreign[position] != name else ""
-            raise IdentifyError(f"{path}: column {name} stands twice{origin}; rename or delete one of them")
-    if "time_s" not in names:
-        raise IdentifyError(
-            f"{path}: column time_s is missing; it has {', '.join(names)[:200]} "
-            f"(name the time column time_s, or map it in [recordings.rename])"
-        )
-
-
-def _check_rows(path: Path, names: tuple[str, ...], table: RawTable) -> None:
+def _check_rows(path: Path, table: RawTable) -> None:
     rows = len(table.places)
     if rows < FEWEST_ROWS:
         raise IdentifyError(f"{path}: has {rows} rows; at least {FEWEST_ROWS} are needed to see anything move")
-    for name, values in zip(names, table.columns, strict=True):
+    for name, values in zip(table.names, table.columns, strict=True):
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             where = f"{table.place} {table.places[bad[0]]}, column {name}"
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
             raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{more}; delete those rows or fill them in")
-    time = table.columns[names.index("time_s")]
-    falls = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(falls):
-        k = int(falls[0])
-        where = f"{table.place} {table.places[k + 1]}, column time_s"
-        raise IdentifyError(
-            f"{path}: {where}: {float(time[k + 1])!r} does not come after {float(time[k])!r} of the row before; "
-            f"time must rise, so delete the repeated rows or sort them"
-        )

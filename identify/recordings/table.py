@@ -12,12 +12,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RawTable:
-    """Columns of equal length. `places[k]` is where row k stands in the file, counted in `place` (line, row)."""
+    """Columns of equal length. `places[k]` is where row k stands in the file, counted in `place` (line, row).
+
+    `units` is what a line of units says of each column, empty where there is none; `notes` how the file was read, where
+    that is not plain.
+    """
 
     names: tuple[str, ...]
     columns: tuple[Array, ...]
     place: str
     places: NDArray[np.int64]
+    units: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,6 +175,7 @@ class BlackBox:
     judged: Mapping[str, Sequence[Mapping[str, object]]]  # by role
     spread: Mapping[str, object] | None  # half widths of 95 % intervals
     cut: str  # says where the input runs into a limit
+    notes: tuple[str, ...]  # how the files were read, where they are not plain
 
 
 def black_box(project: Project, stage: Stage) -> BlackBox:
@@ -209,4 +210,4 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         }
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
-    return BlackBox(structure, period, sampled, made, plant, judged, spread, cut_input(project, data.train))
+    return BlackBox(structure, period, sampled, made, plant, judged, spread, cut_input(project, data.train), data.notes)

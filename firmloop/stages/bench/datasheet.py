@@ -20,10 +20,11 @@ from firmloop.identify.bench_tests.standard_tests import (
 from firmloop.identify.bench_tests.step_response import step_response
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.recordings.recording import Recording, column, read_recording
+from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project
 from firmloop.project.table import ProjectError, Table
+from firmloop.stages.data import read_as_named
 from firmloop.stages.plant import located
 
 TOLERANCE = 0.05  # share by which printed figures may miss each other: makers round, and allow for their spread
@@ -79,7 +80,7 @@ def _test(name: str, part: Table, found: Mapping[str, Found], project: Project) 
     part.only(TESTS[name])
     if name in ("coast_down", "step"):
         path = project.path.parent / part.text("recording", 'recording = "coast.csv"')
-        recording = read_recording(path, project.recordings.rename if project.recordings else {})
+        recording = read_as_named(project, path)
         return _moving(name, recording, found)
     readings = [_readings(part, key) for key in TESTS[name]]
     if len({len(values) for values in readings}) > 1:

@@ -64,6 +64,7 @@ class Steps:
     figures: Sequence[StepFigures]
     read: Mapping[str, Sequence[Mapping[str, float] | str]]  # by method
     halves: Halves
+    notes: tuple[str, ...]  # how the files were read, where they are not plain
 
 
 def measure_steps(project: Project) -> Steps:
@@ -79,4 +80,4 @@ def measure_steps(project: Project) -> Steps:
     halves = noise_halves(responses[0], readers, DRAWS) if len(responses) < FEWEST else {}
     if halves:  # what was expected is known, so that the error is as unsure as the final value
         halves["figures"]["steady_state_error"] = halves["figures"]["final"]
-    return Steps(responses, figures, read, halves)
+    return Steps(responses, figures, read, halves, tuple(note for trial in trials for note in trial.notes))

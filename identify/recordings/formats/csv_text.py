@@ -1,52 +1,102 @@
-"""Read comma-separated text, fast while it is well formed, and name the first culprit where it is not."""
+"""Read columns of text, fast while they are plain; other dialects are recognized only where that fails."""
 
 from __future__ import annotations
+
+import codecs
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.recordings.dialect import PLAIN, Dialect, find_dialect
+from firmloop.identify.recordings.exports import read_export
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
+
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def read_csv(content: bytes) -> RawTable | Misread:
     """Parse a header line and rows of numbers; blank lines are skipped, line numbers count them."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        return Misread(f"byte {error.start}", "is not text", "save the recording as UTF-8 comma-separated text")
-    if "\0" in text:
-        return Misread(f"byte {text.index(chr(0))}", "is not text", "save the recording as comma-separated text")
+    text, encoding = _decoded(content)
+    if isinstance(text, Misread):
+        return text
     lines = [line.strip() for line in text.split("\n")]
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)
     if not len(numbers):
         return Misread("", "is empty", "write one header line (time_s, then the signals) and one line per sample")
     names = tuple(name.strip().strip('"') for name in lines[numbers[0] - 1].split(","))
-    if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
-        return Misread("the header", "is not separated by commas", "save with ',' between columns and '.' in numbers")
-    if len(numbers) == 1:
-        return Misread("", "has a header but no rows", "write one line per sample below the header")
     rows = [line for line in lines[numbers[0] :] if line]
+    plain = _parsed(names, rows, numbers[1:], PLAIN) if rows else None
+    if isinstance(plain, RawTable) and not all(map(_is_number, names)):
+        return replace(plain, notes=encoding)
+    whole = [line.rstrip("\r") for line in text.split("\n")]
+    found = read_export(whole) or _in_dialect(whole)
+    if isinstance(found, RawTable):
+        return replace(found, notes=(*encoding, *found.notes))
+    if found is not None:
+        return found
+    return plain or Misread("", "has a header but no rows", "write one line per sample below the header")
+
+
+def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
+    """Return the text and what is told of its encoding."""
+    is_text = Misread("", "is not text", "save the recording as UTF-8 comma-separated text")
+    half = content[1:4000:2].count(0), content[0:4000:2].count(0)
+    sixteen = content.startswith(_UTF_16) or max(half) > 0.4 * len(content[1:4000:2]) > 4
     try:
-        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
+        if sixteen:
+            little = content.startswith(codecs.BOM_UTF16_LE) or (content[:2] not in _UTF_16 and half[0] > half[1])
+            text = content.decode("utf-16-le" if little else "utf-16-be").removeprefix("\ufeff")
+        else:
+            text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        text = content.decode("cp1252", errors="replace")
+        if sixteen or any(ord(sign) < 32 and sign not in "\r\n\t" for sign in text) or "\ufffd" in text:
+            return replace(is_text, where=f"byte {error.start}"), ()
+        return text, ("is not UTF-8; its signs beyond ASCII are read as Windows-1252",)
+    if "\0" in text:
+        return replace(is_text, where=f"byte {text.index(chr(0))}"), ()
+    return text, ("is UTF-16 text",) if sixteen else ()
+
+
+def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
+    """Read another dialect, None where none is recognized."""
+    found = find_dialect(lines)
+    if found is None or isinstance(found, Misread):
+        return found
+    numbers = np.array([k + 1 for k in range(found.first, len(lines)) if lines[k].strip()], dtype=np.int64)
+    table = _parsed(found.names, found.plain_rows([lines[number - 1] for number in numbers]), numbers, found)
+    return replace(table, units=found.units, notes=found.notes) if isinstance(table, RawTable) else table
+
+
+def _parsed(
+    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect
+) -> RawTable | Misread:
+    try:
+        values = np.loadtxt(rows, delimiter=dialect.delimiter, comments=None, ndmin=2)
     except ValueError as error:
-        return _culprit(names, rows, numbers[1:], str(error))
+        return _culprit(names, rows, numbers, dialect, str(error))
     if values.shape[1] != len(names):
-        return _culprit(names, rows, numbers[1:], f"{values.shape[1]} values below {len(names)} names")
-    return RawTable(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers[1:])
+        says = f"{values.shape[1]} values below {len(names)} names"
+        return _culprit(names, rows, numbers, dialect, says)
+    return RawTable(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers)
 
 
-def _culprit(names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], says: str) -> Misread:
+def _culprit(
+    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect, says: str
+) -> Misread:
     """Go through the rows one by one until one does not parse; only called when the fast way failed."""
     for number, row in zip(numbers, rows, strict=True):
-        cells = row.split(",")
+        cells = row.split(dialect.delimiter)
+        if tuple(cell.strip().strip('"') for cell in cells) == names:
+            remedy = "split the file there, or delete the line where the clock goes on"
+            return Misread(f"line {number}", "is the header again: the logger started anew", remedy)
         if len(cells) != len(names):
             wrong = f"has {len(cells)} values where the header names {len(names)} columns"
             return Misread(f"line {number}", wrong, "complete the row or delete it")
         for name, cell in zip(names, cells, strict=True):
-            try:
-                float(cell.strip().strip('"').replace("_", "?"))
-            except ValueError:
+            if not _is_number(cell.strip().strip('"')):
                 wrong = f"is {cell.strip()[:40]!r}, not a number" if cell.strip() else "is empty"
                 return Misread(f"line {number}, column {name}", wrong, "write a number with '.' or delete the row")
             if cell.strip().startswith('"'):
@@ -55,4 +105,12 @@ def _culprit(names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64]
     return Misread("", f"cannot be parsed: {says}", "write plain decimal numbers separated by commas")
 
 
-FORMAT = Format((".csv",), read_csv)
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace("_", "?"))
+    except ValueError:
+        return False
+    return True
+
+
+FORMAT = Format((".csv", ".tsv", ".txt", ".lvm"), read_csv)

@@ -21,7 +21,8 @@ def _complaint(capsys: pytest.CaptureFixture[str]) -> str:
     assert said.out == ""
     assert "Traceback" not in said.err
     lines = said.err.splitlines()
-    assert len(lines) == 1 and lines[0].startswith("firmloop: "), said.err
+    assert lines[0].startswith("firmloop: "), said.err
+    assert all(line.startswith("  ") for line in lines[1:]), said.err  # what to paste
     assert len(lines[0]) < 500
     return lines[0]
 
@@ -181,7 +182,7 @@ RECORDINGS: dict[str, tuple[Callable[[str], bytes], tuple[str, ...]]] = {
     "time stands still": (_lines(lambda lines: [*lines[:9], lines[8], *lines[9:]]), ("10", "time_s")),
     "ragged row": (_lines(lambda lines: [*lines[:9], "0.40,1", *lines[10:]]), ("10",)),
     "long row": (_lines(lambda lines: [*lines[:9], "0.40,1,1,1", *lines[10:]]), ("10",)),
-    "semicolons": (lambda text: text.replace(",", ";").encode(), ("','",)),
+    "commas in commas": (lambda text: text.replace(".", ",").encode(), ("decimal commas", ";")),
     "not text": (lambda text: bytes(range(256)) * 9, ("train.csv",)),
     "input that never moves": (
         _lines(lambda lines: [lines[0], *(f"{row * 0.05:.2f},0,0" for row in range(50))]),

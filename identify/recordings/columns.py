@@ -1,0 +1,179 @@
+"""Turn the columns of a file into ours: name, unit, scale, and a counter that wraps."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.printed_units import conversion
+from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.units import carried_unit, unit_of
+
+Array = NDArray[np.float64]
+
+_TIMES = re.compile(r"(?i)(t|time|timestamp|millis|micros|seconds?|x(_value)?)([\s_(\[].*)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """What a column of a file is called by us, and how its numbers become ours.
+
+    A counter is unwrapped first: `wraps` is by how much it falls, as the file counts. Then number * scale + offset is a
+    value in `unit`, as printed, or in the unit that ends `name` where there is none.
+    """
+
+    name: str
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    wraps: float = 0.0
+
+    @property
+    def is_a_name(self) -> bool:
+        """Tell whether the numbers stay as they are."""
+        return self == Column(self.name)
+
+
+@dataclass(frozen=True, slots=True)
+class RowClock:
+    """Rows `period` s apart, the first at `start` s: the time of a file whose time column is missing or rounded."""
+
+    period: float
+    start: float = 0.0
+
+
+def unit_left_out(foreign: str, name: str) -> str:
+    """Return the line to write where `foreign` carries a unit that renaming it to `name` would lose, else nothing."""
+    carried, wanted = carried_unit(foreign), unit_of(name)
+    if not carried or not wanted or _agree(carried, wanted):
+        return ""
+    return rename_line(foreign, name, carried)
+
+
+def rename_line(foreign: str, name: str, unit: str) -> str:
+    """Return a line of [recordings.rename] as TOML."""
+    key = foreign if re.fullmatch(r"[A-Za-z0-9_-]+", foreign) else json.dumps(foreign, ensure_ascii=False)
+    return f"{key} = {{ name = {json.dumps(name)}, unit = {json.dumps(unit, ensure_ascii=False)} }}"
+
+
+def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | None, file: str) -> RawTable:
+    """Return the table with our names and units.
+
+    Raises
+    ------
+    IdentifyError
+        naming both columns where two fit one name, and what is missing or cannot be converted.
+    """
+    rules = [rename.get(name, Column(name)) for name in table.names]
+    names = tuple(rule.name for rule in rules)
+    for position, name in enumerate(names):
+        if not name:
+            raise IdentifyError(f"{file}: column {position + 1} has no name; name every column in the header")
+        if name in names[:position]:
+            first = names.index(name)
+            both = " and ".join(
+                f"{table.names[k]!r} (column {k + 1}{', renamed' if table.names[k] != name else ''})"
+                for k in (first, position)
+            )
+            raise IdentifyError(f"{file}: column {name} stands twice: {both}; rename or delete one of them")
+    units = table.units or ("",) * len(names)
+    notes = list(table.notes)
+    columns = []
+    for rule, foreign, printed, values in zip(rules, table.names, units, table.columns, strict=True):
+        columns.append(_converted(rule, foreign, printed, values, file))
+        if printed and not rule.unit and columns[-1] is not values:
+            notes.append(f"{foreign} is converted from {printed} by its line of units")
+    made = replace(table, names=names, columns=tuple(columns), units=(), notes=tuple(notes))
+    if clock is not None:
+        return _clocked(made, clock)
+    if "time_s" not in names:
+        raise _no_time(table, file)
+    return made
+
+
+def _converted(rule: Column, foreign: str, printed: str, values: Array, file: str) -> Array:
+    """Return a column in the unit of its new name; the same array where nothing changes."""
+    if rule.wraps:
+        values = _unwrapped(values, rule.wraps, rule.name == "time_s")
+    if rule.scale != 1.0 or rule.offset != 0.0:
+        values = values * rule.scale + rule.offset
+    unit = rule.unit or printed
+    if not unit:
+        return values
+    wanted = unit_of(rule.name)
+    if not wanted:
+        if not rule.unit:
+            return values
+        raise IdentifyError(
+            f"{file}: {foreign} is given in {unit}, but its new name {rule.name} ends in no unit; end it in one, "
+            f"such as speed_rad_s"
+        )
+    if not rule.unit and foreign == rule.name:  # a name of ours and a line of units: they have to agree
+        if not _agree(printed, wanted):
+            raise IdentifyError(
+                f"{file}: column {foreign} is named in {wanted}, but the line of units says {printed}; write in the "
+                f"project which it is",
+                f"[recordings.rename]\n{rename_line(foreign, rule.name, printed)}",
+            )
+        return values
+    made = conversion(unit, wanted, f"{file}: column {foreign}")
+    return values if made.changes_nothing else values * made.factor + made.offset
+
+
+def _agree(printed: str, wanted: str) -> bool:
+    try:
+        return conversion(printed, wanted, "").changes_nothing
+    except IdentifyError:
+        return False
+
+
+def _unwrapped(values: Array, wraps: float, is_time: bool) -> Array:
+    """Add `wraps` at each fall of a clock; of a signal, which goes both ways, at each jump of more than half of it."""
+    steps = np.diff(values)
+    turns = -np.floor(steps / wraps) if is_time else -np.round(steps / wraps)
+    return np.asarray(values + wraps * np.concatenate([[0.0], np.cumsum(turns)]))
+
+
+def _clocked(table: RawTable, clock: RowClock) -> RawTable:
+    """Put the clock of the rows in place of a time column."""
+    time = clock.start + clock.period * np.arange(len(table.places))
+    notes = table.notes
+    kept = [k for k, name in enumerate(table.names) if name != "time_s"]
+    if len(kept) < len(table.names):
+        own = table.columns[table.names.index("time_s")]
+        away = float(np.max(np.abs((own - own[0]) - (time - time[0])))) if len(own) else 0.0
+        notes = (*notes, f"time_s is counted by recordings.period_s; the file's own is up to {away:.3g} s away from it")
+    names = ("time_s", *(table.names[k] for k in kept))
+    return replace(table, names=names, columns=(time, *(table.columns[k] for k in kept)), notes=notes)
+
+
+def _no_time(table: RawTable, file: str) -> IdentifyError:
+    """Say that there is no time, and which column may be it."""
+    units = table.units or ("",) * len(table.names)
+    likely = [
+        (name, unit or carried_unit(name))
+        for name, unit in zip(table.names, units, strict=True)
+        if _TIMES.fullmatch(name) or _agree_in_kind(unit or carried_unit(name))
+    ]
+    held = ", ".join(table.names)[:200]
+    message = f"{file}: column time_s is missing; it has {held}; name the time column in [recordings.rename]"
+    if not likely:
+        return IdentifyError(f"{message}, or give the time between rows", "[recordings]\nperiod_s = 0.001")
+    name, unit = likely[0]
+    guess = unit if _agree_in_kind(unit) else "s"
+    return IdentifyError(
+        f"{message}, with the unit it is in", f"[recordings.rename]\n{rename_line(name, 'time_s', guess)}"
+    )
+
+
+def _agree_in_kind(unit: str) -> bool:
+    try:
+        return bool(unit) and conversion(unit, "s", "").factor > 0.0
+    except IdentifyError:
+        return False

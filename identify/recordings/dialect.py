@@ -1,0 +1,194 @@
+"""Recognize how a text file writes its columns: delimiter, decimal mark, header, units, what stands around them.
+
+A file is read in one way or not at all: where two ways fit, that is said. Data are the first three or more lines of
+numbers in a row; the header is the nearest line above with a name for each.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from itertools import islice
+
+from firmloop.identify.printed_units import is_unit
+from firmloop.identify.recordings.table import Misread
+from firmloop.identify.units import carried_unit
+
+_MARKS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+_WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","))
+_FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
+_HIGHEST = 60  # lines between a header and its rows
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
+_NO_UNIT = ("", "-", "none", "1", "#")
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How columns are written; `first` is the index of the first row, `trailing` how many empty cells end each row."""
+
+    delimiter: str
+    decimal: str
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    first: int = 0
+    trailing: int = 0
+    quoted: bool = False
+    notes: tuple[str, ...] = ()
+
+    def plain_rows(self, rows: list[str]) -> list[str]:
+        """Return rows with points in their numbers, without quotes and without empty cells at their ends."""
+        if self.quoted:
+            rows = [self.delimiter.join(_numbers(row, self)) for row in rows]
+        elif self.decimal == ",":
+            rows = "\n".join(rows).replace(",", ".").split("\n")
+        if not self.trailing:
+            return rows
+        end = self.delimiter * self.trailing
+        return [row.rstrip(" ").removesuffix(end) for row in rows]
+
+
+PLAIN = Dialect(",", ".")
+
+
+def find_dialect(lines: list[str]) -> Dialect | Misread | None:
+    """Return how the columns of `lines` are written, what is wrong with them, or None where nothing is recognized."""
+    found = [each for each in (_table(lines, *way) for way in _WAYS) if each is not None]
+    if not found:
+        return None
+    widest = max(found, key=lambda each: len(_cells(lines[each.first], each)))
+    dialect = _with_header(lines, widest)
+    if not isinstance(dialect, Dialect) or dialect.decimal == "." or dialect.quoted:
+        return dialect
+    cells = [cell for row in islice(lines, dialect.first, dialect.first + _MOST) for cell in _cells(row, dialect)]
+    if all(_THOUSANDS.fullmatch(cell) for cell in cells if "," in cell):
+        example = next(cell for cell in cells if "," in cell)
+        remedy = "save the file with points in its numbers and no marks for thousands"
+        return Misread("", f"can be read in two ways: {example} may be a fraction or thousands", remedy)
+    return dialect
+
+
+def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:
+    """Return where rows of at least two numbers begin, None where there are none."""
+    run, width, first, quoted = 0, 0, 0, False
+    for k, line in enumerate(lines):
+        if not line.strip():
+            continue
+        if run == 0 or ('"' in line) != quoted:
+            run, first, quoted = 0, k, '"' in line
+        row = Dialect(delimiter, decimal, quoted=quoted)
+        cells = _numbers(line, row) if delimiter != decimal or quoted else []
+        filled = _filled(cells)
+        if filled < 2 or not all(map(_is_number, cells[:filled])):
+            run = 0
+            continue
+        if run and (len(cells) != width):
+            run, first = 0, k
+        run, width = run + 1, len(cells)
+        if run == _FEWEST:
+            ends = [len(each) - _filled(each) for each in _some_rows(lines, first, row)]
+            return Dialect(delimiter, decimal, first=first, trailing=min(ends), quoted=quoted)
+    return None
+
+
+def _some_rows(lines: list[str], first: int, dialect: Dialect) -> list[list[str]]:
+    rows = (line for line in islice(lines, first, None) if line.strip())
+    return [_cells(line, dialect) for line in islice(rows, _MOST)]
+
+
+def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
+    """Find the names, and the units where a line of them stands below."""
+    width = len(_cells(lines[table.first], table)) - table.trailing
+    above = [k for k in range(table.first - 1, max(-1, table.first - _HIGHEST), -1) if lines[k].strip()]
+    if not above:
+        columns = ", ".join(("time_s", *(f"column_{k}" for k in range(2, width + 1)))[:6])
+        return Misread("", "has no header: its first line holds numbers", f"write one line above, such as {columns}")
+    headers = {k: names for k in above if (names := _names(lines[k], table, width))}
+    if not headers:
+        doubled = any(len(_cells(lines[k], table)) * 2 == width for k in above[:1])
+        if doubled and table.delimiter == ",":
+            wrong = "has twice as many numbers in a row as names: decimal commas between commas"
+            return Misread(f"line {table.first + 1}", wrong, "export it with ; or tabs between columns")
+        return None
+    below, *higher = headers
+    units: tuple[str, ...] = ()
+    if higher and _all_units(headers[below]) and higher[0] == above[above.index(below) + 1]:
+        units = tuple("" if unit in _NO_UNIT else unit for unit in map(_bare, headers[below]))
+        below, *higher = higher
+    if not units and not _tells(headers[below]):
+        below = next((k for k in higher if _tells(headers[k])), below)
+    return Dialect(
+        table.delimiter,
+        table.decimal,
+        headers[below],
+        units,
+        table.first,
+        table.trailing,
+        table.quoted,
+        tuple(_told(lines, table, below, units)),
+    )
+
+
+def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...]) -> list[str]:
+    """Say in what this file is not plain."""
+    marks = f"{_MARKS[table.delimiter]} between columns" if table.delimiter != "," else ""
+    decimal = "decimal commas" if table.decimal == "," else ""
+    told = " and ".join(filter(None, (marks, decimal)))
+    aside = [k for k in range(table.first) if lines[k].strip() and k != header]
+    aside = aside[:-1] if units else aside
+    said = [f"has {told}"] if told else []
+    if units:
+        said.append(f"has a line of units below its header, which is taken: {', '.join(filter(None, units))}")
+    if aside:
+        count = "1 line is" if len(aside) == 1 else f"{len(aside)} lines are"
+        said.append(f"{count} left aside, the header is line {header + 1}: {lines[aside[0]].strip()[:40]!r}")
+    if table.trailing:
+        said.append(f"every line ends with {'a delimiter' if table.trailing == 1 else 'delimiters'}; no column is lost")
+    return said
+
+
+def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
+    """Return the names of a line that has one for each column, else nothing."""
+    cells = [cell.strip() for cell in _cells(line, table)]
+    if len(cells) == width + 1 and cells[-1].lower() == "comment":  # LabVIEW leaves this column empty
+        cells = cells[:-1]
+    if any(cells[width:]) or len(cells) < width or any(_is_number(cell.replace(",", ".")) for cell in cells):
+        return ()
+    names = cells[:width]
+    return tuple(names) if sum(map(bool, names)) >= max(1, width - 1) else ()
+
+
+def _tells(names: tuple[str, ...]) -> bool:
+    return any(name == "time_s" or carried_unit(name) for name in names)
+
+
+def _all_units(names: tuple[str, ...]) -> bool:
+    bare = [_bare(name) for name in names]
+    return any(map(is_unit, bare)) and all(unit in _NO_UNIT or is_unit(unit) for unit in bare)
+
+
+def _bare(unit: str) -> str:
+    return unit.strip().strip("[]()").strip()
+
+
+def _cells(line: str, dialect: Dialect) -> list[str]:
+    if '"' in line:
+        return next(csv.reader([line], delimiter=dialect.delimiter))
+    return line.split(dialect.delimiter)
+
+
+def _numbers(line: str, dialect: Dialect) -> list[str]:
+    cells = _cells(line, dialect) if dialect.quoted or '"' not in line else line.split(dialect.delimiter)
+    return [cell.replace(",", ".") for cell in cells] if dialect.decimal == "," else cells
+
+
+def _filled(cells: list[str]) -> int:
+    return next((k for k in range(len(cells), 0, -1) if cells[k - 1].strip()), 0)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace("_", "?"))
+    except ValueError:
+        return False
+    return True

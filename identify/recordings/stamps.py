@@ -1,0 +1,132 @@
+"""Name the cause of time stamps that do not rise, and a cure that keeps the rows."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.printed_units import conversion
+from firmloop.identify.recordings.columns import Column, rename_line
+from firmloop.identify.recordings.table import RawTable
+
+Array = NDArray[np.float64]
+
+_BITS = (32, 16, 24, 31, 20, 12, 10, 8)
+_SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
+_STRETCH = 20.0  # typical steps a counter may go across its end
+
+
+def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
+    """Refuse time that does not rise.
+
+    `given` is the name that the time column has in the file, and how the project reads it.
+
+    Raises
+    ------
+    IdentifyError
+        naming the row, the cause and the lines to write into the project.
+    """
+    time = table.columns[table.names.index("time_s")]
+    steps = np.diff(time)
+    stuck = np.flatnonzero(steps <= 0.0)
+    if not len(stuck):
+        return
+    k = int(stuck[0])
+    where = f"{file}: {table.place} {table.places[k + 1]}, column time_s"
+    plain = f"{where}: {float(time[k + 1])!r} does not come after {float(time[k])!r} of the row before"
+    falls = steps[steps < 0.0]
+    if len(falls):
+        raise _fallen(time, steps, given, plain, table, k)
+    period = _even_period(time)
+    many = len(stuck) > max(2, _SHARE * len(time))
+    lost = f"{plain}: the time column has lost digits: {len(stuck)} of {len(time)} stamps repeat"
+    if many and period:
+        raise IdentifyError(
+            f"{lost}, but the rows are even, {period:g} s apart. Keep every row and give the period; time_s of the "
+            "file is then left aside",
+            f"[recordings]\nperiod_s = {period!r}\nstart_s = {float(time[0])!r}",
+        )
+    if all(np.all(column[stuck] == column[stuck + 1]) for column in table.columns):
+        raise IdentifyError(f"{plain}: time must rise; {_rows(len(stuck))} written twice, so delete the second of each")
+    if many:
+        raise IdentifyError(
+            f"{lost} with different readings, and the rows are not even, so that no period gives them back; time must "
+            "rise: record it with more digits, or as a counter of microseconds"
+        )
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.001
+    raise IdentifyError(
+        f"{plain}: time must rise; the readings of both rows differ, so that one stamp is wrong: correct it, or give "
+        "the time between rows if they are even",
+        f"[recordings]\nperiod_s = {usual:.6g}",
+    )
+
+
+def _rows(count: int) -> str:
+    return "1 row is" if count == 1 else f"{count} rows are"
+
+
+def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, table: RawTable, k: int) -> IdentifyError:
+    """Tell a counter that wraps from recordings in a row and rows out of order."""
+    foreign, rule = given
+    falls = steps[steps < 0.0]
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else math.inf
+    count = rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)  # s
+    found = _wrap(time, falls, usual, count)
+    if found:
+        size, says = found
+        raw = size / count
+        shown = str(round(raw)) if abs(raw - round(raw)) < 1e-9 * raw else f"{raw:.12g}"
+        kept = f", scale = {rule.scale!r}" if rule.scale != 1.0 else ""
+        line = rename_line(foreign, "time_s", rule.unit or "s").removesuffix(" }")
+        return IdentifyError(
+            f"{plain}: the clock is a counter that wraps: it falls by {-float(falls[0]):.10g} s, and {size:.10g} s is "
+            f"{says}. Sorting would tear the recording; keep every row and say where the counter wraps",
+            f"[recordings.rename]\n{line}{kept}, wraps = {shown} }}",
+        )
+    if all(abs(float(value) - float(time[0])) <= _STRETCH * usual for value in time[1:][steps < 0.0]):
+        return IdentifyError(
+            f"{plain}: time must rise; it begins anew there, so that the file holds {len(falls) + 1} recordings: split "
+            f"it before {table.place} {table.places[k + 1]} and list the parts in [recordings]"
+        )
+    return IdentifyError(
+        f"{plain}: time must rise; it goes back {len(falls)} times, by up to {-float(falls.min()):.4g} s: sort the "
+        "rows by time if the logger has swapped them, or split the file where a second recording begins"
+    )
+
+
+def _wrap(time: Array, falls: Array, usual: float, count: float) -> tuple[float, str] | None:
+    """Return by how much the clock falls, s, where that is a power of two of its ticks, and which one."""
+    for tick, bits in product((count, 1e-6, 1e-3, 1.0, 1e-9), _BITS):
+        size = tick * 2.0**bits
+        across = falls + size
+        near = bool(np.all((across > 0.0) & (across <= _STRETCH * usual))) and usual < 0.25 * size
+        if near and float(time.max() - time.min()) < size * (1.0 + 1e-9):
+            return size, f"2^{bits} ticks of {tick:g} s"
+    return None
+
+
+def _even_period(time: Array) -> float:
+    """Return the period of rows that are even but for the digits their stamps have lost, 0 where they are not.
+
+    Of the periods that the stamps leave room for, it is the one with the fewest digits.
+    """
+    moved = np.diff(time)[np.diff(time) > 0.0]
+    if not len(moved):
+        return 0.0
+    tick = float(moved.min())
+    mean = float(time[-1] - time[0]) / (len(time) - 1)
+    room = tick / (len(time) - 1)
+    for digits in range(1, 13):
+        period = float(f"{mean:.{digits - 1}e}")
+        if abs(period - mean) <= room and _within(time, period, tick):
+            return period
+    return mean if _within(time, mean, tick) else 0.0
+
+
+def _within(time: Array, period: float, tick: float) -> bool:
+    off = (time - time[0]) - period * np.arange(len(time))
+    return float(off.max() - off.min()) <= 1.6 * tick
