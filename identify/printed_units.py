@@ -251,8 +251,8 @@ def _quotients(tokens: Sequence[_Token]) -> tuple[Unit, ...]:
     ways: dict[Unit, None] = {}
     for signs in (all_below, in_turn, nested):
         made = [Unit()]
-        for part, powers in zip(parts, signs, strict=True):
-            for choices, power in zip(part, powers, strict=True):
+        for group, powers in zip(parts, signs, strict=True):
+            for choices, power in zip(group, powers, strict=True):
                 made = [one.times(other, power) for one in made for other in choices][:_MOST_WAYS]
         ways |= dict.fromkeys(made)
     return tuple(ways)

@@ -142,7 +142,7 @@ def _unwrapped(values: Array, wraps: float, is_time: bool) -> Array:
 
 def _clocked(table: RawTable, clock: RowClock) -> RawTable:
     """Put the clock of the rows in place of a time column."""
-    time = clock.start + clock.period * np.arange(len(table.places))
+    time = clock.start + clock.period * np.arange(len(table.places), dtype=np.float64)
     notes = table.notes
     kept = [k for k, name in enumerate(table.names) if name != "time_s"]
     if len(kept) < len(table.names):

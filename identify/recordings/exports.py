@@ -68,9 +68,10 @@ def _labview(lines: list[str]) -> RawTable | Misread:
     ends = [k for k, line in enumerate(lines) if line.startswith("***End_of_Header***")]
     if not ends:
         return Misread("", "is a LabVIEW file whose header does not end", _KEEP)
-    settings = [re.split(r"[\t,;]", line) for line in lines[: ends[-1]]]
+    named = re.search(r"^Separator[\t,;](\w+)", "\n".join(lines[: ends[-1]]), re.MULTILINE)
+    mark = {"Comma": ",", "Semicolon": ";"}.get(named.group(1) if named else "Tab", "\t")
+    settings = [line.split(mark) for line in lines[: ends[-1]]]
     said = {row[0].strip(): row[1].strip() for row in settings if len(row) > 1}
-    mark = {"Comma": ",", "Semicolon": ";"}.get(said.get("Separator", "Tab"), "\t")
     columns, comma = said.get("X_Columns", "One"), said.get("Decimal_Separator", ".") == ","
     body = [(k + 1, line) for k, line in enumerate(lines[ends[-1] + 1 :], ends[-1] + 1) if line.strip()]
     if columns not in ("One", "No") or len(body) < 2:

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 _BITS = (32, 16, 24, 31, 20, 12, 10, 8)
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
+_CHANGES = 10  # of a stamp that say enough of the period
+_LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
 _STRETCH = 20.0  # typical steps a counter may go across its end
 
 
@@ -44,11 +46,13 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
     period = _even_period(time)
     many = len(stuck) > max(2, _SHARE * len(time))
     lost = f"{plain}: the time column has lost digits: {len(stuck)} of {len(time)} stamps repeat"
-    if many and period:
+    if many and period is not None:
+        usual, low, high = period
+        unsure = f" ({low:.4g} to {high:.4g} s by the stamps: write the one that was set)" if high > 1.01 * low else ""
         raise IdentifyError(
-            f"{lost}, but the rows are even, {period:g} s apart. Keep every row and give the period; time_s of the "
-            "file is then left aside",
-            f"[recordings]\nperiod_s = {period!r}\nstart_s = {float(time[0])!r}",
+            f"{lost}, but the rows are even, {usual:g} s apart{unsure}. Keep every row and give the period; time_s of "
+            "the file is then left aside",
+            f"[recordings]\nperiod_s = {usual!r}\nstart_s = {float(time[0])!r}",
         )
     if all(np.all(column[stuck] == column[stuck + 1]) for column in table.columns):
         raise IdentifyError(f"{plain}: time must rise; {_rows(len(stuck))} written twice, so delete the second of each")
@@ -87,7 +91,7 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
             f"{says}. Sorting would tear the recording; keep every row and say where the counter wraps",
             f"[recordings.rename]\n{line}{kept}, wraps = {shown} }}",
         )
-    if all(abs(float(value) - float(time[0])) <= _STRETCH * usual for value in time[1:][steps < 0.0]):
+    if np.all(-falls > 0.5 * (time[:-1][steps < 0.0] - time[0])):
         return IdentifyError(
             f"{plain}: time must rise; it begins anew there, so that the file holds {len(falls) + 1} recordings: split "
             f"it before {table.place} {table.places[k + 1]} and list the parts in [recordings]"
@@ -109,24 +113,28 @@ def _wrap(time: Array, falls: Array, usual: float, count: float) -> tuple[float,
     return None
 
 
-def _even_period(time: Array) -> float:
-    """Return the period of rows that are even but for the digits their stamps have lost, 0 where they are not.
+def _even_period(time: Array) -> tuple[float, float, float] | None:
+    """Return the period of rows that are even but for the digits their stamps have lost, and the range it is in.
 
-    Of the periods that the stamps leave room for, it is the one with the fewest digits.
+    A stamp changes between two rows: of any two changes, the time between them and the rows between them bound the
+    period. Where stamps grow by a digit, those of the longest count. Of all periods in the range it is the one with the
+    fewest digits, as somebody has set it.
     """
-    moved = np.diff(time)[np.diff(time) > 0.0]
-    if not len(moved):
-        return 0.0
-    tick = float(moved.min())
-    mean = float(time[-1] - time[0]) / (len(time) - 1)
-    room = tick / (len(time) - 1)
-    for digits in range(1, 13):
-        period = float(f"{mean:.{digits - 1}e}")
-        if abs(period - mean) <= room and _within(time, period, tick):
-            return period
-    return mean if _within(time, mean, tick) else 0.0
-
-
-def _within(time: Array, period: float, tick: float) -> bool:
-    off = (time - time[0]) - period * np.arange(len(time))
-    return float(off.max() - off.min()) <= 1.6 * tick
+    size = np.floor(np.log10(np.maximum(np.abs(time), 1e-300)))
+    longest = time[size == size.max()]
+    alike = longest if np.sum(np.diff(longest) > 0.0) > _CHANGES else time
+    changes = np.flatnonzero(np.diff(alike) > 0.0) + 1
+    if len(changes) < 2:
+        return None
+    moved, rows = alike[changes[1:]] - alike[changes[0]], changes[1:] - changes[0]
+    slack = 4.0 * float(np.spacing(np.abs(time).max()))
+    low = float(np.max((moved - slack) / (rows + 1)))
+    bounded = rows > 1
+    high = float(np.min((moved + slack)[bounded] / (rows[bounded] - 1))) if np.any(bounded) else 2.0 * low
+    tick = float(np.diff(alike)[changes - 1].min())
+    middle = 0.5 * (low + high)
+    nice = (float(f"{middle:.{digits}e}") for digits in range(13))
+    period = next((one for one in nice if low <= one <= high), middle)
+    off = time - time[0] - period * np.arange(len(time))
+    even = low <= high and float(off.max() - off.min()) <= _LOOSE * tick
+    return (period, low, high) if even else None
