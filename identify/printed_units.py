@@ -232,7 +232,7 @@ def _spelled(text: str) -> str:
         plain = unicodedata.normalize("NFKC", plain)
     plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", plain).replace(" per ", "/")
     plain = re.sub(r"(?<![^\W\d_])(?:r|U|t)(?=/(?:min|s))", "rev", plain)
-    plain = re.sub(r"(?:\b[xX]\s*|\*\s*)?(?<![\w.])10\^?\(?([-+]\d+)\)?|\b[xX]\s*10\^?(\d+)", r"1e\1\2 ", plain)
+    plain = re.sub(r"(?:(?<![\w.])[xX]\s*|\*\s*|(?<![\w.]))10\^?\(?([-+]\d+)\)?", r"*1e\1 ", plain)
     plain = re.sub(r"(?<=[^\W_])\.(?=[^\W\d_])", "*", plain)
     return re.sub(r"(?<=[^\W\d_])\.", "", plain).replace("sqrt", "\u221a").strip()
 
@@ -323,7 +323,7 @@ def _word(word: str, power: float, symbols: int) -> Iterator[Unit]:
     """Yield every way to read a word: one symbol, or symbols run together, of which the last has the power."""
     whole = _symbol(word)
     yield from (one if power == 1.0 else Unit().times(one, power) for one in whole)
-    if whole or symbols == 1:
+    if symbols == 1 or (whole and symbols == _MOST_SYMBOLS):  # mN is no m*N, but Nms is N*ms or N*m*s
         return
     for cut in range(1, len(word)):
         for one in _symbol(word[:cut]):
