@@ -47,9 +47,18 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
     "[recordings]": {
         "train": "files that are fitted; paths are relative to the project file",
         "test": "files that are only scored, never fitted",
-        "rename": "table: a file's column name = the name firmloop uses, for every file",
+        "rename": "table: a file's column name = the name firmloop uses, or a table, see below; for every file",
         "conditioning": "table, see below",
         "hold": '`"zero_order"` (default: the input of a row is held until the next row), `"linear"`, `"band_limited"`',
+        "period_s": "time between two rows, s, where the file has no time column or its stamps are rounded",
+        "start_s": "time of the first row, s, with `period_s` (default 0)",
+    },
+    "[recordings.rename] COLUMN = { ... }": {
+        "name": "the name firmloop uses; it ends in the unit of the values",
+        "unit": "unit of the column as a maker prints it: `rpm`, `ms`, `mA`, `oz-in`; converted to that of the name",
+        "scale": "factor of the column's numbers, before `unit` (default 1)",
+        "offset": "what is added after `scale`, in `unit` (default 0)",
+        "wraps": "by how much a counter falls when it starts anew, in the column's own numbers: 4294967296, 65536",
     },
     "[recordings.conditioning]": {
         "remove_offset": "signals that lose their mean; an input loses it before it drives the model",
@@ -125,11 +134,20 @@ AFTER = {
 
 ```toml
 [recordings.rename]
-t = "time_s"
 motor_voltage = "voltage_V"
+t_us = { name = "time_s", unit = "us", wraps = 4294967296 }
+rpm = { name = "speed_rad_s", unit = "rpm" }
+adc = { name = "current_A", unit = "mA", scale = 0.8, offset = -1650 }
 ```
 
-`rename` changes the name only, not the numbers: values must already be in the unit that ends the new name.""",
+A plain name changes the name only, not the numbers. A column whose own name carries another unit (`t_ms`,
+`Speed [rpm]`) cannot be renamed plainly: the complaint shows the line to write. A counter is unwrapped first; then
+number * scale + offset is a value in `unit`.
+
+Text files may have commas, semicolons or tabs between columns, decimal commas, a line of units, lines before the
+header, a delimiter at every line's end, a byte order mark, or UTF-16. Exports of Tektronix, Rigol, Siglent and Saleae
+and LabVIEW's `.lvm` are read too. What is not plain is told in a note; a file that can be read in two ways is
+refused.""",
     "[[plant.effects]] PARAMETER = { ... }": """An entry has `name`, the parameters of that
 [effect](effects.md), and for sensor effects `output` (which reading it acts on; default: the first).
 A bare number is a fixed value:
@@ -196,6 +214,7 @@ def _known_keys() -> Mapping[str, tuple[str, ...]]:
     asked: Mapping[str, Callable[[], object]] = {
         "Top level": lambda: _read(spare),
         "[recordings]": lambda: _read(f"[recordings]\n{spare}"),
+        "[recordings.rename] COLUMN = { ... }": lambda: _read(f"[recordings.rename]\nrpm = {{ {NO_KEY} = 1 }}\n"),
         "[recordings.conditioning]": lambda: conditioning_from_table({NO_KEY: 1}),
         "[plant]": lambda: _read(f"[plant]\n{spare}"),
         '[plant] with kind = "ode"': lambda: _read(f'[plant]\nkind = "ode"\n{spare}'),

@@ -25,7 +25,9 @@ MAY_IMPORT = {
 # Inside a package, low to high: what stands beside one another imports nothing of its own floor's other rooms.
 ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "identify": (
-        ("error", "extras", "normal", "signal", "units"),
+        ("error", "extras", "normal", "signal"),
+        ("printed_units",),
+        ("units",),
         ("plants",),
         ("recordings",),
         ("simulation",),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from firmloop import console
+from firmloop.cli import main
 
 PROJECT = """\
 schema = 1
@@ -79,3 +82,29 @@ def project(tmp_path: Path, recorded_files: dict[str, str]) -> Path:
     path = folder / "tank_heater.toml"
     path.write_text(PROJECT)
     return path
+
+
+@pytest.fixture
+def bench(project: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, dict[str, np.ndarray], str]]:
+    """Read a file by a project with more lines in [recordings]; return status, columns and what was said."""
+
+    def read(content: str | bytes, lines: str = "", name: str = "r.csv") -> tuple[int, dict[str, np.ndarray], str]:
+        file = project.parent / name
+        file.write_bytes(content.encode() if isinstance(content, str) else content)
+        given = project.with_name("given.toml")
+        given.write_text(project.read_text().replace("\n[plant]\n", f"\n{lines}\n[plant]\n", 1))
+        out = project.parent / "out.csv"
+        out.unlink(missing_ok=True)
+        capsys.readouterr()
+        status = main(["simulate", str(given), str(file), "--out", str(out)])
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        if status:
+            assert not out.exists()
+            return status, {}, said.err
+        with out.open() as stream:
+            head, *rows = csv.reader(stream)
+        columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
+        return status, columns, said.out
+
+    return read

@@ -67,6 +67,55 @@ def test_datasheet_makes_a_plant(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["simulate", str(out / "project.toml"), str(recording), "--out", str(made)]) == 0
 
 
+@pytest.mark.parametrize(
+    "printed", ["1.92 mV*min", "1.92 mV/min^-1", "1.92 mV/min⁻¹", "1.92 V/krpm", "1.92 mV/(1/min)"]
+)
+def test_datasheet_counts_a_speed_in_turns(printed: str, tmp_path: Path) -> None:
+    text = (
+        'schema = 1\nname = "motor"\n[datasheet]\nterminal_resistance = "8.4 Ω"\nterminal_inductance = "310 μH"\n'
+        f'back_emf_constant = "{printed}"\nrotor_inertia = "6.4 gcm²"\ndamping = "2.1 µNms"\n'
+    )
+    assert main(["datasheet", str(_file(tmp_path, text)), "--out", str(tmp_path / "out")]) == 0
+    found = tomllib.loads((tmp_path / "out" / "project.toml").read_text())["plant"]["parameters"]
+    values = {name: entry["value"] for name, entry in found.items()}
+    assert values == pytest.approx(
+        {
+            "R_ohm": 8.4,
+            "L_H": 310e-6,
+            "ke_V_s_rad": 1.92e-3 * 60 / (2 * math.pi),
+            "kt_N_m_A": 1.92e-3 * 60 / (2 * math.pi),
+            "J_kg_m2": 6.4e-7,
+            "b_N_m_s_rad": 2.1e-6,
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("figure", "slip"),
+    [
+        ('back_emf_constant = "1.424 mV*s/rad"', "60/(2 pi), as between rpm and rad/s"),  # printed in mV/rpm
+        ('speed_constant = "702 rad/s/V"', "60/(2 pi)"),
+        ('torque_constant = "13.6 N*m/A"\nback_emf_constant = "13.6 mV*s/rad"', "1000"),
+        ('back_emf_constant = "0.0192 V*s/rad"', "sqrt(2), as between peak and rms"),
+    ],
+)
+def test_datasheet_says_which_unit_would_explain_a_contradiction(
+    figure: str, slip: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = "" if "torque_constant" in figure else 'torque_constant = "13.6 mN*m/A"\n'
+    text = f'schema = 1\nname = "motor"\n[datasheet]\n{kept}{figure}\n'
+    assert main(["datasheet", str(_file(tmp_path, text)), "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().out
+    assert f"a factor of {slip}" in said and "check the units" in said
+
+
+def test_datasheet_names_no_unit_where_none_explains_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = SHEET.replace('"13.6 mN*m/A"', '"13.6 mN*m/A"\nspeed_constant = "900 rpm/V"')
+    assert main(["datasheet", str(_file(tmp_path, text)), "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().out
+    assert "CONTRADICTION" in said and "check the units" not in said
+
+
 def test_datasheet_names_two_figures_that_contradict_each_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

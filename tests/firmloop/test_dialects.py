@@ -1,0 +1,183 @@
+"""Files as loggers, scopes and spreadsheets write them are read as they are meant, or refused with the cure."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.firmloop.plain_file import HEADER, HEAT, PLAIN, ROWS, TIME, VOLT, alike, rows_of
+
+
+def comma(text: str) -> str:
+    """The same numbers, as a continental spreadsheet writes them."""
+    return text.replace(",", ";").replace(".", ",")
+
+
+UNITS = "\n".join(["time_s;voltage_V;temperature_C", "s;V;°C", *ROWS, ""]).replace(",", ";")
+DIALECTS: dict[str, tuple[str | bytes, str]] = {
+    "semicolons": (PLAIN.replace(",", ";"), "semicolons"),
+    "semicolons and decimal commas": (comma(PLAIN), "decimal commas"),
+    "tabs": (PLAIN.replace(",", "\t"), "tabs"),
+    "tabs and decimal commas": (comma(PLAIN).replace(";", "\t"), "decimal commas"),
+    "quoted decimal commas": (
+        "\n".join([HEADER, *(",".join(f'"{x.replace(".", ",")}"' for x in row.split(",")) for row in ROWS)]),
+        "decimal commas",
+    ),
+    "a line of units": (UNITS, "line of units"),
+    "units in brackets": (PLAIN.replace(HEADER, f"{HEADER}\n[s],[V],[°C]"), "line of units"),
+    "a boot line": (f"Booting v1.2\n{PLAIN}", "1 line is left aside, the header is line 2"),
+    "boot lines with commas": (f"rst:0x1,boot:0x13\nload:0x3fff,len:4\n\n{PLAIN}", "2 lines are left aside"),
+    "boot line with as many commas": (f"logger,v1.2,bench\n{PLAIN}", "the header is line 2"),
+    "a comment with the date": (f"# 2024-05-01 12:00:00, bench 3\n{PLAIN}", "left aside"),
+    "a word below the header": (PLAIN.replace(HEADER, f"{HEADER}\nReady"), "left aside"),
+    "comma at every end": (PLAIN.replace("\n", ",\n"), "every line ends with a delimiter"),
+    "comma at the ends of rows only": ("\n".join([HEADER, *(f"{row}," for row in ROWS)]), "ends with a delimiter"),
+    "two commas at every end": (PLAIN.replace("\n", ",,\n"), "delimiters"),
+    "semicolon at every end": (comma(PLAIN).replace("\n", ";\n"), "ends with a delimiter"),
+    "tab at every end": (PLAIN.replace(",", "\t").replace("\n", "\t\n"), "ends with a delimiter"),
+    "UTF-16": (PLAIN.encode("utf-16"), "UTF-16"),
+    "UTF-16, big end first": (b"\xfe\xff" + PLAIN.encode("utf-16-be"), "UTF-16"),
+    "UTF-16 without its mark": (PLAIN.encode("utf-16-le"), "UTF-16"),
+    "BOM, semicolons and a line of units": ("\ufeff" + UNITS, "line of units"),
+    "Windows-1252": (UNITS.encode("cp1252"), "Windows-1252"),
+    "CRLF, tabs": (PLAIN.replace(",", "\t").replace("\n", "\r\n"), "tabs"),
+}
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_dialect_reads_like_the_plain_file_and_is_told(dialect: str, bench: Callable[..., tuple]) -> None:
+    content, told = DIALECTS[dialect]
+    status, columns, said = bench(content)
+    assert status == 0, said
+    alike(columns)
+    (note,) = [line for line in said.splitlines() if told in line]
+    assert note.startswith("note: r.csv ")
+
+
+def test_a_packed_dialect_reads_alike(bench: Callable[..., tuple]) -> None:
+    status, columns, _ = bench(gzip.compress(comma(PLAIN).encode()), name="r.csv.gz")
+    assert status == 0
+    alike(columns)
+
+
+def test_a_plain_file_is_read_without_a_note(bench: Callable[..., tuple]) -> None:
+    status, columns, said = bench(PLAIN)
+    assert status == 0 and "note" not in said
+    alike(columns)
+
+
+LVM = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t{decimal}\n"
+    "Multi_Headings\tYes\nX_Columns\t{columns}\nTime_Pref\tRelative\n***End_of_Header***\t\n\t\n"
+    "Channels\t2\t\t\nSamples\t60\t60\t\nX_Dimension\tTime\tTime\t\nX0\t0\t0\t\nDelta_X\t0.05\t0.05\t\n"
+    "***End_of_Header***\t\t\t\nX_Value\tVolt\tHeat\tComment\n"
+)
+EXPORTS: dict[str, tuple[str, str, str]] = {  # file, [recordings.rename], what is told
+    "Tektronix TDS": (
+        "\n".join(
+            f"{head},{t:.9g},{u:.9g},"
+            for head, t, u in zip(
+                ["Record Length,60,", "Sample Interval,0.05,", "Source,CH1,", *[",,"] * 57], TIME, VOLT, strict=True
+            )
+        ),
+        'CH1 = "voltage_V"',
+        "Tektronix",
+    ),
+    "Tektronix MSO": (
+        "Model,MSO54\nFirmware Version,1.28\n\nHorizontal Units,s\nSample Interval,0.05\nLabels,,\nTIME,CH1\n"
+        + "\n".join(rows_of(TIME, VOLT)),
+        'TIME = "time_s"\nCH1 = "voltage_V"',
+        "the header is line 7",
+    ),
+    "Rigol DS1000": (
+        "X,CH1,CH2,Start,Increment,\nSequence,VOLT,VOLT,0,5.0e-2,\n"
+        + "\n".join(rows_of(np.arange(60), VOLT, HEAT, end=",")),
+        'CH1 = "voltage_V"',
+        "Rigol",
+    ),
+    "Rigol DS1000Z": (
+        "X,CH1,Start,Increment,\nSequence,Volt,0.0,5.0e-2,\n" + "\n".join(rows_of(np.arange(60), VOLT, end=",,")),
+        'X = "time_s"\nCH1 = "voltage_V"',
+        "Rigol",
+    ),
+    "Rigol MSO5000": (
+        "CH1V,CH2V,t0 =0.0, tInc = 5.0e-2,\n" + "\n".join(rows_of(VOLT, HEAT, end=",")),
+        'CH1V = "voltage_V"',
+        "Rigol",
+    ),
+    "Siglent": (
+        "Record Length,Analog:60\nSample Interval(s),5.0e-2\nVertical Scale,CH1:1.00\nSource,CH1\nSecond,Volt\n"
+        + "\n".join(rows_of(TIME, VOLT)),
+        'Source = "time_s"\nCH1 = "voltage_V"',
+        "line of units",
+    ),
+    "Saleae": (
+        "Time [s],Channel 0\n" + "\n".join(rows_of(TIME, VOLT)),
+        '"Time [s]" = "time_s"\n"Channel 0" = "voltage_V"',
+        "",
+    ),
+    "LabVIEW": (
+        LVM.format(decimal=".", columns="One") + "\n".join(rows_of(TIME, VOLT, HEAT, mark="\t")),
+        'Volt = "voltage_V"',
+        "LabVIEW",
+    ),
+    "LabVIEW, decimal commas": (
+        LVM.format(decimal=",", columns="One") + "\n".join(rows_of(TIME, VOLT, HEAT, mark="\t")).replace(".", ","),
+        'Volt = "voltage_V"',
+        "LabVIEW",
+    ),
+    "LabVIEW without X": (
+        LVM.format(decimal=".", columns="No").replace("X_Value\t", "") + "\n".join(rows_of(VOLT, HEAT, mark="\t")),
+        'Volt = "voltage_V"',
+        "LabVIEW",
+    ),
+}
+
+
+@pytest.mark.parametrize("maker", EXPORTS)
+def test_an_instruments_export_reads_like_the_plain_file(maker: str, bench: Callable[..., tuple]) -> None:
+    content, rename, told = EXPORTS[maker]
+    name = "r.lvm" if maker.startswith("LabVIEW") else "r.csv"
+    status, columns, said = bench(content, f"[recordings.rename]\n{rename}", name)
+    assert status == 0, said
+    names = {line.split(" = ")[1].strip('"'): line.split(" = ")[0].strip('"') for line in rename.splitlines()}
+    alike(columns, time="time_s" if "time_s" in columns else names["time_s"], volt=names["voltage_V"])
+    assert told in said
+
+
+REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
+    "decimal commas between commas": (PLAIN.replace(".", ","), ("decimal commas", ";")),
+    "thousands or fractions": (
+        "time_s;voltage_V;a_V\n" + "\n".join(f"{k};1,{k + 100};2,{k + 200}" for k in range(40)),
+        ("two ways", "1,100", "thousands"),
+    ),
+    "no header": ("\n".join(ROWS), ("has no header", "time_s, column_2, column_3")),
+    "no header, semicolons": ("\n".join(ROWS).replace(",", ";"), ("has no header",)),
+    "header again in the middle": ("\n".join([HEADER, *ROWS[:30], HEADER, *ROWS[30:]]), ("line 32", "header again")),
+    "semicolons, one row short": (
+        PLAIN.replace(",", ";").replace(ROWS[40].replace(",", ";"), "2.0;1"),
+        ("line 42", "2 values"),
+    ),
+    "a name in other units than its line of units": (
+        PLAIN.replace(HEADER, f"{HEADER}\nms,V,°C"),
+        ("time_s is named in s", "ms", 'time_s = { name = "time_s", unit = "ms" }'),
+    ),
+    "foreign time": (PLAIN.replace("time_s", "Time (ms)"), ('"Time (ms)" = { name = "time_s", unit = "ms" }',)),
+    "LabVIEW with a time each": (
+        LVM.format(decimal=".", columns="Multi") + "\n".join(ROWS),
+        ("a time column for each",),
+    ),
+    "UTF-16 cut in the middle of a sign": (PLAIN.encode("utf-16")[:-1], ("is not text",)),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_fits_two_ways_or_none_is_refused_with_the_cure(case: str, bench: Callable[..., tuple]) -> None:
+    content, words = REFUSED[case]
+    status, _, said = bench(content)
+    assert status == 2
+    for word in words:
+        assert word in said, said
