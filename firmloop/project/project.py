@@ -10,6 +10,8 @@ from pathlib import Path
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.names import check_identifier
 from firmloop.codegen.target import target_names
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.printed_units import conversion, is_unit
 from firmloop.identify.signal import Signal
 from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, Table, read_table
@@ -176,13 +178,24 @@ def require(project: Project, *parts: str) -> None:
 
 
 def same_unit(one: str, other: str) -> bool:
-    """Tell whether two spellings mean the same unit: rad/s and rad_s, N*m and N_m, 1 and norm."""
+    """Tell whether two spellings mean the same unit: rad/s and rad_s, N*m, Nm and N_m, 1 and norm."""
 
     def plain(unit: str) -> str:
         word = re.sub(r"[^A-Za-z0-9%]+", "_", unit.replace("^", "")).strip("_")
         return "1" if word in ("", "norm", "ratio", "pu") else word
 
-    return plain(one) == plain(other)
+    return plain(one) == plain(other) or unit_times(one, other) == 1.0
+
+
+def unit_times(one: str, other: str) -> float | None:
+    """Return how many of the unit `other` one of `one` is; None where they are not of one kind, or one is unknown."""
+    if not is_unit(one) or not is_unit(other):
+        return None
+    try:
+        made = conversion(one, other, "")
+    except IdentifyError:
+        return None
+    return float(f"{made.factor:.12g}") if made.offset == 0.0 else None
 
 
 def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> None:
@@ -201,8 +214,11 @@ def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> 
     ]
     for signal, wire in meets:
         if wire.unit and not same_unit(signal.unit, wire.unit):  # a name such as tacho tells no unit
+            times = unit_times(signal.unit, wire.unit)
+            hint = f" (1 {signal.unit} is {times:.6g} {wire.unit})" if times else ""
             raise table.wrong(
-                signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {wire.unit!r}; use one unit"
+                signal.name,
+                f"is in {signal.unit!r} but the plant's {wire.name} is in {wire.unit!r}{hint}; use one unit",
             )
 
 
