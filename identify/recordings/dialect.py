@@ -173,7 +173,10 @@ def _bare(unit: str) -> str:
 
 def _cells(line: str, dialect: Dialect) -> list[str]:
     if '"' in line:
-        return next(csv.reader([line], delimiter=dialect.delimiter))
+        try:
+            return next(csv.reader([line.strip(" \r")], delimiter=dialect.delimiter))
+        except csv.Error:  # a return inside of the line, or a cell without end
+            return [line]
     return line.split(dialect.delimiter)
 
 

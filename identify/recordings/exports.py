@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +18,13 @@ _KEEP = "export it again, or save one header line and one line per sample"
 def read_export(lines: list[str]) -> RawTable | Misread | None:
     """Return the table of a known instrument, None where its signature is not there."""
     first = next((line for line in lines if line.strip()), "")
-    if first.startswith("Record Length,") and len(first.split(",")) >= 5:
-        return _tektronix(lines)
-    if re.match(r"X,.*Increment", first):
-        return _rigol(lines)
-    if re.search(r"t0\s*=.*tInc\s*=", first):
-        return _rigol_even(lines)
-    if first.startswith("LabVIEW Measurement"):
-        return _labview(lines)
-    return None
+    reader = next((read for signature, read in _READERS if re.match(signature, first)), None)
+    if reader is None:
+        return None
+    try:
+        return reader(lines)
+    except (ValueError, IndexError):
+        return Misread("", "is an instrument's export whose header or numbers are damaged", _KEEP)
 
 
 def _tektronix(lines: list[str]) -> RawTable | Misread:
@@ -40,11 +39,8 @@ def _rigol(lines: list[str]) -> RawTable | Misread:
     """Count time from the start and increment that stand in the second line."""
     (_, head), (_, settings), *rest = ((k + 1, line.split(",")) for k, line in enumerate(lines) if line.strip())
     names = [name.strip() for name in head]
+    start, step = (float(settings[names.index(key)]) for key in ("Start", "Increment"))
     width = next(k for k, name in enumerate(names) if name in ("Start", "Increment", ""))
-    try:
-        start, step = (float(settings[names.index(key)]) for key in ("Start", "Increment"))
-    except (ValueError, IndexError):
-        return Misread("line 2", "does not hold the start and increment of a Rigol export", _KEEP)
     rows = [(place, ",".join(row[:width])) for place, row in rest]
     said = f"is a Rigol export; time_s is {start:g} s and {step:g} s a row"
     return _columns(("time_s", *names[1:width]), rows, said, start, step)
@@ -98,10 +94,17 @@ def _columns(
         cells = row.split(",")
         if len(cells) != len(names):
             return Misread(f"line {place}", f"has {len(cells)} values for {len(names)} columns", _KEEP)
-    try:
-        values = np.loadtxt([row for _, row in rows], delimiter=",", comments=None, ndmin=2)
-    except ValueError as error:
-        return Misread("", f"cannot be parsed: {str(error)[:120]}", _KEEP)
+    if not rows:
+        return Misread("", "holds a header but no rows", _KEEP)
+    values = np.loadtxt([row for _, row in rows], delimiter=",", comments=None, ndmin=2)
     time = values[:, 0] if (start, step) == (0.0, 1.0) else start + step * values[:, 0]
     columns = (np.ascontiguousarray(time), *(np.ascontiguousarray(column) for column in values.T[1:]))
     return RawTable(names, columns, "line", np.array([place for place, _ in rows], dtype=np.int64), (), (told,))
+
+
+_READERS: tuple[tuple[str, Callable[[list[str]], RawTable | Misread]], ...] = (
+    (r"Record Length,.*,.*,.*,", _tektronix),
+    (r"X,.*Increment", _rigol),
+    (r".*t0\s*=.*tInc\s*=", _rigol_even),
+    (r"LabVIEW Measurement", _labview),
+)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable
+from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
 
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.recordings.columns import Column
+from firmloop.identify.recordings.recording import read_recording
 from tests.firmloop.plain_file import HEADER, HEAT, PLAIN, ROWS, TIME, VOLT, alike, rows_of
 
 
@@ -181,3 +186,30 @@ def test_what_fits_two_ways_or_none_is_refused_with_the_cure(case: str, bench: C
     assert status == 2
     for word in words:
         assert word in said, said
+
+
+def test_damaged_files_are_read_or_refused_but_break_nothing(tmp_path: Path) -> None:
+    random = Random(7)
+    seeds = [each[0] for cases in (DIALECTS, EXPORTS, REFUSED) for each in cases.values()]
+    read = 0
+    for _ in range(600):
+        content = bytearray(seed.encode() if isinstance(seed := random.choice(seeds), str) else seed)
+        for _ in range(random.randint(1, 6)):
+            at = random.randrange(len(content) + 1)
+            change = random.randrange(4)
+            if change == 0:
+                content[at : at + 1] = random.choice(
+                    [b",", b";", b"\t", b'"', b"\n", b"\r", b"\x00", b"\xff", b"e", b"["]
+                )
+            elif change == 1:
+                del content[at : at + random.randint(1, 40)]
+            elif change == 2:
+                content[at:at] = content[at // 2 : at // 2 + random.randint(1, 60)]
+            else:
+                del content[at:]
+        (tmp_path / "r.csv").write_bytes(bytes(content))
+        try:
+            read += len(read_recording(tmp_path / "r.csv", {"TIME": Column("time_s")}).time) >= 3
+        except IdentifyError as refused:
+            assert str(tmp_path) in str(refused)
+    assert read > 10
