@@ -70,8 +70,7 @@ def recorded(volts: Array, random: np.random.Generator) -> str:
     current, speed = read(np.array(states), random).T
     lines = ["time_s,voltage_V,speed_rad_s,current_A"]
     lines += [
-        f"{PERIOD * k:.4f},{u:g},{w:g},{i:.5g}"
-        for k, (u, w, i) in enumerate(zip(volts, speed, current, strict=True))
+        f"{PERIOD * k:.4f},{u:g},{w:g},{i:.5g}" for k, (u, w, i) in enumerate(zip(volts, speed, current, strict=True))
     ]
     return "\n".join([*lines, ""])
 
