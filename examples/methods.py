@@ -66,6 +66,6 @@ L3510 = (
 def rows(own: tuple[tuple[str, str], ...]) -> list[Row]:
     """Return one row a method."""
     return [
-        Row(OFFERED, name, "used or proposed", ours, True, "what firmloop offers for it")
+        Row(OFFERED, name, "used or proposed", ours, "offered", "what firmloop offers for it")
         for name, ours in (*SHARED, *own)
     ]
