@@ -18,7 +18,7 @@ REPRODUCED, NOT_REPRODUCED, STATED = "reproduced", "not reproduced", "stated, no
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One published figure; `ours` is what `computed` gave: from the study's stated inputs, or from the simulated motor.
+    """One published figure; `ours` is what `computed` gave, from the study's stated inputs or the simulated motor.
 
     A row without a computation has no verdict on the figure: it is stated, and cannot be checked.
     """

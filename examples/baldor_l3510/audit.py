@@ -28,17 +28,21 @@ def rows() -> list[Row]:
     return [*figures, *methods.rows(methods.L3510)]
 
 
-def report() -> str:
-    """Write the whole report."""
+def notes() -> list[str]:
+    """Say what stands behind the simulated motor."""
     value, friction = circuit()
     name, share = datasheet_rows.worst_fitted()
     found = ", ".join(f"{name} {value[name]:.2g}" for name in CIRCUIT.split())
-    notes = [
+    return [
         f"Motor nearest to the datasheet (double revolving field, least squares): {found}, friction {friction:.0f} W. "
         f"It misses single figures of the datasheet by up to {share:.0%} ({name}).",
         f"Inertia with which its simulated start settles in 0.85 s: {inertia_of_start():.3f} kg m^2.",
     ]
-    return document("Audit: first- and second-order models of the Baldor L3510", notes, rows())
+
+
+def report() -> str:
+    """Write the whole report."""
+    return document("Audit: first- and second-order models of the Baldor L3510", notes(), rows())
 
 
 def figures(folder: Path) -> Sequence[str]:

@@ -95,12 +95,19 @@ def _taken_over() -> list[Row]:
         stated("table 1", figure, printed, "not in figure 1; of a page of the datasheet that the study does not show")
         for figure, printed in study.UNSEEN.items()
     ]
-    why = "figure 1's own load point of 100 %"
+    whole, share = study.POWER / study.VOLTS, full["efficiency"] / 100
+    why = "1 hp from 115 V with the other figures of figure 1's load point of 100 %"
     made += [
-        compared("table 1", "rated current", "12.5", "A", lambda: full["amperes"], why),
-        compared("table 1", "rotor speed", "1750", "rpm", lambda: full["speed"], why),
-        compared("table 1", "power factor", "69", "%", lambda: full["power factor"], why),
-        compared("table 1", "efficiency", "74", "%", lambda: full["efficiency"], f"{why}; 74 is its NEMA nominal"),
+        compared("table 1", "rated current", "12.5", "A", lambda: 100 * whole / full["power factor"] / share, why),
+        compared("table 1", "power factor", "69", "%", lambda: 100 * whole / full["amperes"] / share, why),
+        compared(
+            "table 1",
+            "efficiency",
+            "74",
+            "%",
+            lambda: 1e4 * whole / full["amperes"] / full["power factor"],
+            f"{why}; 74 is its NEMA nominal",
+        ),
         compared(
             "fig. 1",
             "service-factor amperes at 230 V",

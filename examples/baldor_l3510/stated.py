@@ -38,6 +38,7 @@ NUMERATOR, MIDDLE, LAST = 28.4, 9.6, 36.0  # of G2 = NUMERATOR/(s^2 + MIDDLE s +
 STEADY_SPEED, SETTLED, SIMULATED = 183.3, 0.85, 0.82  # rad/s, s: "measured"; s, of G1
 RMSE = {"first order": 4.32, "second order": 2.28, "prior work": 9.75}  # rad/s, table 2
 SETTLING_ERROR = {"first order": 3.5, "second order": 1.8, "prior work": 12.7}  # %, table 2
+GAIN_ERROR = {"first order": 1.9, "second order": 0.7, "prior work": 5.3}  # %, table 2
 DRIFT = 0.00393  # 1/K, copper's resistance with temperature
 
 # Table 1: what it computes, and with what.
@@ -47,6 +48,7 @@ L_AUX, K_E, K_T, J_USED, B, TAU_M, TORQUE = 1.25e-3, 0.61, 0.326, 0.00855, 0.021
 TAKEN = {
     "input voltage": "115/230 V",
     "frequency": "60 Hz",
+    "rotor speed": "1750 rpm",
     "starting current": "85.3 A",
     "no-load current": "9.53 A",
     "main winding resistance": "0.525 ohm",
