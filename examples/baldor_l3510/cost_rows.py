@@ -50,4 +50,4 @@ def _instructions(name: str) -> int:
     verdict = verify(law, program, bundle, load_target(TARGET), (), STEPS, 1, None, lambda share, label: None)
     if not verdict.agrees or verdict.cost.instructions_max is None:
         raise LinkError(f"{name} differs from its reference")
-    return verdict.cost.instructions_max
+    return int(verdict.cost.instructions_max)

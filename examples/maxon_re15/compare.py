@@ -138,7 +138,7 @@ def _instructions(law: Law, program: Program) -> int:
     verdict = verify(law, program, bundle, load_target(TARGET_NAME), (), STEPS, 1, None, lambda share, label: None)
     if not verdict.agrees or verdict.cost.instructions_max is None:
         raise LinkError(f"{program.name} differs from its reference")
-    return verdict.cost.instructions_max
+    return int(verdict.cost.instructions_max)
 
 
 def open_and_closed() -> list[tuple[str, Figures]]:
