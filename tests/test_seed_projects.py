@@ -21,6 +21,18 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 PROJECTS = ("maxon_re15/re15", "maxon_re15/re15_first_order", "baldor_l3510/l3510_g1", "baldor_l3510/l3510_g2")
 
 
+def figures_in(row: str) -> list[float]:
+    return [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?", row.replace(",", ""))]
+
+
+def shown(folder: str, name: str) -> list[float]:
+    """Return the figures of the row of that name in a README's table."""
+    (row,) = [
+        line for line in (EXAMPLES / folder / "README.md").read_text().splitlines() if line.startswith(f"| {name} |")
+    ]
+    return figures_in(row)
+
+
 def ran(project: str, out: Path, *more: str) -> dict[str, object]:
     name = project.partition("/")[2]
     assert main(["run", str(EXAMPLES / f"{project}.toml"), "--out", str(out), "--steps", "2000", *more]) == 0
@@ -75,6 +87,8 @@ def test_every_controller_holds_the_speed_and_meets_the_load() -> None:
     for name, one in found.items():
         assert one.overshoot < 15 and one.error < (2.5 if name == "PI, sensorless" else 0.2), name
         assert one.load_ise < 30, name
+        printed = figures_in(compare.line(name, one, "-"))
+        assert shown("maxon_re15", name)[: len(printed)] == pytest.approx(printed, rel=0.05, abs=0.05), name
     assert found["PI, least ISE"].overshoot < found["PI, Ziegler-Nichols"].overshoot
     open_loops = [one for name, one in compare.open_and_closed() if name.startswith("open")]
     assert all(one.load_ise > 100 * found["PI, least ISE"].load_ise for one in open_loops)
@@ -94,4 +108,7 @@ def test_the_monitor_finds_each_capacitor() -> None:
     pairs = [tuple(float(x) for x in re.findall(r"(\d+) uF", row)) for row in rows]
     assert len(pairs) == len(walk.SHARES)
     assert all(found == pytest.approx(true, rel=0.03) for true, found in pairs)
+    for row in rows:
+        name = row.split(" | ")[0][2:]
+        assert shown("baldor_l3510", name) == pytest.approx(figures_in(row), rel=0.05, abs=0.05)
     assert "| no |" in rows[0] and all("| low |" in row for row in rows[2:])
