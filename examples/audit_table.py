@@ -1,4 +1,4 @@
-"""What an audit of a published study prints: one row for each published figure, reproduced or not, and why."""
+"""What an audit of a published study prints: one row for each published figure, its verdict, and why."""
 
 from __future__ import annotations
 
@@ -13,46 +13,82 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 OFFERED = "method"  # where a row tells what firmloop has for a method of the study
+REPRODUCED, NOT_REPRODUCED, STATED = "reproduced", "not reproduced", "stated, not checkable"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One published figure; `ours` is what its own stated inputs and formula give, or what a consistent value is."""
+    """One published figure; `ours` is what `computed` gave, from the study's stated inputs or the simulated motor.
+
+    A row without a computation has no verdict on the figure: it is stated, and cannot be checked.
+    """
 
     where: str
     figure: str
     published: str
     ours: str
-    reproduced: bool
+    verdict: str
     why: str
+    computed: Callable[[], object] | None = None
+
+    @property
+    def reproduced(self) -> bool:
+        """Tell whether the published figure came out."""
+        return self.verdict == REPRODUCED
 
 
-def compared(where: str, figure: str, published: float, ours: float, unit: str, digits: int, why: str) -> Row:
-    """Compare a printed number with its formula: they agree within half a unit of the last of its `digits`."""
-    step = 10.0 ** (math.floor(math.log10(abs(published))) + 1 - digits) if published else 10.0**-digits
-    agrees = abs(published - ours) <= 0.5001 * step
-    return Row(where, figure, f"{published:g} {unit}".strip(), f"{ours:.4g} {unit}".strip(), agrees, why)
+def rounding(printed: str) -> float:
+    """Return half a unit of the last printed digit: as far as rounding may have moved the figure."""
+    return 0.5 * 10.0 ** -len(printed.partition(".")[2])
 
 
-def missing(where: str, figure: str, published: str, why: str, ours: str = "-") -> Row:
-    """Return the row of a figure that rests on data the study does not give, or that cannot be."""
-    return Row(where, figure, published, ours, False, why)
+def compared(where: str, figure: str, printed: str, unit: str, computed: Callable[[], float], why: str) -> Row:
+    """Compute a printed number: it is reproduced within the rounding of its own digits."""
+    ours = computed()
+    ours = 0.0 if abs(ours) < 1e-4 * rounding(printed) else ours
+    verdict = REPRODUCED if abs(float(printed) - ours) <= 1.0001 * rounding(printed) else NOT_REPRODUCED
+    return Row(where, figure, f"{printed} {unit}".strip(), f"{ours:.4g} {unit}".strip(), verdict, why, computed)
+
+
+def judged(where: str, figure: str, published: str, computed: Callable[[], tuple[str, bool]], why: str) -> Row:
+    """Compute what a statement is about: the text to show, and whether the statement holds by it."""
+    ours, holds = computed()
+    return Row(where, figure, published, ours, REPRODUCED if holds else NOT_REPRODUCED, why, computed)
+
+
+def stated(where: str, figure: str, published: str, why: str) -> Row:
+    """Return the row of a figure that rests on what the study does not give."""
+    return Row(where, figure, published, "-", STATED, why)
+
+
+def repeated(where: str, figure: str, printed: str, elsewhere: str, place: str) -> Row:
+    """Hold a figure against another place of the study: the same again proves nothing, another one contradicts."""
+    if printed == elsewhere:
+        return stated(where, figure, printed, f"the same as in {place}")
+    return judged(where, figure, printed, lambda: (elsewhere, printed == elsewhere), f"contradicted by {place}")
+
+
+def implied(where: str, figure: str, published: str, computed: Callable[[], str], why: str) -> Row:
+    """Return the row of a figure that cannot be checked, with what it would mean or what a consistent one would be."""
+    return Row(where, figure, published, computed(), STATED, why, computed)
 
 
 def document(title: str, notes: Sequence[str], rows: Sequence[Row]) -> str:
     """Write the report as Markdown."""
     figures = [row for row in rows if row.where != OFFERED]
-    good = sum(row.reproduced for row in figures)
+    count = ", ".join(
+        f"{sum(row.verdict == verdict for row in figures)} {verdict}"
+        for verdict in (REPRODUCED, NOT_REPRODUCED, STATED)
+    )
     head = (
-        f"{len(figures)} published figures and statements: {good} reproduced, {len(figures) - good} not reproducible, "
-        f"each with the reason. Below them {len(rows) - len(figures)} methods that the study uses or proposes."
+        f"{len(figures)} published figures and statements: {count}; each with the reason. Reproduced is what comes out "
+        f"within the rounding of the printed figure. Below them {len(rows) - len(figures)} methods that the study uses "
+        "or proposes."
     )
     lines = [f"# {title}", "", head, "", *notes, ""]
     lines += ["| where | figure | published | ours | verdict | why |", "|---|---|---|---|---|---|"]
     for row in rows:
-        verdict = "reproduced" if row.reproduced else "not reproducible"
-        verdict = "offered" if row.where == OFFERED else verdict
-        cells = (row.where, row.figure, row.published, row.ours, verdict, row.why)
+        cells = (row.where, row.figure, row.published, row.ours, row.verdict, row.why)
         lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
     return "\n".join(lines) + "\n"
 

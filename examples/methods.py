@@ -46,6 +46,7 @@ RE15 = (
     ("gain scheduling", 'firmloop generate, controller.kind = "gain_schedule"'),
     ("model predictive control", 'firmloop generate, controller.kind = "mpc"'),
     ("sensorless speed", 'firmloop generate, controller.kind = "sensorless_speed": observer from voltage and current'),
+    ("all of these on one motor and load", "python -m examples.maxon_re15.compare: one table, instructions counted"),
     ("gear backlash", 'firmloop diagnose: "backlash"'),
 )
 L3510 = (
@@ -66,6 +67,6 @@ L3510 = (
 def rows(own: tuple[tuple[str, str], ...]) -> list[Row]:
     """Return one row a method."""
     return [
-        Row(OFFERED, name, "used or proposed", ours, True, "what firmloop offers for it")
+        Row(OFFERED, name, "used or proposed", ours, "offered", "what firmloop offers for it")
         for name, ours in (*SHARED, *own)
     ]

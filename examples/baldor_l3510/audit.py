@@ -28,16 +28,21 @@ def rows() -> list[Row]:
     return [*figures, *methods.rows(methods.L3510)]
 
 
-def report() -> str:
-    """Write the whole report."""
+def notes() -> list[str]:
+    """Say what stands behind the simulated motor."""
     value, friction = circuit()
+    name, share = datasheet_rows.worst_fitted()
     found = ", ".join(f"{name} {value[name]:.2g}" for name in CIRCUIT.split())
-    notes = [
-        f"Motor consistent with the datasheet (double revolving field, least squares): {found}, friction "
-        f"{friction:.0f} W. It misses single figures of the datasheet by up to 13 %: two digits are all it has.",
+    return [
+        f"Motor nearest to the datasheet (double revolving field, least squares): {found}, friction {friction:.0f} W. "
+        f"It misses single figures of the datasheet by up to {share:.0%} ({name}).",
         f"Inertia with which its simulated start settles in 0.85 s: {inertia_of_start():.3f} kg m^2.",
     ]
-    return document("Audit: first- and second-order models of the Baldor L3510", notes, rows())
+
+
+def report() -> str:
+    """Write the whole report."""
+    return document("Audit: first- and second-order models of the Baldor L3510", notes(), rows())
 
 
 def figures(folder: Path) -> Sequence[str]:
@@ -45,10 +50,12 @@ def figures(folder: Path) -> Sequence[str]:
     time, speed = start_up(inertia_of_start())
     _, aged = start_up(inertia_of_start(), 0.9 * stated.C_START)
     top = stated.K1 * stated.VOLTS
+    numerator, pole = stated.RESULTS_G1
+    top_printed = numerator / pole * stated.VOLTS
     curves = {
         "figure_3.svg": [
             ("G1 = 0.79/(0.20 s + 1)", top * (1 - np.exp(-time / stated.TAU))),
-            ("G1 = 0.20/(s + 10.79)", 0.20 / 10.79 * stated.VOLTS * (1 - np.exp(-10.79 * time))),
+            ("G1 = 0.20/(s + 10.79)", top_printed * (1 - np.exp(-pole * time))),
             ("motor of this datasheet, simulated", speed),
         ],
         "figure_5.svg": [
