@@ -7,7 +7,6 @@ is right there sees the next ones nearly where they are: so a stretch grows firs
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -28,11 +27,11 @@ _NUDGES = (  # factors on where a contact is, how stiff it is, and how damped: a
 _STRETCHES = (0.05, 0.1, 0.2, 0.35, 0.55, 0.75)  # of the rows that a fit grows over before it takes all
 _BRIEF = 0.2  # of the rows; fewer do not tell how stiff and how damped a contact is
 _HARDER = (1.0, 3.0, 10.0)  # factors on how stiff contacts are, where a stretch begins to grow
-_GROWTH = 6.0  # s of computing after which no stretch begins to grow
+_GROWTH = 24.0  # million steps of simulation after which no stretch begins to grow
 _LAST = 24  # steps of a fit to all rows
 _STEPS = 12  # of a fit to some, and from a nudge
 _WORTH = 2.0  # evidence that a nudge has to bring
-PATIENCE = 5.0  # s of computing
+PATIENCE = 20.0  # million steps of simulation
 
 
 def met(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float) -> Fitted:
@@ -46,12 +45,12 @@ def past_contacts(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patienc
     if not meeting(fitted.causes):
         return fitted
     told = own_evidence(scene, fitted)
-    until = time.process_time() + patience
+    until = scene.engine.steps + patience
     moved = True
     while moved:
         moved = False
         for factors in _NUDGES:
-            if time.process_time() > until:
+            if scene.engine.steps > until:
                 return fitted
             other = fit(scene, scene.train, fitted.causes, _nudged(fitted, factors), noises, _STEPS)
             left = noises_of(scene, other.residuals)
@@ -66,7 +65,7 @@ def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Fit again on stretches that grow, with contacts as stiff as they were and stiffer; return what explains most."""
     if not meeting(fitted.causes):
         return fitted
-    until = time.process_time() + _GROWTH
+    until = scene.engine.steps + _GROWTH
     best, told = fitted, own_evidence(scene, fitted)
     for harder in _HARDER:
         begin = _nudged(fitted, (1.0, harder, math.sqrt(harder)))
@@ -75,7 +74,7 @@ def grown(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
         gain = told - score
         if gain > _WORTH:
             best, told = other, score
-        if (harder == 1.0 and not gain > 0.0) or time.process_time() > until:
+        if (harder == 1.0 and not gain > 0.0) or scene.engine.steps > until:
             break
     return best
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +17,7 @@ Array = NDArray[np.float64]
 _FAR = 1e9  # times the noise: what a diverged simulation counts, more than any other
 _ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
 _WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
-PATIENCE = 2.5  # s of computing for one fit: stiff corners of some effects simulate very slowly
+PATIENCE = 10.0  # million steps of simulation for one fit: stiff corners of some effects simulate very slowly
 _FIRST, _LEAST = 1e-3, 1e-10  # damping, in units of each coordinate's own information
 _UNDAMPED = 1e-8  # damping that holds no valley back
 _TRIES, _FEW_TRIES = 6, 2  # dampings of a step; and after one that gained little
@@ -163,17 +162,17 @@ def descended(problem: Problem, begin: Point, steps: int, patience: float = PATI
     Where some combinations of coordinates are known far better than others, a long step along what is hardly known
     leaves a curved valley. Before such a step is damped it is corrected with the slopes it was made with, as chords in
     Newton's method (Shamanskii 1967), as long as that leads back. Damping holds just these combinations back, so that
-    a descent is not at its end while it is damped. No step begins after `patience` (s of computing).
+    a descent is not at its end while it is damped. No step begins after `patience` (million steps of simulation).
     """
     place = problem.at(begin)
-    until = time.process_time() + patience
+    until = problem.scene.engine.steps + patience
     own: list[Array] | None = problem.start_slopes(begin)  # for a few steps
     damping, tries = _FIRST, _TRIES
     normal: Array | None = None
     begun: tuple[Array, ...] | None = None
     rough = steps >= _EXACT and problem.scene.engine.engine.equations is None  # see start_slopes
     for _ in range(steps):
-        if time.process_time() > until:
+        if problem.scene.engine.steps > until:
             break
         slopes = begun or problem.slopes(place, own or problem.start_slopes(place.point, exact=True))
         normal, begun = problem.normal(slopes), None

@@ -1,4 +1,4 @@
-"""Take a finding back where it fails by far on unseen recordings: those do not belong to the others."""
+"""Say where a finding fails by far on the test recordings: they judge it, and choose nothing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WORSE = 10.0  # times the residual on those that were fitted
 
 
 def with_doubt(finding: Finding) -> Finding:
-    """Return the finding, or that what is missing is unknown where train and test contradict each other."""
+    """Return the finding, with a note where train and test contradict each other."""
     test, train = finding.test, finding.train
     if test is None or test.after is None or train.after is None:
         return finding
@@ -21,9 +21,7 @@ def with_doubt(finding: Finding) -> Finding:
     if test.refit is not None and test.after < HELD * test.refit:
         return finding
     said = (
-        f"The test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is "
-        f"left there, {train.after:.3g} times here. Another machine, unit or regime: nothing is named on such ground, "
-        "so check that all recordings are of one plant."
+        f"the test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is "
+        f"left there, {train.after:.3g} times here; another machine, unit or regime, so check that all are of one plant"
     )
-    figures = tuple(line for line in finding.says if line.startswith("Residual over noise"))
-    return replace(finding, verdict="unknown_physics", half="plant", effects=(), alternatives=(), says=(said, *figures))
+    return replace(finding, notes=(*finding.notes, said), says=(*finding.says, f"Note: {said}."))

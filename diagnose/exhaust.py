@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from itertools import product
 
@@ -16,7 +15,7 @@ from firmloop.identify.fitting.noise import flat
 
 _FINAL = 3  # causes fitted to the end
 _SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
-_PATIENCE = 8.0  # s of computing after which no further cause is tried
+_PATIENCE = 32.0  # million steps of simulation after which no further cause is tried
 
 
 def exhausted(found: Search) -> Search | None:
@@ -24,7 +23,7 @@ def exhausted(found: Search) -> Search | None:
     scene, base = found.scene, found.nominal
     without = evidence(base.fitted, base.noises)
     worth = _SHARE * (without - evidence(found.best.fitted, found.best.noises))
-    until = time.process_time() + _PATIENCE
+    until = scene.engine.steps + _PATIENCE
     known = [each.cause for each in found.screened]
     rest = [(cause, scene.starts[cause.label]) for cause in scene.causes if cause not in known]
     every = (*found.screened, *(Screened(cause, 0.0, starts[0], 0.0) for cause, starts in rest if starts))
@@ -36,7 +35,7 @@ def exhausted(found: Search) -> Search | None:
         for each in every:
             from_bases = bases if each.cause.effect.needs_position else bases[:1]
             for start, begun in product(every_start(scene, each), from_bases):
-                if time.process_time() < until:
+                if scene.engine.steps < until:
                     one = fit(scene, scene.train, *extended(begun, each.cause, start), noises, SHORT)
                     told.setdefault(each.cause.label, []).append((own_evidence(scene, one), one))
     trials = [min(fits, key=lambda pair: pair[0]) for fits in told.values()]

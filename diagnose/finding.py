@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 Verdict = Literal["no_mismatch", "explained", "ambiguous", "unknown_physics"]
@@ -89,6 +89,7 @@ class Finding:
     untestable: Mapping[str, str]  # effect -> why
     notes: tuple[str, ...]
     says: tuple[str, ...]  # the paragraph
+    simulation_rms: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
     law: tuple[tuple[float, float], ...] = ()  # coordinate and missing term, in SI units, of what has no name
 
     def as_dict(self) -> dict[str, object]:
@@ -107,6 +108,10 @@ class Finding:
                 for each in self.alternatives
             ],
             "fit": fit,
+            "simulation_rms": {
+                role: {name: {plant: _figure(rms) for plant, rms in plants.items()} for name, plants in outputs.items()}
+                for role, outputs in self.simulation_rms.items()
+            },
             "whiteness": {"before": _figure(self.whiteness[0]), "after": _figure(self.whiteness[1])},
             "noise": {name: _figure(size) for name, size in self.noise.items()},
             "shifts": {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,18 +10,18 @@ from firmloop.diagnose.exhaust import exhausted
 from firmloop.diagnose.hypothesis import Cause, Scene, meeting
 from firmloop.diagnose.lasting import FEW, with_lasting
 from firmloop.diagnose.pieces import in_pieces
-from firmloop.diagnose.plain import believed, farther, independent, leap, nearer, needed, slow_rivals, strays
+from firmloop.diagnose.plain import independent, needed, strays
 from firmloop.diagnose.polish import limits, polished
 from firmloop.diagnose.profile import profiled
 from firmloop.diagnose.pushes import doubtful, with_pushes
 from firmloop.diagnose.rank import MOST_EFFECTS, THRESHOLD, Progress, Search, further, levelled, pruned, settled
-from firmloop.diagnose.refit import Fitted, ended, evidence, fit, noises_of, strength, with_doubt
+from firmloop.diagnose.refit import Fitted, ended, evidence, fit, noises_of, strength
 from firmloop.diagnose.rest import rested
 from firmloop.diagnose.retime import retimed
-from firmloop.diagnose.rival import MINOR, TIE, Rival, contradicted, rated, without
+from firmloop.diagnose.rival import MINOR, TIE, Rival, rated, without
 from firmloop.diagnose.round import LONG
+from firmloop.diagnose.scale_doubt import with_scale_doubt
 from firmloop.diagnose.shape import Shape, best_shape, outweighs, weighed
-from firmloop.diagnose.split import split
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.simulation.course import LONGEST_CHANGE
@@ -30,65 +29,43 @@ from firmloop.identify.simulation.course import LONGEST_CHANGE
 LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
 _LITTLE = 150.0  # drop of BIC up to which a name says little
 _STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had no memory
-_POLISH, _CONTACTS = 4.0, 20.0  # s of computing past kinks, and where bodies meet
+_POLISH = 30  # solves past kinks, of a few steps each
+_CONTACTS = 80.0  # million steps of simulation where bodies meet
 _VALLEYS = 4  # times that a fit goes on which a curved valley had held a deviation from its end
 _LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 _PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
-_PATIENCE = 25.0  # s of computing after which nothing further is looked for
+_PATIENCE = 100.0  # million steps of simulation after which nothing further is looked for
 
 
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     """Return the search that is believed, with what slow misfits and shapes still show, and the shape that is left."""
-    begun = time.process_time()
-    parts = split(found)
-    found = found if parts is None else _resumed(parts)
-    rivals = slow_rivals(found, progress)
-    while len(found.best.fitted.causes) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
-        more = leap(found, rivals)
-        if more is None:
-            break
-        found = _resumed(more)
-        rivals = slow_rivals(found, progress)
-    slow = believed(found, rivals, progress)
-    pieced = None if slow is found else found
-    other = None if pieced is None else in_pieces(pieced, progress)
-    if other is not None:
-        found = _resumed(other)
-        slow = believed(found, slow_rivals(found, progress), progress)
-    progress(0.9, "looking for what has no name")
-    # What moves slowly is counted in independent samples: a shape can only be weighed beside the same effects as found.
-    same = slow is found or set(slow.best.fitted.causes) == set(found.best.fitted.causes)
-    shape = best_shape(found, found.best) if same else None
-    if slow is not found and not outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
-        other = exhausted(found)
-        if other is None or not nearer(found.scene, other.best.fitted, slow.best.fitted):
-            slow = rested(slow)
-            fitted = _certain(slow.scene, _with_doubts(slow.scene, _met(slow.scene, slow.best)))
-            return replace(slow, best=replace(slow.best, fitted=fitted)), None
-        found = _resumed(other)
-        shape = best_shape(found, found.best)
+    begun, tried = found.scene.engine.steps, found
+    pieced = in_pieces(found, progress)
+    if pieced is not None:
+        found = _resumed(pieced)
+    progress(0.75, "looking for what has no name")
+    shape = best_shape(found, found.best)
     while (
         shape is not None
         and shape.gain > LEFT
         and len(found.best.fitted.causes) < MOST_EFFECTS
-        and time.process_time() - begun < _PATIENCE
+        and found.scene.engine.steps - begun < _PATIENCE
     ):
         more = further(found, weighed(found))
         rest = None if more is None else best_shape(more, more.best)
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
-    alone, off = _alone(found), _farther(found)
-    strange = bool(found.best.fitted.causes) and contradicted(found.scene, found.best, found.nominal)
-    strange |= off or strays(found, _LOST)
-    if strange or alone is not None or outweighs(shape, found.best.noises, found.nominal.score - found.best.score):
-        others = (None if found is pieced else in_pieces(found, progress), exhausted(found))
+    alone = _alone(found)
+    whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
+    if strays(found, _LOST) or alone is not None or not whole:
+        others = (None if found is tried else in_pieces(found, progress), exhausted(found))
         other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
         if other is not None:
             found = _resumed(other)
-            shape, alone, off = best_shape(found, found.best), _alone(found), _farther(found)
-    if alone is not None or off:
-        return replace(found, best=found.nominal), alone or best_shape(found, found.nominal)
+            shape, alone = best_shape(found, found.best), _alone(found)
+    if alone is not None:
+        return replace(found, best=found.nominal), alone
     sure = _confirmed(rested(levelled(retimed(found))))
     if doubtful(sure.best.fitted, sure.best.noises) is not None:
         other = exhausted(found)
@@ -100,16 +77,10 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     return sure, shape
 
 
-def _farther(found: Search) -> bool:
-    """Tell whether an explanation only makes what is left whiter, but is further off, on unseen recordings too."""
-    some = bool(found.scene.test) and bool(found.best.fitted.causes)
-    return some and farther(found.scene, found.best.fitted, found.nominal.fitted)
-
-
 def _resumed(found: Search) -> Search:
     """Return the search gone on with until no effect is found beside it, and settled."""
-    begun, gone_on = time.process_time(), None
-    while len(found.best.fitted.causes) < MOST_EFFECTS and time.process_time() - begun < _PATIENCE:
+    begun, gone_on = found.scene.engine.steps, None
+    while len(found.best.fitted.causes) < MOST_EFFECTS and found.scene.engine.steps - begun < _PATIENCE:
         more = further(found)
         if more is None:
             break
@@ -149,7 +120,7 @@ def _confirmed(found: Search) -> Search:
         slim = _past_kinks(scene, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(scene, slim)
-    finer = _certain(scene, _with_doubts(scene, finer))
+    finer = _certain(scene, with_doubts(scene, finer))
     finer = _untraced(scene, finer, MINOR * (found.nominal.score - best.score))
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(scene, finer.residuals)))
 
@@ -160,12 +131,12 @@ def _certain(scene: Scene, fitted: Fitted) -> Fitted:
     while len(fitted.causes) > 1 and (least := doubtful(fitted, noises)) is not None:
         causes, point = without(fitted, least)
         slim = fit(scene, scene.train, causes, point, flat(noises), _SLIM)  # whitened edges are traps
-        if needed(scene, fitted, slim, least):
+        if needed(fitted, slim, least):
             break
         noises = noises_of(scene, slim.residuals)
         by = independent(slim.residuals) if plain else noises
         slim = fit(scene, scene.train, causes, slim.point, by, _STEPS)
-        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, by), by))
+        fitted = with_doubts(scene, profiled(scene, ended(scene, slim, by), by))
     return fitted
 
 
@@ -179,15 +150,15 @@ def _untraced(scene: Scene, fitted: Fitted, owed: float) -> Fitted:
         slim = fit(scene, scene.train, *without(fitted, least), noises, _SLIM)
         if rated(scene, slim).score - rated(scene, fitted).score > owed:
             break
-        fitted = _with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises))
+        fitted = with_doubts(scene, profiled(scene, ended(scene, slim, noises), noises))
     return fitted
 
 
-def _with_doubts(scene: Scene, fitted: Fitted) -> Fitted:
-    """Widen the deviations to what test recordings and slow disturbances leave of them."""
+def with_doubts(scene: Scene, fitted: Fitted) -> Fitted:
+    """Widen the deviations to what slow disturbances and a torque constant as given leave of them."""
     noises = noises_of(scene, fitted.residuals)
-    fitted = with_pushes(scene, with_doubt(scene, fitted), noises)
-    return with_lasting(scene, fitted, noises)
+    fitted = with_lasting(scene, with_pushes(scene, fitted, noises), noises)
+    return with_scale_doubt(scene, fitted)
 
 
 def _past_kinks(scene: Scene, rival: Rival, owed: float) -> Rival:

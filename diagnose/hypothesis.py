@@ -131,6 +131,7 @@ def make_scene(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
         held = None if load is None else inertia_parameter(plant, site.balance)
         taken = None if load is None or held is None else (load, held)
         causes.append(Cause(effect, use.output, parameters, keys, taken, scales))
+    causes.sort(key=lambda cause: cause.label)  # nothing may depend on the order of lines in a project
     starts = {cause.label: _starts(plant, cause) for cause in causes}
     return Scene(plant, engine, tuple(train), tuple(test), tuple(causes), starts, floors, {}, direct)
 

@@ -20,7 +20,7 @@ from firmloop.diagnose.preflight import Preflight
 from firmloop.diagnose.pushes import doubtful
 from firmloop.diagnose.rank import Search, richer_of, rivals_of
 from firmloop.diagnose.refit import deviations, fit, fit_starts, noises_of, strength
-from firmloop.diagnose.rival import MINOR, TIE, Rival, closer, contradicted, relative, rms_of, unseen_residuals, without
+from firmloop.diagnose.rival import MINOR, TIE, Rival, closer, relative, rms_of, unseen_residuals, without
 from firmloop.diagnose.round import LONG
 from firmloop.diagnose.sentences import paragraph
 from firmloop.diagnose.shape import Shape, best_shape, outweighs
@@ -49,7 +49,8 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
 
     `shape` is what the best explanation leaves.
     """
-    verdict, rivals = _verdict(search, shape)
+    seen = replace(search, scene=replace(search.scene, test=()))  # what is unseen takes part in no choice
+    verdict, rivals = _verdict(seen, shape)
     read = directs(search)
     if read and verdict == "no_mismatch":
         verdict = "explained"
@@ -57,13 +58,13 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     if verdict != "unknown_physics":
         shape = None
     elif shape is None or shape.beside:  # not believed: what is missing is what the plant alone misses
-        shape = best_shape(search, search.nominal)
-    told = shape if shape is not None and _helps(search, shape) else None
+        shape = best_shape(seen, search.nominal)
+    told = shape if shape is not None and _helps(seen, shape) else None
     after = search.best.fitted.residuals if told is None else told.train
     noises = search.best.noises if told is None else noises_of(search.scene, after)
     noise = _rms(after)
     train = _ratios(search, shown, told, noise, False)
-    test = _ratios(search, shown, told, noise, True) if search.scene.test else None
+    test = _ratios(search, shown, None, noise, True) if search.scene.test else None
     effects = (*_named(search, shown, verdict, rivals), *(_read_off(search.scene, each) for each in read))
     location = None if verdict == "no_mismatch" else _location(search, noises, shape)
     shifts = _shifts(search, shown)
@@ -91,12 +92,23 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     return replace(finding, says=paragraph(finding, search, shape)), told
 
 
+def spoiled(finding: Finding) -> Finding:
+    """Return the finding where its explanation would simulate some recording worse than the plain refit does."""
+    said = (
+        "Something is missing, but no effect of the library makes every simulation better: "
+        f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording worse "
+        "than the plain refit, which the written project therefore is."
+    )
+    others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
+    return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))
+
+
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Rival, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
     if not search.best.fitted.causes:
         return ("unknown_physics" if outweighs(shape, search.best.noises, 0.0) else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
-    if outweighs(shape, search.best.noises, explained) or contradicted(search.scene, search.best, search.nominal):
+    if outweighs(shape, search.best.noises, explained):
         return "unknown_physics", ()
     least = doubtful(search.best.fitted, search.best.noises)
     if least is not None and least.effect.lasting and not _needed(search, least):
@@ -116,7 +128,7 @@ def _needed(search: Search, cause: Cause) -> bool:
     """Tell whether simulations come far nearer by a cause of the best."""
     scene, fitted = search.scene, search.best.fitted
     slim = fit(scene, scene.train, *without(fitted, cause), flat(search.best.noises), LONG)
-    return needed(scene, fitted, slim, cause)
+    return needed(fitted, slim, cause)
 
 
 def _hint(search: Search, rival: Rival, shows: bool) -> float:
@@ -245,7 +257,7 @@ def _interval(known: EffectParameter, value: float, reach: float) -> tuple[float
     if known.logarithmic and value > 0.0:
         factor = math.exp(min(reach / value, 50.0))
         low, high = value / factor, value * factor
-    return max(low, known.low), min(high, known.high)
+    return min(max(low, known.low), value), max(min(high, known.high), value)
 
 
 def _equation(scene: Scene, cause: Cause) -> str:

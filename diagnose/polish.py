@@ -7,7 +7,6 @@ that just reaches it, where a search ends too early; it starts again with each l
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -26,13 +25,13 @@ from firmloop.identify.simulation.simulate import constants_of, simulator
 _STEPS, _AT_ONCE = 60, 4
 _GAIN = 1e-7  # of the cost, by which a few steps have to lower it
 _NUDGES = (0.97, 1.03, 0.9, 1.1)
-_PATIENCE = 15.0  # s of computing
+_MOST = 100  # solves of a few steps each
 
 
-def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: float = _PATIENCE) -> Fitted:
+def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], most: int = _MOST) -> Fitted:
     """Return the fit at its minimum of the plain squared error, outputs weighted by 1 / noise rms.
 
-    After `patience` (s of computing) it stays where it is.
+    After `most` solves of a few steps each it stays where it is.
     """
     values = fitted.point.values
     uses = [
@@ -51,17 +50,16 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: fl
     problem = replace(problem, weights=np.array([1.0 / noise.rms for noise in noises]))
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
-    until = time.process_time() + patience
-    place, cost = _solved(problem, FitPoint(constants, starts), until)
+    place, cost, left = _solved(problem, FitPoint(constants, starts), most)
     kinked = limits(fitted.causes)
     places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
     for index in places:
         for factor in _NUDGES:
-            if time.process_time() > until:
+            if left <= 0:
                 break
             nudged = place.constants.copy()
             nudged[index] *= factor
-            trial, less = _solved(problem, FitPoint(nudged, place.starts), until)
+            trial, less, left = _solved(problem, FitPoint(nudged, place.starts), left)
             if less < cost:
                 place, cost = trial, less
     moved = {p.name: float(value) for p, value in zip(plant.parameters, place.constants, strict=True)}
@@ -72,17 +70,16 @@ def polished(scene: Scene, fitted: Fitted, noises: Sequence[Noise], patience: fl
     return fit(scene, scene.train, fitted.causes, Point({**values, **moved}, begun), noises, 0)
 
 
-def _solved(problem: FitProblem, place: FitPoint, until: float) -> tuple[FitPoint, float]:
-    """Minimize, a few steps at once: no more of them after `until` (s of computing)."""
+def _solved(problem: FitProblem, place: FitPoint, most: int) -> tuple[FitPoint, float, int]:
+    """Minimize, a few steps at once, in at most `most` solves; return how many of them are left too."""
     cost = math.inf
-    for _ in range(_STEPS // _AT_ONCE):
+    for _ in range(min(_STEPS // _AT_ONCE, most)):
+        most -= 1
         next_place, next_cost = solve(problem, place, _AT_ONCE)
         if not next_cost < cost * (1.0 - _GAIN):
             break
         place, cost = next_place, next_cost
-        if time.process_time() > until:
-            break
-    return place, cost
+    return place, cost, most
 
 
 def limits(causes: Sequence[Cause]) -> set[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -45,7 +44,6 @@ _PLACES = 8  # where a stretch of a long recording may begin
 _MOMENTS = 8  # at which loads may change
 _LATEST = 200  # rows by which readings may come late or early
 _LONGER = 16  # of one that parameters are read off
-_PATIENCE = 1.0  # s of computing after which no other start is tried
 
 
 def prepared(
@@ -266,11 +264,10 @@ class _Trial:
 def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Trial:
     """Return the best of the fit from where the plant is given and those from a tenth and ten times each parameter."""
     best = begun
-    since = time.process_time()
     for index, parameter in enumerate(plant.parameters):
         for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
             value = parameter.value * factor
-            if parameter.low <= value <= parameter.high and time.process_time() - since < _PATIENCE:
+            if parameter.low <= value <= parameter.high:
                 moved = list(plant.parameters)
                 for place in _together(plant, index):
                     moved[place] = replace(moved[place], value=moved[place].value * factor)

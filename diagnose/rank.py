@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -55,8 +54,8 @@ _FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whateve
 _NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many rivals, that are polished as that was
 _NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
 _WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
-_PATIENCE = 45.0  # s of computing after which no further effect is looked for
-_LONGER = 60.0  # the same beside bodies that meet, whose fits take far longer
+_PATIENCE = 180.0  # million steps of simulation after which no further effect is looked for
+_LONGER = 240.0  # the same beside bodies that meet, whose fits take far longer
 _SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
 
@@ -81,10 +80,10 @@ def search(scene: Scene, progress: Progress) -> Search:
     rounds: list[tuple[Rival, ...]] = []
     gains: list[float] = []
     first: tuple[Screened, ...] = ()
-    begun = time.process_time()
+    begun = scene.engine.steps
     for turn in range(MOST_EFFECTS):
         patience = _LONGER if meeting(best.fitted.causes) else _PATIENCE
-        if turn and time.process_time() - begun > patience:
+        if turn and scene.engine.steps - begun > patience:
             break
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
         table = screened(scene, best)

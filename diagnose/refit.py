@@ -18,7 +18,6 @@ from firmloop.identify.recordings.recording import Recording
 Array = NDArray[np.float64]
 
 _GIVEN = 0.3  # standard deviation of a nominal parameter as given, as a logarithm: it counts where data are silent
-_TELLING = 0.01  # of a variance: test recordings that would take away less of it say nothing
 _LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
 _SETTLED = 0.01  # of the cost: an initial state is there where a step changes no more
 _SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
@@ -68,7 +67,7 @@ def fit(
 ) -> Fitted:
     """Search from `begin` in a given number of steps; bounds hold by stopping at them.
 
-    No step begins after `patience` (s of computing). What is `held` stays.
+    No step begins after `patience` (million steps of simulation). What is `held` stays.
     """
     unknowns = tuple(each for each in coordinates(scene, causes, begin.values) if each.name not in held)
     problem = Problem(scene, recordings, unknowns, noises, tethers(scene, unknowns))
@@ -145,39 +144,6 @@ def deviations(fitted: Fitted) -> Mapping[str, float]:
 def widened(fitted: Fitted, factors: Array) -> Fitted:
     """Return the fit with deviations at least `factors` (k,) times what `normal` says."""
     return replace(fitted, wider=factors if fitted.wider is None else np.maximum(fitted.wider, factors))
-
-
-def with_doubt(scene: Scene, fitted: Fitted) -> Fitted:
-    """Widen the deviations of what the test recordings would have elsewhere, as two averages that disagree.
-
-    With the test recordings x would move by (A + B)^-1 b, whose covariance is A^-1 - (A + B)^-1 if both sets are alike:
-    A and B are the information of train and test on the coordinates, b is the score of test. A move of d deviations
-    widens by d / sqrt(2), as the scale factor of the Particle Data Group does for the mean of two.
-    """
-    count = len(fitted.coordinates)
-    if not scene.test or not count:
-        return fitted
-    problem = Problem(scene, scene.test, fitted.coordinates, fitted.noises, np.zeros((0, count + 1)))
-    place = problem.at(fit_starts(scene, scene.test, fitted.point.values, fitted.noises))
-    slopes = problem.slopes(place)
-    normal, pulled = problem.normal(slopes), problem.descent(slopes, place)
-    own_places = range(count)
-    first, second = _reduced(fitted.normal, own_places), _reduced(normal, own_places)
-    score = pulled[:count] - normal[:count, count:] @ inverse(normal[count:, count:]) @ pulled[count:]
-    own, joint = inverse(first), inverse(first + second)
-    moved = joint @ score
-    allowed = np.diag(own) - np.diag(joint)
-    telling = allowed > _TELLING * np.diag(own)
-    apart = np.where(telling, np.abs(moved) / np.sqrt(np.where(telling, allowed, 1.0)), 0.0)
-    known = np.ones(count) if fitted.wider is None else fitted.wider
-    return replace(fitted, wider=known * np.maximum(apart / np.sqrt(2.0), 1.0))
-
-
-def _reduced(normal: Array, kept: Sequence[int]) -> Array:
-    """Return the information on the coordinates `kept` once all others have been fitted."""
-    rest = [k for k in range(len(normal)) if k not in kept]
-    across = normal[np.ix_(kept, rest)]
-    return np.asarray(normal[np.ix_(kept, kept)] - across @ inverse(normal[np.ix_(rest, rest)]) @ across.T)
 
 
 def inverse(normal: Array, least: float = 1e-12) -> Array:

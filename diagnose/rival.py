@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.descent import residual_of
 from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered, outputs_of
+from firmloop.diagnose.policy import ON_BOUND
 from firmloop.diagnose.refit import Fitted, evidence, fit, fit_starts, noises_of
 from firmloop.identify.fitting.noise import Noise, colored, memory
 from firmloop.identify.plants.effects import effects, find_effect
@@ -53,12 +54,21 @@ def rated(scene: Scene, fitted: Fitted) -> Rival:
 
 
 def believable(fitted: Fitted) -> bool:
-    """Tell whether every effect has values that are its own."""
-    return all(
+    """Tell whether every effect has values that are its own, none on a bound: that one only stands for another."""
+    return not any(on_bound(fitted, cause) for cause in fitted.causes) and all(
         cause.effect.believable is None
         or cause.effect.believable([fitted.point.values[key] for key in cause.keys], cause.scales)
         for cause in fitted.causes
     )
+
+
+def on_bound(fitted: Fitted, cause: Cause) -> bool:
+    """Tell whether a value of an effect ended where its range does."""
+    for key, each in zip(cause.keys, cause.parameters, strict=True):
+        value = fitted.point.values[key]
+        if value <= each.low or (np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high)):
+            return True
+    return False
 
 
 def unseen(scene: Scene, fitted: Fitted, noises: Sequence[Noise]) -> float:

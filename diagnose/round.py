@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -28,8 +27,8 @@ _PROMISED = 3  # more of them, where no trial gains
 _MET = 3  # starts from which a contact is followed further
 _WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
 _FEW = 8  # starts of a grid that are all followed
-_INSISTED = 5.0  # s of computing for what had promised much and gained nothing
-_ROUND = 10.0  # s of computing after which a round tries no further cause
+_INSISTED = 20.0  # million steps of simulation for what had promised much and gained nothing
+_ROUND = 40.0  # million steps of simulation after which a round tries no further cause
 _SHARE = 0.08  # of the best screened drop
 
 
@@ -108,10 +107,10 @@ def _trials(
         if each not in picked and (each.cause.effect.name in kin or (blind and not each.cause.effect.screened))
     ]
     found = [*reversed(others)]
-    begun = time.process_time()
+    begun = scene.engine.steps
     away = bool(best.fitted.causes) and bool(runaways(scene, best.fitted))
     for each in [*picked, *more]:
-        if found and time.process_time() - begun > _ROUND:
+        if found and scene.engine.steps - begun > _ROUND:
             break
         meeting = bool(each.cause.effect.contact) and each in picked  # bodies: every start has a valley of its own
         every = scene.starts[each.cause.label] if meeting else _starts(scene, each)
@@ -131,10 +130,10 @@ def _insisted(scene: Scene, best: Rival, picked: Sequence[Screened]) -> list[tup
     """Follow what promised much from all its starts as if all noise were white: whitened edges are traps."""
     sizes = [white(noise.scale) for noise in best.noises]
     found = []
-    begun = time.process_time()
+    begun = scene.engine.steps
     for each in picked[:_PROMISED]:
         for start in every_start(scene, each):
-            if each.gain > CLEAR and time.process_time() - begun < _INSISTED:
+            if each.gain > CLEAR and scene.engine.steps - begun < _INSISTED:
                 fitted = fit(scene, scene.train, *extended(best.fitted, each.cause, start), sizes, LONG)
                 if not _too_large(fitted):
                     found.append((own_evidence(scene, fitted), fitted))

@@ -1,4 +1,4 @@
-"""Diagnose a plant: preflight, search, shape of what is left, verdict."""
+"""Diagnose a plant: preflight, search, shape of what is left, verdict, and a plant that does no harm."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.further import completed
+from firmloop.diagnose.harmless import by_simulation_error, harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.held import HOLD_WORTH
 from firmloop.diagnose.hypothesis import make_scene
-from firmloop.diagnose.judge import improved_plant, judge
+from firmloop.diagnose.judge import improved_plant, judge, spoiled
+from firmloop.diagnose.plain import independent
 from firmloop.diagnose.preflight import Preflight, preflight
 from firmloop.diagnose.prepare import prepared
 from firmloop.diagnose.rank import Progress, Search, search
+from firmloop.diagnose.refit import ended
 from firmloop.diagnose.regauge import regauged
-from firmloop.diagnose.rival import Rival, rated
+from firmloop.diagnose.rival import Rival, believable, rated
 from firmloop.diagnose.shape import Shape
 from firmloop.diagnose.sound import check_sound
 from firmloop.identify.plants.plant import Plant
@@ -42,37 +45,74 @@ class Diagnosis:
         return self.search.best if explained else self.search.nominal
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    search: Search
+    checks: Preflight
+    shape: Shape | None
+
+
 def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress) -> Diagnosis:
-    """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell."""
+    """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell.
+
+    The test recordings take part in no choice: they are simulated at the very end.
+    """
     progress(0.02, "checking the recordings")
     check_sound(plant, (*train, *test))
     given = train[0].hold
-    train, test = prepared(plant, train, test)
-    found, checks, shape = _explained(plant, train, test, progress)
-    if train[0].hold != given and any(cause.effect.late for cause in found.best.fitted.causes):
+    seen, unseen = prepared(plant, train, test)
+    preflight(plant, seen, unseen)  # a test recording that cannot be of this plant is refused as well
+    made = _explained(plant, seen, progress)
+    if seen[0].hold != given and any(cause.effect.late for cause in made.search.best.fitted.causes):
         # Half a row of delay may have looked like another hold to the nominal plant alone.
-        held, unseen = ([replace(each, hold=given) for each in part] for part in (train, test))
-        other = _explained(plant, held, unseen, progress)
-        if rated(other[0].scene, other[0].best.fitted).score < rated(found.scene, found.best.fitted).score + HOLD_WORTH:
-            found, checks, shape = other
-    finding, unnamed = judge(found, checks, shape)
-    shown = found.best if finding.verdict in ("explained", "ambiguous") else found.nominal
-    return Diagnosis(finding, found, unnamed, improved_plant(found, shown))
+        as_given = held(seen, given)
+        other = _explained(plant, as_given, progress)
+        scores = [rated(each.search.scene, each.search.best.fitted).score for each in (other, made)]
+        if scores[0] < scores[1] + HOLD_WORTH:
+            made, unseen = other, held(unseen, given)
+    hold = made.search.scene.train[0].hold
+    whole, later = held(train, hold), held(test, hold)
+    refit = plain_refit(plant, whole, improved_plant(made.search, made.search.nominal))
+    safe = _harmless(made.search, refit, whole)
+    scene = make_scene(plant, seen, unseen, made.checks.floors) if unseen else made.search.scene
+    found = replace(made.search if safe is None else safe, scene=replace(made.search.scene, test=scene.test))
+    finding, unnamed = judge(found, made.checks, made.shape)
+    explained = finding.verdict in ("explained", "ambiguous")
+    if explained and safe is None:
+        finding, explained = spoiled(finding), False
+    written = improved_plant(found, found.best) if explained else refit
+    plants = {"before": plant, "refit": refit, "after": written}
+    figures = simulated_figures(plants, {"train": whole, "test": later})
+    finding = replace(finding, simulation_rms=figures)
+    return Diagnosis(finding, found, unnamed if not explained else None, written)
 
 
-def _explained(
-    plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress
-) -> tuple[Search, Preflight, Shape | None]:
-    checks = preflight(plant, train, test)
-    scene = make_scene(plant, train, test, checks.floors)
+def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Search | None:
+    """Return the search, its best explanation with values that harm no simulation; None where there are none.
+
+    As found, or else by plain simulation error.
+    """
+    if not found.best.fitted.causes or harmless(improved_plant(found, found.best), refit, recordings):
+        return found
+    scene = found.scene
+    fitted = by_simulation_error(scene, found.best.fitted)
+    fitted = ended(scene, fitted, independent(fitted.residuals))
+    other = replace(found, best=replace(found.best, fitted=fitted))
+    good = believable(fitted) and harmless(improved_plant(other, other.best), refit, recordings)
+    return other if good else None
+
+
+def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> _Found:
+    checks = preflight(plant, train, ())
+    scene = make_scene(plant, train, (), checks.floors)
     found = search(scene, progress)
-    again = regauged(found, train, test)
+    again = regauged(found, train, ())
     if again is not None:  # a range a little off is a step at every turn, which another effect may soak up
         found = min(search(again, progress), found, key=lambda each: each.best.score)
     found, shape = completed(found, progress)
-    again = regauged(found, train, test)
+    again = regauged(found, train, ())
     if again is not None:
         other, rest = completed(search(again, progress), progress)
         if other.best.score < found.best.score:
             found, shape = other, rest
-    return found, checks, shape
+    return _Found(found, checks, shape)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,7 +17,7 @@ from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
-_PATIENCE = 1.0  # s of computing for one cause: stiff corners of some effects simulate very slowly
+_PATIENCE = 4.0  # million steps of simulation for one cause: stiff corners of some effects simulate very slowly
 _PARALLEL = 1e-5  # what is left of a direction below this share of its length cannot be told from a nominal change
 
 
@@ -95,9 +94,9 @@ def screen(
     for cause in causes:
         best: list[Screened | None] = [None for _ in grounds]
         trace: list[Sequence[Sequence[Array]]] = [() for _ in grounds]
-        begun = time.process_time()
+        begun = scene.engine.steps
         for start in _promising(scene.starts[cause.label], orders.get(cause.effect.name, ())):
-            if time.process_time() - begun > _PATIENCE:
+            if scene.engine.steps - begun > _PATIENCE:
                 break
             traced = secants(scene, recordings, base, cause, start)
             for index, under in enumerate(grounds):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
@@ -27,19 +26,19 @@ from firmloop.diagnose.rival import (
 _STARTS = 3  # from which one effect is tried in the place of another
 _SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
 _HOPELESS = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
-_TRIAL = 0.5  # s of computing for a trial, after which no further step is made
+_TRIAL = 2.0  # million steps of simulation for a trial, after which no further step is made
 _SAME = 0.1  # of that drop, that may be missing where two effects are the same for all that is known of them
-_PATIENCE = 10.0  # s of computing after which nothing further is tried
+_PATIENCE = 40.0  # million steps of simulation after which nothing further is tried
 
 
 def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival, ...]]:
     """Put what an effect is mistaken for in its place, one by one; return the best and all that was tried."""
     tried: list[Rival] = []
     seen = {frozenset(cause.label for cause in best.fitted.causes)}
-    begun = time.process_time()
+    begun = scene.engine.steps
     for gone, come in _mistaken(scene, best):
         labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
-        if labels not in seen and time.process_time() - begun < _PATIENCE:
+        if labels not in seen and scene.engine.steps - begun < _PATIENCE:
             seen.add(labels)
             tried.append(_translated(scene, best, gone, come, _HOPELESS * gain))
     for winner in sorted(tried, key=lambda each: each.score):

@@ -40,7 +40,7 @@ from firmloop.stages.plant import plant_of
 Array = NDArray[np.float64]
 
 _STEPS, _TURNS = 40, 4  # of a refit, and refits with the sizes that the last one left
-_PATIENCE = 20.0  # s of computing past contacts
+_PATIENCE = 80.0  # million steps of simulation past contacts
 EQUATIONS = {
     "friction": "torque",
     "drag": "torque",

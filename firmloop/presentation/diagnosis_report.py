@@ -105,8 +105,8 @@ def _courses(made: Diagnosis) -> list[str]:
             for values in (given, made.search.nominal.fitted.point.values, shown.fitted.point.values):
                 point = fit_starts(scene, [recording], values, made.search.best.noises)
                 runs.append(measured - residual_of(scene, recording, point, 0))
-            if made.shape is not None:
-                runs[-1] = measured - (made.shape.train if role == "train" else made.shape.test)[0]
+            if made.shape is not None and role == "train":
+                runs[-1] = measured - made.shape.train[0]
             for index, signal in enumerate(scene.plant.outputs):
                 title = f"{role}: {recording.source}, {signal.name}"
                 drawn.append(_course(title, recording.time, measured[:, index], [run[:, index] for run in runs]))

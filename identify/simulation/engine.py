@@ -44,6 +44,7 @@ class EffectSimulator:
     jobs: dict[bytes, Job] = field(default_factory=dict)
     written: dict[bytes, Forms] = field(default_factory=dict)  # by the nominal constants
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
+    taken: Array = field(default_factory=lambda: np.zeros(1))  # steps of all runs so far
 
     @property
     def states(self) -> int:
@@ -64,6 +65,7 @@ class EffectSimulator:
     def run(self, course: Course, constants: Array, start: Array) -> Array:
         """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
         made = self._job(constants)
+        made.problem.taken = self.taken.ctypes.data
         return run_job(made, self._segments(course, made), np.asarray(start, dtype=np.float64), course)
 
     def run_with_slopes(

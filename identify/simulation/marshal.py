@@ -72,7 +72,7 @@ class _Problem(ctypes.Structure):
         ("longest", ctypes.c_double),
         ("most_steps", ctypes.c_double),
         ("turns", ctypes.c_int),
-        *((name, ctypes.c_void_p) for name in ("turn_time", "turn")),
+        *((name, ctypes.c_void_p) for name in ("turn_time", "turn", "taken")),
     )
 
 

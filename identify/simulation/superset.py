@@ -56,6 +56,11 @@ class Superset:
         self.places = {name: place for place, name in enumerate(self.names)}
         self.still = np.array([self.neutral[name] for name in self.names])
 
+    @property
+    def steps(self) -> float:
+        """Steps of all simulations so far, in millions: what a budget counts, the same on every machine."""
+        return 1e-6 * float(self.engine.taken[0])
+
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
         """Return the outputs (n, r); rows after a divergence are NaN."""
         return self.engine.run(self.course(recording), self.constants(parameters), self.begin(recording, start))

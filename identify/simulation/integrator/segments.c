@@ -266,6 +266,9 @@ int run_segments(const problem_t *k, const double *x0, double *y) {
     int done;
     set_out(&run, k, x0);
     done = go_on(&run, y);
+    if (k->taken != NULL) {
+        *k->taken += run.steps;
+    }
     tidy_up(&run);
     return done;
 }
