@@ -109,6 +109,12 @@ def in_series(parts: Sequence[Rational]) -> Rational:
     )
 
 
+def badly_held(denominator: Sequence[float], rational: Rational) -> bool:
+    """Tell whether coefficients in z say too little of their poles, those on the circle (integrators) apart."""
+    room = 1 - np.abs(1 + rational.poles)
+    return bool(np.any((displacement(denominator, 1 + rational.poles) > TOLD * room) & (room > OUTSIDE)))
+
+
 def displacement(coefficients: Sequence[float] | Array, roots: Roots) -> Array:
     """Return how far each root moves where the coefficients are rounded in their last place."""
     apart = np.abs(roots[:, None] - roots)

@@ -4,10 +4,9 @@
 
 Keys: `numerator` and `denominator` in falling powers of z or s (`domain = "z"` or "s"), or `sections`, rows of b0, b1,
 b2, a0, a1, a2 in the same powers, which a filter of high order needs because its expanded polynomial does not hold its
-poles; for s `discretize = "tustin"`
-(default), "zoh", "matched", "prewarp" (with `prewarp_rad_s`) or "backward", see `rational.py`; `form = "auto"`,
-"shift" or "delta", see `sections.py`; `u_min`, `u_max`, by default the output's range. The limit stands behind the
-filter: the state goes on as if there were none.
+poles; for s `discretize = "tustin"` (default), "zoh", "matched", "prewarp" (with `prewarp_rad_s`) or "backward", see
+`rational.py`; `form = "auto"`, "shift" or "delta", see `sections.py`; `u_min`, `u_max`, by default the output's range.
+The limit stands behind the filter: the state goes on as if there were none.
 
 A pole outside the unit circle is an error. One on the circle (an integrator) gives a law whose state has no range,
 which only floating point can hold.
@@ -16,7 +15,7 @@ which only floating point can hold.
 from __future__ import annotations
 
 from firmloop.design.design import Design, Kind, Request
-from firmloop.design.discretize.rational import Rational, from_z, in_series
+from firmloop.design.discretize.rational import CROWDED, Rational, badly_held, from_z, in_series
 from firmloop.design.draft import Draft
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import designed
@@ -45,6 +44,8 @@ def draft(request: Request) -> Draft:
         "" if domain == "z" else f", {choice(table, 'discretize', 'tustin', (str(table.get('discretize')), 'tustin'))}"
     )
     says = f"transfer function in {domain}{method}: {_polynomial(above, domain)} / ({_polynomial(below, domain)})"
+    if domain == "z" and badly_held(below, rational):
+        says += f"; note: {CROWDED}"
     return sectioned(request, rational, says, {})
 
 
