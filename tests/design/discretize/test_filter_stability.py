@@ -1,4 +1,4 @@
-"""Filters of high order and low cut-off are called stable or unstable as exact arithmetic on their coefficients says."""
+"""Filters of high order and low cut-off are called stable or unstable as exact arithmetic says."""
 
 from __future__ import annotations
 
