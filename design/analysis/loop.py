@@ -225,7 +225,8 @@ def step_metrics(trajectory: Trajectory) -> StepMetrics:
     iae = float(np.sum(np.abs(error[:-1]) * np.diff(time)))
     span = y[-1] - y[0]
     if span == 0:
-        return StepMetrics(math.inf, math.inf, math.inf, 0.0, 0.0, float(y[-1]), float(error[-1]), iae)
+        nothing = math.nan  # overshoots a response that does not come
+        return StepMetrics(math.inf, math.inf, math.inf, nothing, nothing, float(y[-1]), float(error[-1]), iae)
     share = (y - y[0]) / span
     return StepMetrics(
         rise_s=_reach(time, share, 0.9) - _reach(time, share, 0.1),

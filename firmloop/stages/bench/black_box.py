@@ -231,8 +231,8 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
     means = [float(np.mean(np.concatenate([getattr(one, part) for one in records]))) for part in ("drive", "output")]
     raise IdentifyError(
         f"{records[0].source}: {drive} and {output} rest away from 0 (their means are {means[0]:.3g} and "
-        f"{means[1]:.3g}), where a linear model from 0 does not hold; take the means off with [recordings.conditioning] "
-        f'remove_offset = ["{drive}", "{output}"]'
+        f"{means[1]:.3g}), where a linear model from 0 does not hold; take the means off with "
+        f'[recordings.conditioning] remove_offset = ["{drive}", "{output}"]'
     )
 
 
