@@ -53,9 +53,9 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
     if finding.location is not None:
         said.append(f"Seen where {finding.location.evidence}.")
     for other in finding.alternatives[:2]:
-        said.append(
-            f"Next candidate: {other.name} ({100.0 * other.probability:.0f} %); to tell apart: {other.tell_apart_by}"
-        )
+        # Of what the library knows it may be the likeliest by far, and yet it is not what is missing.
+        chance = "" if finding.verdict == "unknown_physics" else f" ({100.0 * other.probability:.0f} %)"
+        said.append(f"Next candidate: {other.name}{chance}; to tell apart: {other.tell_apart_by}")
     said += [f"Note: {note}." for note in finding.notes[:6]]
     if finding.untestable:
         said.append(f"Cannot be tested with these recordings: {', '.join(sorted(finding.untestable))}.")

@@ -67,7 +67,9 @@ class JsonConsole:
 
     def close(self) -> None:
         """Print the document."""
-        print(json.dumps(self._document, indent=1, default=_plain))  # ASCII: no control character leaves it raw
+        # What is no figure is null, for JSON has no word for it.
+        told = json.loads(json.dumps(self._document, default=_plain), parse_constant=lambda _: None)
+        print(json.dumps(told, indent=1, allow_nan=False))  # ASCII: no control character leaves it raw
         sys.stdout.flush()
 
     def fail(self, message: str) -> None:

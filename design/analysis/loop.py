@@ -17,6 +17,7 @@ import numpy.typing as npt
 import scipy
 
 from firmloop.design.analysis.small_signal import LinearLaw, linearize_law
+from firmloop.design.discretize import unit_circle
 from firmloop.design.discretize.zero_order_hold import Sampled, state_space, zero_order_hold
 from firmloop.design.law import DesignError, Law
 from firmloop.design.optimum import QuadraticSolver, Solution
@@ -84,16 +85,16 @@ def loop_response(law: Law, linear: Linear, frequency: Array) -> Response:
 
 def closed_loop_poles(law: Law, linear: Linear) -> Response:
     """Find the poles in the z plane of the linearized law around the sampled plant."""
-    return _poles(law, linearize_law(law), zero_order_hold(linear, law.period))
+    return unit_circle.poles(_ring(law, linearize_law(law), zero_order_hold(linear, law.period)))
 
 
 def margins(law: Law, linear: Linear) -> Margins:
     """Measure the loop broken at the plant's first input; the measurement is the plant's first output."""
     sampled, linearized = zero_order_hold(linear, law.period), linearize_law(law)
-    poles = _poles(law, linearized, sampled)
-    stable = bool(np.all(np.abs(poles) < 1 - ON_CIRCLE))
+    ring = _ring(law, linearized, sampled)
+    poles, stable = unit_circle.poles(ring), unit_circle.within(ring, 1 - ON_CIRCLE)
     response = _response(law, linearized, sampled)
-    opened = np.concatenate([np.linalg.eigvals(sampled.a), np.linalg.eigvals(linearized.a)])
+    opened = np.concatenate([unit_circle.poles(sampled.a), unit_circle.poles(linearized.a)])
     grid = _grid(np.concatenate([poles, opened]), law.period, sampled.whole)
     loop = response(grid)
 
@@ -224,7 +225,8 @@ def step_metrics(trajectory: Trajectory) -> StepMetrics:
     iae = float(np.sum(np.abs(error[:-1]) * np.diff(time)))
     span = y[-1] - y[0]
     if span == 0:
-        return StepMetrics(math.inf, math.inf, math.inf, 0.0, 0.0, float(y[-1]), float(error[-1]), iae)
+        nothing = math.nan  # overshoots a response that does not come
+        return StepMetrics(math.inf, math.inf, math.inf, nothing, nothing, float(y[-1]), float(error[-1]), iae)
     share = (y - y[0]) / span
     return StepMetrics(
         rise_s=_reach(time, share, 0.9) - _reach(time, share, 0.1),
@@ -291,11 +293,6 @@ def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:
         return np.zeros(len(z), dtype=np.complex128)
     solved = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b[:, :, None])
     return np.asarray(solved[:, :, 0] @ c, dtype=np.complex128)
-
-
-def _poles(law: Law, linearized: LinearLaw, sampled: Sampled) -> Response:
-    """Eigenvalues of plant and law in a ring."""
-    return np.asarray(np.linalg.eigvals(_ring(law, linearized, sampled)), dtype=np.complex128)
 
 
 def _ring(law: Law, linearized: LinearLaw, sampled: Sampled) -> Array:

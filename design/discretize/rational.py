@@ -21,12 +21,21 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from firmloop.design.discretize.exact_roots import exact_roots
 from firmloop.design.law import DesignError
 
 Array = npt.NDArray[np.float64]
 Roots = npt.NDArray[np.complex128]
 
 FAR = 1e3  # times better
+DOUBTFUL = 1e-9  # of a root's size
+OUTSIDE = 1e-6  # beyond the boundary, as a share of 1 or of a root in s: less is what several integrators scatter
+ON_CIRCLE = 1e-9  # a pole this close to the unit circle is as good as on it
+TOLD = 0.1  # of a pole's distance from the boundary: coefficients that move it farther do not say what was meant
+CROWDED = (
+    "a polynomial of this order holds poles that crowd so badly that the last digit of its coefficients moves them by "
+    "much of their distance from the boundary: give controller.sections instead, rows [b0, b1, b2, a0, a1, a2]"
+)
 METHODS = ("tustin", "zoh", "matched", "prewarp", "backward")
 
 
@@ -47,7 +56,16 @@ def from_z(numerator: Sequence[float], denominator: Sequence[float]) -> Rational
             f"controller.numerator has order {len(above) - 1}, above the denominator's {len(below) - 1}: the output "
             "would need samples to come; give the denominator at least the numerator's order"
         )
-    return _finite(Rational(_roots_of_z(above), _roots_of_z(below), _ratio(above, below)))
+    poles = _roots_of_z(below)
+    moved = displacement(below, 1 + poles)
+    excess = np.abs(1 + poles) - 1
+    outside = [1 + pole for pole in poles[excess > np.minimum(OUTSIDE, np.maximum(ON_CIRCLE, 2 * moved))]]
+    if outside:
+        raise DesignError(
+            f"controller.denominator is unstable: its poles at z = {_listed(outside)} lie outside the unit circle; "
+            f"correct the coefficients, or check domain and sample time{_advice(moved, np.abs(excess))}"
+        )
+    return _finite(Rational(_roots_of_z(above), poles, _ratio(above, below)))
 
 
 def from_s(
@@ -60,7 +78,13 @@ def from_s(
             f"controller.numerator has order {len(above) - 1}, above the denominator's {len(below) - 1}: it would "
             "differentiate without a filter; add a pole far above the frequencies of interest"
         )
-    zeros, poles, gain = _roots(above), _roots(below), _ratio(above, below)
+    zeros, poles, gain = _roots(above), _sharpened(_exact(below), _roots(below)), _ratio(above, below)
+    outside = [pole for pole in poles if pole.real > OUTSIDE * abs(pole)]
+    if outside:
+        raise DesignError(
+            f"controller.denominator is unstable: its poles at s = {_listed(outside)} rad/s lie right of the imaginary "
+            f"axis; correct the coefficients{_advice(displacement(below, poles), np.abs(poles.real))}"
+        )
     with np.errstate(all="ignore"):
         match method:
             case "tustin":
@@ -74,6 +98,31 @@ def from_s(
             case _:
                 found = _held(above, below, poles, period)
     return _finite(found)
+
+
+def in_series(parts: Sequence[Rational]) -> Rational:
+    """Multiply transfer functions, each with its own roots."""
+    return Rational(
+        np.concatenate([part.zeros for part in parts]),
+        np.concatenate([part.poles for part in parts]),
+        math.prod(part.gain for part in parts),
+    )
+
+
+def badly_held(denominator: Sequence[float], rational: Rational) -> bool:
+    """Tell whether coefficients in z say too little of their poles, those on the circle (integrators) apart."""
+    room = 1 - np.abs(1 + rational.poles)
+    return bool(np.any((displacement(denominator, 1 + rational.poles) > TOLD * room) & (room > OUTSIDE)))
+
+
+def displacement(coefficients: Sequence[float] | Array, roots: Roots) -> Array:
+    """Return how far each root moves where the coefficients are rounded in their last place."""
+    apart = np.abs(roots[:, None] - roots)
+    np.fill_diagonal(apart, 1.0)
+    with np.errstate(all="ignore"):
+        noise = np.polyval(np.abs(coefficients), np.abs(roots)) * np.finfo(np.float64).eps
+        moved = noise / (abs(coefficients[0]) * np.prod(apart, axis=1))
+    return np.where(np.isnan(moved), np.inf, moved)
 
 
 def response(rational: Rational, z: Roots) -> Roots:
@@ -137,13 +186,17 @@ def _trimmed(key: str, coefficients: Sequence[float]) -> Array:
     return found
 
 
-def _shifted(coefficients: Array) -> Array:
+def _exact(coefficients: Array) -> list[Fraction]:
+    return [Fraction(float(value)) for value in coefficients]
+
+
+def _shifted(coefficients: Array) -> list[Fraction]:
     """Write a polynomial in z in powers of z - 1, exactly (Taylor shift by repeated synthetic division)."""
-    exact = [Fraction(value) for value in coefficients]
+    exact = _exact(coefficients)
     for last in range(len(exact), 1, -1):
         for k in range(1, last):
             exact[k] += exact[k - 1]
-    return np.array([float(value) for value in exact])
+    return exact
 
 
 def _ratio(above: Array, below: Array) -> float:
@@ -162,9 +215,21 @@ def _roots_of_z(coefficients: Array) -> Roots:
 
 
 def _moving_roots(coefficients: Array) -> Roots:
-    shifted = _shifted(coefficients)
+    exact = _shifted(coefficients)
+    shifted = np.array([float(value) for value in exact])
     by_delta, by_z = _roots(shifted), _roots(coefficients)
-    return by_z - 1 if FAR * _doubt(coefficients, by_z) < _doubt(shifted, by_delta) else by_delta
+    if FAR * _doubt(coefficients, by_z) < _doubt(shifted, by_delta):
+        return by_z - 1
+    return _sharpened(exact, by_delta)
+
+
+def _sharpened(exact: list[Fraction], roots: Roots) -> Roots:
+    """Find again, to all places, roots that an ordinary solver cannot know to more than DOUBTFUL of their size."""
+    still = np.abs(roots) == 0
+    moving, near = exact[: len(exact) - int(still.sum())], roots[~still]
+    if not len(near) or np.all(displacement([float(value) for value in moving], near) <= DOUBTFUL * np.abs(near)):
+        return roots
+    return np.concatenate([exact_roots(moving, near), roots[still]])
 
 
 def _doubt(coefficients: Array, roots: Roots) -> float:
@@ -183,6 +248,16 @@ def _roots(coefficients: Array) -> Roots:
             "denominator are too far apart for their roots; scale them"
         )
     return np.roots(scaled).astype(np.complex128)
+
+
+def _advice(moved: Array, room: Array) -> str:
+    """Say that coefficients cannot hold such roots, where their last place moves a root by much of its `room`."""
+    return f"; {CROWDED}" if np.any(moved > TOLD * room) else ""
+
+
+def _listed(roots: Sequence[np.complex128]) -> str:
+    texts = [f"{root.real:.6g}" if root.imag == 0 else f"{root.real:.6g}{root.imag:+.6g}j" for root in roots]
+    return ", ".join(texts[:4]) + (", ..." if len(texts) > 4 else "")
 
 
 def _finite(rational: Rational) -> Rational:

@@ -14,6 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from firmloop.design.discretize.unit_circle import poles, within
 from firmloop.design.law import DesignError
 from firmloop.identify.signal import Signal
 
@@ -22,7 +23,7 @@ Array = npt.NDArray[np.float64]
 WIDER = 0.01  # far above the rounding of any format that has the resolution to run the law at all
 ROUNDED = 4 * 2.0**-24  # of every term of a sum in float32: its coefficient, its product, and up to two sums
 ON_CIRCLE = 1e-9  # a pole this close to the unit circle forgets nothing within any use of the law
-OUTSIDE = 1e-6  # roots of a polynomial are not better known than this where several meet
+OUTSIDE = 1e-6  # decimal coefficients do not tell where several poles meet, as two integrators do, better than this
 SAMPLES = 2**22  # numbers held of one impulse response
 DOUBLINGS = 50
 SMALL = 1e-4  # the tail may add this share
@@ -75,25 +76,21 @@ def _ends(responses: Array, low: Array, high: Array, rest: Array) -> tuple[Array
     return np.minimum(down.min(axis=0), 0.0) - rest, np.maximum(up.max(axis=0), 0.0) + rest
 
 
-def poles(a: Array) -> npt.NDArray[np.complex128]:
-    """Return the eigenvalues of `a`, farthest from the origin first."""
-    found = np.linalg.eigvals(a).astype(np.complex128) if len(a) else np.zeros(0, np.complex128)
-    return found[np.argsort(-np.abs(found), kind="stable")]
-
-
 def forgets(a: Array, what: str) -> bool:
     """Tell whether all poles lie inside the unit circle; refuse poles outside of it, `what` names the law.
 
     A pole on the circle (an integrator) is legal, but its state has no range.
     """
+    if within(a, 1 - ON_CIRCLE):
+        return True
+    if within(a, 1 + OUTSIDE):
+        return False
     found = poles(a)
-    outside = [pole for pole in found if abs(pole) > 1 + OUTSIDE]
-    if outside:
-        raise DesignError(
-            f"{what} is unstable: its poles at z = {_listed(outside)} lie outside the unit circle; correct the "
-            "coefficients, or check domain and sample time"
-        )
-    return not len(found) or abs(found[0]) < 1 - ON_CIRCLE
+    outside = [pole for pole in found if abs(pole) > 1 + OUTSIDE] or [found[0]]
+    raise DesignError(
+        f"{what} is unstable: its poles at z = {_listed(outside)} lie outside the unit circle; correct the "
+        "coefficients, or check domain and sample time"
+    )
 
 
 def rounding_share(a: Array, b: Array, size: Array, drive: Array) -> float:

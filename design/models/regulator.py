@@ -18,8 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from firmloop.design.discretize.unit_circle import poles, within
 from firmloop.design.law import DesignError
-from firmloop.design.linear.reach import ON_CIRCLE, poles
+from firmloop.design.linear.reach import ON_CIRCLE
 
 Array = npt.NDArray[np.float64]
 
@@ -99,8 +100,9 @@ def reference_gain(a: Array, b: Array, c: Array, gain: Array) -> Array:
 
 def check_stable(a: Array, what: str) -> None:
     """Refuse a pole on or outside the unit circle."""
-    worst = [pole for pole in poles(a) if abs(pole) >= 1 - ON_CIRCLE]
-    if worst:
+    if not within(a, 1 - ON_CIRCLE):
+        found = poles(a)
+        worst = [pole for pole in found if abs(pole) >= 1 - ON_CIRCLE] or [found[0]]
         listed = ", ".join(f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}" for pole in worst[:4])
         raise DesignError(
             f"{what} is unstable: its poles at z = {listed} are not inside the unit circle; correct the gains"

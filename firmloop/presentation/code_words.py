@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from firmloop.verify.proofs.limit_cycles import ZeroInput
 
 
-def quantity(value: float, unit: str) -> str:
-    """Write a figure that is known to three digits; infinite where there is no limit."""
+def quantity(value: float, unit: str, endless: str = "no limit") -> str:
+    """Write a figure that is known to three digits; `endless` says what it means that there is no end to it."""
     if math.isnan(value):
         return "none"
-    return "no limit" if math.isinf(value) else in_unit(f"{value:.3g}", unit)
+    return endless if math.isinf(value) else in_unit(f"{value:.3g}", unit)
 
 
 def in_unit(figure: str, unit: str) -> str:
@@ -30,8 +30,12 @@ def about_code(generated: Generated) -> list[str]:
     if generated.checked is not None:
         again = f"{generated.checked.operations} operations and {generated.checked.stores} stores"
         lines.append(f"  no overflow: {again} proven twice, by interval rules and by z3")
-    bounds = [f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding]
-    lines.append(f"  rounding, proven: at most {', '.join(bounds)} off the law in one step")
+    bounds = [f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding if math.isfinite(r.bound)]
+    if bounds:
+        lines.append(f"  rounding, proven: at most {', '.join(bounds)} off the law in one step")
+    unbounded = [r.output for r in program.rounding if not math.isfinite(r.bound)]
+    if unbounded:
+        lines.append(f"  rounding: no bound is proven for {', '.join(unbounded)}")
     lines += [
         f"  search: cut short at a work of {dict(table.sizes)['FL_QP_BUDGET']:,}; then the last plan's next move, then "
         "the saturated LQR stands in"
@@ -55,6 +59,7 @@ def about_still(still: ZeroInput) -> list[str]:
             f"a limit cycle of {in_unit(f'{row.cycle:.3g}', row.unit)}" if row.cycle else "no limit cycle",
             f"rests up to {in_unit(f'{row.offset:.3g}', row.unit)} away" if row.offset else "no dead band",
         ]
-        bound = f"roundings alone move it by at most {in_unit(f'{row.bound:.3g}', row.unit)}"
+        moves = f"roundings alone move it by at most {in_unit(f'{row.bound:.3g}', row.unit)}"
+        bound = moves if math.isfinite(row.bound) else "how far roundings alone move it has no bound"
         lines.append(f"  inputs still: {row.output}: {', '.join(found)} ({tried}); {bound}")
     return lines

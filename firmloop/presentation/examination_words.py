@@ -47,7 +47,7 @@ def about_examination(found: Examination) -> list[str]:
             f"white {test.whiteness:.2g}",
             f"independent of the input {test.independence:.2g}",
             f"mean 0 {test.bias:.2g}",
-            "" if test.white and test.independent else "NOT all explained",
+            "" if test.explained else "NOT all explained",
         )
         for source, outputs in found.residuals.items()
         for output, test in outputs.items()

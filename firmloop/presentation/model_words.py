@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from firmloop.console import table
 from firmloop.presentation.documents import finite, known
 from firmloop.presentation.words import rounded_to
@@ -16,14 +18,14 @@ def about_model(found: BlackBox) -> list[str]:
     words = [f"{p.real:.2g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.2g}{p.imag:+.2g}j" for p in poles]
     lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
     if spread is None:
-        lines.append(f"  gain at rest {gain_at_rest(made):.2g}, poles {', '.join(words)} rad/s")
+        gain = gain_at_rest(made)
+        rests = f"gain at rest {gain:.2g}" if math.isfinite(gain) else "it integrates, so it has no gain at rest"
+        lines.append(f"  {rests}, poles {', '.join(words)} rad/s")
         why = "they need structure = 'arx' or 'oe'"
         if structure != "n4sid" and white(judged["train"]):
             why = "with its residuals drawn anew the model has no continuous form any more; lower order"
         elif structure != "n4sid":
             why = "the residuals are not white, so that drawing them anew repeats nothing; raise order"
-        if structure == "arx":
-            why += ", or take structure = 'oe' where the noise is the sensor's"
         lines.append(f"  note: no intervals; {why}")
     else:
         lines.append(f"  gain at rest  {_with(gain_at_rest(made), spread['gain'])}")
@@ -41,7 +43,7 @@ def about_model(found: BlackBox) -> list[str]:
         for role, entries in judged.items()
         for entry in entries
     ]
-    return lines + table(rows) + ([f"  note: {found.cut}"] if found.cut else [])
+    return lines + table(rows) + [f"  note: {note}" for note in (*found.notes, found.cut) if note]
 
 
 def _with(value: float, half: object) -> str:

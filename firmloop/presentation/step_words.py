@@ -10,7 +10,7 @@ from firmloop.console import table
 from firmloop.identify.bench_tests.trials import FEWEST, Repeated, repeated
 from firmloop.identify.units import unit_of
 from firmloop.presentation.documents import fields_document, finite
-from firmloop.presentation.words import in_unit, quantity, rounded_to
+from firmloop.presentation.words import NOT_REACHED, in_unit, quantity, rounded_to
 from firmloop.stages.bench.step_tests import SAYS, Halves
 
 if TYPE_CHECKING:
@@ -61,14 +61,14 @@ def _over(values: Sequence[float], unit: str, half: float) -> str:
         return ", ".join(_held(value, unit, half) for value in values)
     found = repeated(values)
     if not math.isfinite(found.half) or found.half == 0.0:
-        return quantity(found.mean, unit)
+        return quantity(found.mean, unit, NOT_REACHED)
     return in_unit(f"{rounded_to(found.mean, found.half)} ± {found.half:.2g}", unit)
 
 
 def _held(value: float, unit: str, half: float) -> str:
     """Write a value with its interval; one that has none, or does not move with the noise, with three digits."""
     if not (math.isfinite(value) and math.isfinite(half) and half > 0.0):
-        return quantity(value, unit)
+        return quantity(value, unit, NOT_REACHED)
     return in_unit(f"{rounded_to(value, half)} ± {half:.2g}", unit)
 
 

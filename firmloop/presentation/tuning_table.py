@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from firmloop.console import table
 from firmloop.presentation.documents import fields_document, finite
-from firmloop.presentation.words import no_finer
+from firmloop.presentation.words import NO_LIMIT, NOT_REACHED, no_finer
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.contest import Entry
@@ -41,7 +41,7 @@ def contest_rows(entries: Sequence[Entry]) -> list[tuple[str, ...]]:
 
 def _row(entry: Entry) -> tuple[str, ...]:
     assert entry.design is not None and entry.margins is not None
-    gains = tuple(f"{entry.design.gains[name]:.4g}" for name in ("kp", "ki", "kd"))
+    gains = tuple(f"{entry.design.gains[name] + 0.0:.4g}" for name in ("kp", "ki", "kd"))
     if entry.step is None or entry.load is None:
         return (entry.rule, *gains, "UNSTABLE", *[""] * (len(HEAD) - 5))
     found, halves = entry.margins, entry.halves
@@ -57,7 +57,11 @@ def _row(entry: Entry) -> tuple[str, ...]:
         ("load_iae", entry.load.iae, ""),
         ("noise_gain", entry.noise_gain, ""),
     )
-    return (entry.rule, *gains, *(no_finer(value, halves.get(name, 0.0), unit) for name, value, unit in figures))
+    written = (
+        no_finer(value, halves.get(name, 0.0), unit, NO_LIMIT if name in MARGINS else NOT_REACHED)
+        for name, value, unit in figures
+    )
+    return (entry.rule, *gains, *written)
 
 
 def contest_document(entries: Sequence[Entry]) -> list[Mapping[str, object]]:

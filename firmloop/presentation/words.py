@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from firmloop.stages.verification import Outcome
     from firmloop.verify.verdict import Verdict
 
+NO_LIMIT, NOT_REACHED = "no limit", "not reached"  # what it means where a margin, or a time, is infinite
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),
     ("phase margin", "phase_margin_deg", "deg"),
@@ -73,7 +74,7 @@ def rounded_to(value: float, half: float) -> str:
 def about_design(design: Design) -> list[str]:
     """Gains and where they come from."""
     by = f"tuned by {design.tuned_by}" if design.tuned_by else "gains as given"
-    gains = ", ".join(f"{name} {value:.4g}" for name, value in design.gains.items())
+    gains = ", ".join(f"{name} {value + 0.0:.4g}" for name, value in design.gains.items())
     missed = [f"  not met by the feedforward: {name}; {why}" for name, why in design.not_met.items()]
     return [f"controller: {design.law.says}, {by}", f"  {gains}", *missed]
 
@@ -112,32 +113,34 @@ def margin_rows(loop: Loop) -> list[tuple[str, str]]:
     """Margins, each with its unit and, where the plant has intervals, with its own."""
     return [
         ("closed loop", "stable" if loop.margins.stable else "UNSTABLE"),
-        *_figure_rows(loop, loop.margins, MARGINS),
+        *_figure_rows(loop, loop.margins, MARGINS, NO_LIMIT),
     ]
 
 
 def step_rows(loop: Loop) -> list[tuple[str, str]]:
     """Step metrics, likewise."""
-    return _figure_rows(loop, loop.metrics, METRICS)
+    return _figure_rows(loop, loop.metrics, METRICS, NOT_REACHED)
 
 
 def _figure_rows(
-    loop: Loop, noun: Margins | StepMetrics, rows: Sequence[tuple[str, str, str]]
+    loop: Loop, noun: Margins | StepMetrics, rows: Sequence[tuple[str, str, str]], endless: str
 ) -> list[tuple[str, str]]:
-    return [(says, _unsure(getattr(noun, name), loop.halves.get(name, 0.0), unit)) for says, name, unit in rows]
+    return [
+        (says, _unsure(getattr(noun, name), loop.halves.get(name, 0.0), unit, endless)) for says, name, unit in rows
+    ]
 
 
-def no_finer(value: float, half: float, unit: str) -> str:
+def no_finer(value: float, half: float, unit: str, endless: str) -> str:
     """Write a figure to three digits, or to fewer where the half width of its interval ends before."""
     if not 0.0 < half < math.inf or not math.isfinite(value) or value == 0.0:
-        return quantity(value, unit)
+        return quantity(value, unit, endless)
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
     return in_unit(f"{value:.{min(max(digits, 1), 3)}g}", unit)
 
 
-def _unsure(value: float, half: float, unit: str) -> str:
+def _unsure(value: float, half: float, unit: str, endless: str) -> str:
     if not half > 0.0 or not math.isfinite(value):
-        return quantity(value, unit)
+        return quantity(value, unit, endless)
     if math.isinf(half):
         return f"{quantity(value, unit)}, not bounded within the plant's intervals"
     return in_unit(f"{rounded_to(value, half)} ± {half:.2g}", unit)
@@ -226,7 +229,8 @@ def rounding_rows(verdict: Verdict) -> list[tuple[str, str]]:
     return [
         (
             f"rounding of {entry.output}",
-            f"worst {in_unit(f'{entry.worst:.2g}', entry.unit)}, bound {in_unit(f'{entry.bound:.2g}', entry.unit)}",
+            f"worst {in_unit(f'{entry.worst:.2g}', entry.unit)}, "
+            + (f"bound {in_unit(f'{entry.bound:.2g}', entry.unit)}" if math.isfinite(entry.bound) else "no bound"),
         )
         for entry in verdict.rounding
     ]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
 
 from firmloop.design.analysis.loop import (
     Margins,
@@ -22,6 +25,9 @@ from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.project.project import Project
 from firmloop.quantize.twins.qp import optimum
 from firmloop.stages.plant import located
+
+MOVED = 1e-9  # of a step
+NO_METRICS = StepMetrics(*[math.nan] * 8)  # of a loop that runs away
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +52,20 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
     with located(project):
         linear = linearize(plant)
         law, profile = designed.law, step_profile(designed.law, linear)
-        step = closed_loop(law, linear, profile, optimum)
+        step, found = closed_loop(law, linear, profile, optimum), margins(designed.law, linear)
+        if not _moves(step):  # the actuator cannot drive the plant that way, as a fan cannot heat: step the other way
+            other = closed_loop(law, linear, -profile, optimum)
+            profile, step = (-profile, other) if _moves(other) else (profile, step)
 
         def figures(moved: Linear) -> Mapping[str, float]:
-            measured = () if law.solve else (step_metrics(closed_loop(law, moved, profile)),)  # seconds for a search
+            searching = law.solve is not None  # which takes seconds
+            measured = () if searching or not found.stable else (step_metrics(closed_loop(law, moved, profile)),)
             return figures_of(margins(law, moved), *measured)
 
         points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
-        return Loop(margins(law, linear), step, step_metrics(step), half_widths(plant, figures), points)
+        metrics = step_metrics(step) if found.stable else NO_METRICS
+        return Loop(found, step, metrics, half_widths(plant, figures), points)
+
+
+def _moves(step: Trajectory) -> bool:
+    return bool(np.ptp(step.measurement) > MOVED * abs(step.reference[-1]))

@@ -20,6 +20,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from firmloop.identify.bench_tests.richness import richness
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.extras import extra
 from firmloop.identify.fitting.least_squares import fit_function
@@ -88,8 +89,8 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:
         ]
         if len(smooth) == len(records):
             starts.append(fit_arx(smooth, order, late))
-    scored = [(_miss(_steadied(start), records), k) for k, start in enumerate(starts)]
-    begin = _steadied(starts[min(scored)[1]])
+    scored = [(miss(steadied(start), records), k) for k, start in enumerate(starts)]
+    begin = steadied(starts[min(scored)[1]])
     below, above = -begin.a[:, 0], begin.b
     start = np.concatenate([below, above])
     scale = np.maximum(np.abs(start), 1e-3 * np.abs(above).max())
@@ -154,14 +155,13 @@ def check_records(records: Sequence[Record], order: int, late: int) -> None:
             f"{records[0].source}: {rows} rows are too few for a model of order {order}: its {unknowns} coefficients "
             f"need at least {PER_UNKNOWN * unknowns + late + order}; record longer, or ask for a lower order"
         )
-    richness = [
-        np.linalg.matrix_rank(scipy.linalg.hankel(r.drive[: 2 * order + 1], r.drive[2 * order :]), 1e-6)
-        for r in records
-    ]
-    if max(richness) < order:
+    excited = richness([record.drive for record in records], unknowns)
+    if excited < unknowns:
+        lower = f", or set model.order = {excited // 2}, which is all that it supports" if excited > 1 else ""
         raise IdentifyError(
-            f"{records[0].source}: the input excites {max(richness)} directions, and a model of order {order} needs at "
-            f"least {order}; play a richer signal, such as one of `firmloop excite`"
+            f"{records[0].source}: the input excites {excited} directions (its mean is one, every sine in it two), and "
+            f"a model of order {order} has {unknowns} coefficients; play a richer signal, such as one of `firmloop "
+            f"excite`{lower}"
         )
     for record in records:
         if np.ptp(record.output) == 0.0:
@@ -210,7 +210,7 @@ def continuous(model: SampledModel, period: float) -> Continuous:
     if np.max(np.abs(poles)) >= 1.0 + 1e-9:
         raise IdentifyError(
             f"model: the fit is unstable (a pole at {np.max(np.abs(poles)):.4g} in z); try another structure, a lower "
-            "order, or remove the offset of the signals"
+            "order, or name both signals in recordings.conditioning.remove_offset where they rest away from 0"
         )
     bad = [pole for pole in poles if abs(pole.imag) < 1e-9 and pole.real <= 1e-6]
     if bad:
@@ -235,7 +235,7 @@ def _companion(below: Array, above: Array, late: int) -> SampledModel:
     return SampledModel(a, np.asarray(above, dtype=np.float64), np.eye(order)[0], late)
 
 
-def _steadied(model: SampledModel) -> SampledModel:
+def steadied(model: SampledModel) -> SampledModel:
     """Pull poles that are unstable to where they would just be stable, for a simulation to start from."""
     poles = np.linalg.eigvals(model.a)
     size = np.abs(poles)
@@ -269,6 +269,7 @@ def _impulse(record: Record) -> Array:
     return made
 
 
-def _miss(model: SampledModel, records: Sequence[Record]) -> float:
+def miss(model: SampledModel, records: Sequence[Record]) -> float:
+    """Return the mean square error of a simulation, the mean over recordings."""
     parts = [np.mean(np.minimum((r.output - _simulated(model, r)) ** 2, 1e24)) for r in records]
     return float(np.mean(parts))

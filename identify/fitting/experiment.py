@@ -18,6 +18,7 @@ from firmloop.identify.recordings.conditioning import (
     condition_output,
     find_lag,
     interpolate,
+    uncoloured,
     windows,
 )
 from firmloop.identify.recordings.recording import Recording
@@ -74,6 +75,12 @@ def conditioned(made: Experiment, outputs: Array) -> Array:
         for index, name in enumerate(made.names)
     ]
     return np.stack(parts, axis=1)
+
+
+def plainly_conditioned(made: Experiment) -> Experiment:
+    """Compare on the rows as recorded, where smoothing or a fine grid would give the noise a memory of its own."""
+    plain = replace(made, conditioning=uncoloured(made.conditioning, rows_time(made)))
+    return replace(plain, target=conditioned(plain, plain.measured))
 
 
 def delayed(made: Experiment, outputs: Array) -> Array:

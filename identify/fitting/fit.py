@@ -22,6 +22,7 @@ from firmloop.identify.fitting.experiment import (
     conditioned,
     delayed,
     experiments,
+    plainly_conditioned,
 )
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, weighted
 from firmloop.identify.fitting.residual_tests import unexplained
@@ -212,6 +213,15 @@ def _realigned(problem: FitProblem, begin: FitPoint) -> tuple[FitPoint, FitProbl
     return point, problem
 
 
+def _left(problem: FitProblem, at: FitPoint) -> list[Array]:
+    """Return the residuals (q, r) of each experiment without what smoothing makes of them."""
+    plain = [plainly_conditioned(made) for made in problem.experiments]
+    return [
+        made.target - conditioned(made, delayed(made, problem.engine.run(made.course, at.constants, start)))
+        for made, start in zip(plain, at.starts, strict=True)
+    ]
+
+
 def _by_recording(problem: FitProblem, values: Sequence[_T]) -> list[Sequence[_T]]:
     """Group what stands window after window by recording."""
     edges = np.cumsum([0, *problem.windows]).tolist()
@@ -265,9 +275,10 @@ def _result(
     train = tuple(
         _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
     )
+    plain = _left(problem, best)
     poor = [
         said
-        for one, left in zip(train, _by_recording(problem, residuals), strict=True)
+        for one, left in zip(train, _by_recording(problem, plain), strict=True)
         for column, (name, figures) in zip(np.concatenate(left).T, one.scores.items(), strict=True)
         for said in unexplained(plant.kind, one.source, name, column, figures.r2)
     ]

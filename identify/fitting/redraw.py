@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, rows_time
+from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, plainly_conditioned, rows_time
 from firmloop.identify.fitting.fit import Fit, Progress
 from firmloop.identify.fitting.least_squares import scaled_step
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, weighted
@@ -122,18 +122,20 @@ def redraw(
 
 
 def left_over(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> tuple[tuple[Array, Array], ...]:
-    """Return, for each recording, the conditioned residuals (q, r) of a fit and its inputs (q, m) at the same instants.
+    """Return, for each recording, the residuals (q, r) of a fit and its inputs (q, m) at the same instants.
 
-    Windows of one recording follow each other.
+    They are conditioned as the fit was, but for what colours noise: that would look like dynamics left over. Windows
+    of one recording follow each other.
     """
     problem, point = _posed(fit, train, conditioning)
     pairs = []
-    for made, start in zip(problem.experiments, point.starts, strict=True):
+    for each, start in zip(problem.experiments, point.starts, strict=True):
+        made = plainly_conditioned(each)
         run = delayed(made, problem.engine.run(made.course, point.constants, start))
         time = rows_time(made)
         drive = made.course.drive[made.course.first : made.course.end]
         pairs.append(
-            (made.target - conditioned(made, run), interpolate(time, drive, compared_time(conditioning, time)))
+            (made.target - conditioned(made, run), interpolate(time, drive, compared_time(made.conditioning, time)))
         )
     edges = np.cumsum([0, *problem.windows]).tolist()
     return tuple(

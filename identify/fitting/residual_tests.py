@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 MOST_LAGS = 25
 POOR = 0.75  # of an output's variance: less is a fit below 50 %
 MEMORY = 1.0  # von Neumann's ratio, 2 for white noise
+DOUBTED = 0.01  # of all right models may be called wrong
 CERTAIN = 0.05  # a test fails where so small a chance would have to be believed in
 
 
@@ -42,6 +43,11 @@ class ResidualTests:
     def independent(self) -> bool:
         """Whether nothing of the input is left."""
         return self.independence >= CERTAIN
+
+    @property
+    def explained(self) -> bool:
+        """Whether both tests together leave more than a chance of DOUBTED."""
+        return 1.0 - (1.0 - min(self.whiteness, self.independence)) ** 2 >= DOUBTED
 
 
 def residual_tests(residual: Array, drive: Array) -> ResidualTests:

@@ -8,7 +8,7 @@ cannot bias a parameter. (Smoothing only the measurement, the usual shortcut, ma
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -132,6 +132,13 @@ def condition_output(conditioning: Conditioning, name: str, time: Array, values:
     if name in conditioning.remove_offset:
         done = done - done.mean(axis=0)
     return np.asarray(done, dtype=np.float64)
+
+
+def uncoloured(conditioning: Conditioning, time: Array) -> Conditioning:
+    """Leave out what gives white noise a memory: smoothing, and a grid so fine that its points share rows."""
+    finest = 2.0 * float(np.max(np.diff(time)))
+    coarse = conditioning.resample_s if conditioning.resample_s >= finest else 0.0
+    return replace(conditioning, savgol_window=0, resample_s=coarse)
 
 
 def line_free(conditioning: Conditioning, grid: Array, values: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from firmloop.stages.pipeline import plant_of, read_data
 
 from firmloop.diagnose.harmless import by_simulation_error, harmless
 from firmloop.diagnose.hypothesis import Scene, first_point
@@ -14,7 +15,6 @@ from firmloop.diagnose.refit import Fitted, fit
 from firmloop.diagnose.rival import believable, on_bound
 from firmloop.identify.fitting.noise import white
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of, read_data
 from tests.diagnose.cases import concealed, diagnosis, scene_of
 
 

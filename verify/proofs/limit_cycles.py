@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.design.discretize.unit_circle import within
 from firmloop.design.linear.reach import ON_CIRCLE, reach
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program
@@ -221,7 +222,7 @@ def _bounds(program: Program, model: _Model) -> tuple[Array, Array | None]:
     free = ~held
     a, e = model.a[np.ix_(free, free)], model.e[free]
     spread = np.zeros(order)
-    if len(a) and np.max(np.abs(np.linalg.eigvals(a))) >= 1 - ON_CIRCLE:
+    if not within(a, 1 - ON_CIRCLE):
         return np.zeros(order), None
     half = np.full(e.shape[1], 0.5)
     spread[free] = reach(a, e, -half, half)[1]

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from firmloop.design.design import Request
+from firmloop.design.discretize.unit_circle import poles
 from firmloop.design.law import DesignError
-from firmloop.design.linear.reach import ON_CIRCLE, poles
+from firmloop.design.linear.reach import ON_CIRCLE
 from firmloop.design.models.model import Model, model_of, weights
 from firmloop.design.models.regulator import kalman, luenberger
 from firmloop.design.quadratic.condense import Constraints

@@ -17,8 +17,10 @@ from firmloop.identify.bench_tests.blackbox import (
     check_answer,
     check_records,
     continuous,
+    miss,
     redrawn,
 )
+from firmloop.identify.bench_tests.delay_search import best_delay, least_miss, spoiled_by_means, without_means
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit_start
 from firmloop.identify.fitting.residual_tests import residual_tests
@@ -36,6 +38,7 @@ from firmloop.stages.saturation import cut_input, refuse_saturated
 
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals
+PULLED = 1.03  # times the mean square error of an output-error model: more is no chance
 WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
 
 
@@ -175,7 +178,7 @@ class BlackBox:
     judged: Mapping[str, Sequence[Mapping[str, object]]]  # by role
     spread: Mapping[str, object] | None  # half widths of 95 % intervals
     cut: str  # says where the input runs into a limit
-    notes: tuple[str, ...]  # how the files were read, where they are not plain
+    notes: tuple[str, ...]  # how the files were read, where they are not plain; on the delay and the noise
 
 
 def black_box(project: Project, stage: Stage) -> BlackBox:
@@ -192,14 +195,18 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
     structure = asked.text("structure", 'structure = "oe"') if "structure" in asked.values else "oe"
     if structure not in STRUCTURES:
         raise asked.wrong("structure", f"is no model structure; known: {', '.join(STRUCTURES)}")
-    order, late = _whole(asked, "order", 2, 1, MOST_ORDER), _whole(asked, "delay_samples", 0, 0, 10_000)
+    order, told = _whole(asked, "order", 2, 1, MOST_ORDER), _whole(asked, "delay_samples", 0, 0, 10_000)
+    searched = "delay_samples" not in asked.values
     data = read_data(project)
     refuse_saturated(project, data.train)
     with located(project):
         with stage(f"fitting {structure}"):
             period = _period(data.train)
             records = [_record(project, recording) for recording in data.train]
-            check_records(records, order, late)
+            check_records(records, order, told)
+            found = best_delay(without_means(records), order)
+            late = found if searched else told
+            _check_means(project, records, order, late)
             sampled = STRUCTURES[structure](records, order, late)
             check_answer(records, sampled)
             made = continuous(sampled, period)
@@ -210,4 +217,36 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         }
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
-    return BlackBox(structure, period, sampled, made, plant, judged, spread, cut_input(project, data.train), data.notes)
+    cut = cut_input(project, data.train)
+    told = _about_delay(searched, late, found), _about_noise(structure, records, sampled)
+    notes = (*data.notes, *filter(None, told))
+    return BlackBox(structure, period, sampled, made, plant, judged, spread, cut, notes)
+
+
+def _check_means(project: Project, records: Sequence[Record], order: int, late: int) -> None:
+    """Refuse signals that rest away from 0, where the model would be a better one without their means."""
+    assert project.plant is not None
+    if not spoiled_by_means(records, order, late):
+        return
+    drive, output = project.plant.input, project.plant.outputs[0]
+    means = [float(np.mean(np.concatenate([getattr(one, part) for one in records]))) for part in ("drive", "output")]
+    raise IdentifyError(
+        f"{records[0].source}: {drive} and {output} rest away from 0 (their means are {means[0]:.3g} and "
+        f"{means[1]:.3g}), where a linear model from 0 does not hold; take the means off with "
+        f'[recordings.conditioning] remove_offset = ["{drive}", "{output}"]'
+    )
+
+
+def _about_noise(structure: str, records: Sequence[Record], sampled: SampledModel) -> str:
+    """Say where noise that does not pass the plant's poles, as a sensor's does not, pulls an ARX model away."""
+    if structure != "arx" or miss(sampled, records) < PULLED * least_miss(records, len(sampled.a), sampled.late):
+        return ""
+    return "the noise is the sensor's, which pulls gain and poles of an arx model away; take structure = 'oe'"
+
+
+def _about_delay(searched: bool, late: int, found: int) -> str:
+    """Say where a delay comes from that nobody gave, or that the recordings ask for another than the given one."""
+    samples = f"{found} sample{'' if found == 1 else 's'} of delay"
+    if not searched:
+        return "" if late == found else f"model.delay_samples is {late}; the recordings ask for {samples}"
+    return f"{samples} found by search; model.delay_samples sets another" if found else ""

@@ -1,0 +1,102 @@
+"""`firmloop model` finds delays, and refuses inputs and offsets that no model can be had from, with what would help."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from firmloop.cli import main
+
+PERIOD = 0.02
+(ABOVE,), BELOW, _ = scipy.signal.cont2discrete(([30.0], [1, 4, 30]), PERIOD)  # gain 1, poles -2 +- 5.1 j
+PROJECT = """schema = 1
+name = "m"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "ode"
+states = ["x"]
+inputs = ["drive_V"]
+[plant.outputs]
+position_rad = "x"
+[plant.derivatives]
+x = "drive_V - x"
+[model]
+"""
+
+
+def steps(rows: int = 1500) -> np.ndarray:
+    return np.repeat(np.random.default_rng(5).choice([-1.0, 1.0], rows // 10 + 1), 10)[:rows]
+
+
+def left(folder: Path, drive: np.ndarray, late: int, noise: float, rest: tuple[float, float], model: str) -> Path:
+    """Write a recording of the plant, `late` samples late, around `rest`, and its project."""
+    output = scipy.signal.lfilter(np.concatenate([np.zeros(late), ABOVE]), BELOW, drive)
+    output = output + noise * np.random.default_rng(6).standard_normal(len(drive))
+    rows = [
+        f"{k * PERIOD:.6g},{u + rest[0]:.9g},{y + rest[1]:.9g}"
+        for k, (u, y) in enumerate(zip(drive, output, strict=True))
+    ]
+    (folder / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *rows]) + "\n")
+    (folder / "project.toml").write_text(PROJECT + model)
+    return folder / "project.toml"
+
+
+def found(project: Path) -> dict[str, object]:
+    out = project.parent / "out"
+    assert main(["model", str(project), "--out", str(out)]) == 0
+    return dict(json.loads((out / "model.json").read_text()))
+
+
+@pytest.mark.parametrize(("late", "structure"), [(0, "oe"), (3, "n4sid"), (9, "oe"), (25, "oe")])
+def test_a_delay_is_found_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], late: int, structure: str
+) -> None:
+    document = found(left(tmp_path, steps(), late, 0.03, (0.0, 0.0), f'structure = "{structure}"\n'))
+    assert document["delay_s"] == pytest.approx(late * PERIOD)
+    assert document["gain"] == pytest.approx(1.0, rel=0.05)
+    assert (f"{late} samples of delay found by search" in capsys.readouterr().out) == (late > 0)
+
+
+def test_a_given_delay_that_the_recording_denies_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found(left(tmp_path, steps(), 9, 0.03, (0.0, 0.0), "delay_samples = 2\n"))
+    assert "model.delay_samples is 2; the recordings ask for 9 samples of delay" in capsys.readouterr().out
+
+
+def test_the_noise_of_a_sensor_is_told_to_an_arx_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found(left(tmp_path, steps(), 9, 0.05, (0.0, 0.0), 'structure = "arx"\n'))
+    assert "pulls gain and poles of an arx model away; take structure = 'oe'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rest", [(1.5, 4.2), (0.0, 20.0), (-3.0, 0.0)])
+def test_signals_that_rest_away_from_zero_are_refused_with_a_key_that_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: tuple[float, float]
+) -> None:
+    project = left(tmp_path, steps(), 0, 0.03, rest, "")
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    advice = 'remove_offset = ["drive_V", "position_rad"]'
+    assert "rest away from 0" in said and f"[recordings.conditioning] {advice}" in said
+    project.write_text(project.read_text() + f"[recordings.conditioning]\n{advice}\n")
+    assert found(project)["gain"] == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("structure", "dirt"), [("arx", 0.0), ("oe", 0.05), ("n4sid", 0.05)])
+def test_one_sine_does_not_make_a_second_order_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], structure: str, dirt: float
+) -> None:
+    wave = 5.0 * np.sin(1.5 * PERIOD * np.arange(2000)) + dirt * np.random.default_rng(1).standard_normal(2000)
+    project = left(tmp_path, wave, 0, 0.01, (0.0, 0.0), f'structure = "{structure}"\n')
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    assert "excites 2 directions" in (said := capsys.readouterr().err)
+    assert "set model.order = 1, which is all that it supports" in said
+
+
+def test_two_sines_do(tmp_path: Path) -> None:
+    time = PERIOD * np.arange(2000)
+    wave = np.sin(1.5 * time) + np.sin(7.0 * time)
+    assert found(left(tmp_path, wave, 0, 0.01, (0.0, 0.0), ""))["gain"] == pytest.approx(1.0, rel=0.05)
