@@ -45,7 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser(given).parse_args(given)
     console: Console = JsonConsole() if arguments.json else TextConsole()
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _stopped)
+        for ending in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):  # Windows has no SIGHUP
+            if signal.getsignal(ending) != signal.SIG_IGN:  # as under nohup
+                signal.signal(ending, _stopped)
     try:
         with warnings.catch_warnings():
             if not _debugging():

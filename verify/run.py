@@ -15,6 +15,7 @@ from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import Target, load_target
 from firmloop.design.law import Law
 from firmloop.identify.simulation.compiler import compiler_version
+from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.quantize.program import Program
 from firmloop.verify.block import Block, total_steps
 from firmloop.verify.build.cost import instructions
@@ -161,8 +162,8 @@ class _Proof:
     def on_emulator(self, name: str) -> _Ran:
         opener = openers()[name]
         files = firmware(self.program, self.trial.bundle, self.target, opener.transport)
-        with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
-            image = build_image(files, self.target, Path(folder))
+        with scratch_folder(Path(tempfile.gettempdir()), "firmloop") as folder:
+            image = build_image(files, self.target, folder)
             with opener.open(self.target, image.elf, self.program.id) as link:
                 comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
                 counts = instructions(comparison.ticks, link.hello().overhead_ticks, self.target)
