@@ -83,6 +83,13 @@ def _failed(error: Exception, console: Console) -> int:
         status = NO_TOOL
         library = error.name.partition(".")[0]
         message = f"{library} is not installed; install it with: pip install {PACKAGES.get(library, library)}"
+    elif isinstance(error, OSError) and error.strerror:
+        status = WRONG_FILE
+        where = f"{error.filename}: " if error.filename else ""
+        message = f"{where}cannot be used: {error.strerror}; check the place, its rights, and the room on its disk"
+    elif isinstance(error, MemoryError):
+        status = NO_TOOL
+        message = "memory ran out; ask for fewer steps, rows or signals, or close other programs"
     else:
         status = OUR_FAULT
         words = " ".join(message.split())[:200]
