@@ -32,6 +32,8 @@ def faults(value: object, place: Place) -> Iterator[tuple[Place, str]]:
             for entry in value:
                 yield from faults(entry, place)
     elif isinstance(value, str):
+        if "\0" in value:
+            yield place, "holds a null character, which no name and no text has"
         if len(value.encode()) > LONGEST_TEXT:
             yield place, f"has {len(value.encode()):,} bytes; a text has at most {LONGEST_TEXT:,}"
     elif isinstance(value, int | float) and not isinstance(value, bool):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard
 
+from firmloop.identify.regular_file import MOST_TEXT, read_regular
 from firmloop.project.extent import faults
 from firmloop.project.toml_lines import key_lines
 
@@ -120,15 +121,13 @@ def read_table(file: Path) -> Table:
         when it cannot be read, is empty, is not UTF-8 or is not TOML.
     """
     try:
-        raw = file.read_bytes()
+        raw = read_regular(file, MOST_TEXT)
     except FileNotFoundError:
         raise ProjectError(f"{file}: no such file; name the project's TOML file") from None
     except IsADirectoryError:
         raise ProjectError(f"{file}: is a folder; name the project's TOML file in it") from None
     except OSError as error:
         raise ProjectError(f"{file}: cannot be read: {error.strerror}") from None
-    except ValueError:
-        raise ProjectError(f"{str(file)!r}: is not a file name; name the project's TOML file") from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

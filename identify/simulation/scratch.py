@@ -12,13 +12,12 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-try:
-    import fcntl
-except ImportError:  # Windows, whose folders cannot be locked: there, the user tidies up
-    fcntl = None  # type: ignore[assignment]
-
+# Windows has none, and its folders cannot be locked: there, the user tidies up.
+fcntl: Any = import_module("fcntl") if os.name == "posix" else None
 _RANDOM = 4  # bytes in a name
 
 
@@ -31,7 +30,8 @@ class Scratch:
 
     def remove(self) -> None:
         """Take the folder away, if it is still there, and let go of it."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        with suppress(OSError):
+            shutil.rmtree(self.path, ignore_errors=True)
         if self.lock >= 0:
             with suppress(OSError):
                 os.close(self.lock)

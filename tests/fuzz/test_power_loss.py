@@ -73,5 +73,6 @@ def test_a_full_disk_is_told_and_changes_nothing(verb: str, project: Path) -> No
     assert status == 0
     for at in range(1, changes + 1):
         out = project / f"out{at}"
-        assert without_room([verb, str(project / "x.toml"), "--out", str(out)], at) in (2, 3)
-        assert not held(out)
+        status = without_room([verb, str(project / "x.toml"), "--out", str(out)], at)
+        whole = status == 0 and held(out) == held(project / "counted")  # what was refused was to take leftovers away
+        assert whole or (status in (2, 3) and not held(out))
