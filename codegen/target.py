@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.toml_table import TomlTable
 from firmloop.codegen.toolchain import COMPILERS, SOURCE_RULE, is_source_name
+from firmloop.identify.regular_file import read_text
 
 FLOAT_UNITS = ("float32", "float64")
 CYCLE_TIMERS = ("dwt", "systick")  # run at the processor's clock
@@ -134,7 +136,7 @@ def load_target(name: str) -> Target:
     if name.endswith(".toml"):
         path = Path(name)
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_text(path)
         except (OSError, UnicodeDecodeError) as error:
             raise CodegenError(f"target file {name} cannot be read: {error}") from None
         return parse_target(text, path.name, path.parent)
@@ -271,12 +273,12 @@ def _sources(table: TomlTable, folder: Traversable) -> tuple[tuple[str, str], ..
             raise table.wrong("sources", name, SOURCE_RULE)
         if name in own:
             raise table.wrong("sources", name, "is the name of a part of firmloop's own: give the file another name")
-        if isinstance(file, Path) and file.resolve().parent != file.parent.resolve():
+        if isinstance(file, Path) and os.path.dirname(os.path.realpath(file)) != os.path.realpath(file.parent):
             raise table.wrong("sources", name, "is a link out of the target's folder: put the file itself there")
         if isinstance(file, Path) and file.exists() and not file.is_file():
             raise table.wrong("sources", name, "is no regular file: put the C text there")
         try:
-            texts.append((name, file.read_text(encoding="utf-8")))
+            texts.append((name, read_text(file) if isinstance(file, Path) else file.read_text(encoding="utf-8")))
         except (OSError, UnicodeDecodeError) as error:
             raise table.wrong("sources", name, f"cannot be read: {error}") from None
     return tuple(texts)

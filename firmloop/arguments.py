@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 STEPS, MOST_STEPS = 100_000, 1_000_000_000
@@ -30,7 +31,11 @@ def campaign(parser: argparse.ArgumentParser) -> None:
 
 def place(text: str) -> Path:
     """Read a path that is to be written."""
-    if not text.strip() or "\0" in text:
+    try:
+        named = text.strip() and b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:
+        named = False
+    if not named:
         raise argparse.ArgumentTypeError("names no place")
     return Path(text)
 

@@ -45,7 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser(given).parse_args(given)
     console: Console = JsonConsole() if arguments.json else TextConsole()
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _stopped)
+        for ending in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):  # Windows has no SIGHUP
+            if signal.getsignal(ending) != signal.SIG_IGN:  # as under nohup
+                signal.signal(ending, _stopped)
     try:
         with warnings.catch_warnings():
             if not _debugging():
@@ -81,6 +83,13 @@ def _failed(error: Exception, console: Console) -> int:
         status = NO_TOOL
         library = error.name.partition(".")[0]
         message = f"{library} is not installed; install it with: pip install {PACKAGES.get(library, library)}"
+    elif isinstance(error, OSError) and error.strerror:
+        status = WRONG_FILE
+        where = f"{error.filename}: " if error.filename else ""
+        message = f"{where}cannot be used: {error.strerror}; check the place, its rights, and the room on its disk"
+    elif isinstance(error, MemoryError):
+        status = NO_TOOL
+        message = "memory ran out; ask for fewer steps, rows or signals, or close other programs"
     else:
         status = OUR_FAULT
         words = " ".join(message.split())[:200]

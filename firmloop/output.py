@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from firmloop.codegen.bundle import write_files
 from firmloop.console import Console
+from firmloop.identify.simulation.scratch import Scratch, make_scratch, sweep
 from firmloop.project.table import ProjectError
 
 VERDICTS = ("verdict.json", "verdict_*.json", "search_*.svg", "cost.json")  # of an older run, none may stay
@@ -55,6 +54,7 @@ def results_file(file: Path) -> Iterator[Path]:
     place = Path(os.path.abspath(file))
     with _beside(place, file) as partial:
         yield partial / file.name
+        _settle(partial / file.name)
         os.replace(partial / file.name, place)
 
 
@@ -63,12 +63,12 @@ def _beside(place: Path, shown: Path) -> Iterator[Path]:
     """Give a temporary folder inside `place`, else beside it (the same disk); take away what is not needed."""
     home = place if place.is_dir() else place.parent
     made: list[Path] = []
-    partial: Path | None = None
+    scratch: Scratch | None = None
     try:
         made = _make_folders(home)
-        partial = home / f".{place.name}.{secrets.token_hex(4)}"
-        partial.mkdir()  # unlike mkdtemp, it follows the user's umask, as what becomes of the folder must
-        yield partial
+        sweep(place.parent, f".{place.name}")
+        scratch = make_scratch(home, f".{place.name}", 0o777)  # what becomes of it follows the user's umask
+        yield scratch.path
         made = []
     except OSError as error:
         where = str(error.filename or "")
@@ -76,8 +76,8 @@ def _beside(place: Path, shown: Path) -> Iterator[Path]:
             raise
         raise ProjectError(f"--out {shown}: cannot be written: {error.strerror}; choose another place") from None
     finally:
-        if partial:
-            shutil.rmtree(partial, ignore_errors=True)
+        if scratch:
+            scratch.remove()
         for parent in made:
             if parent.is_dir() and not any(parent.iterdir()):
                 parent.rmdir()
@@ -91,19 +91,33 @@ def _make_folders(folder: Path) -> list[Path]:
 
 
 def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None:
-    """Move every file to its place; nothing moves where a folder stands in a file's way."""
+    """Move every file to its place, each on the disk before; nothing moves where a folder stands in a file's way.
+
+    Documents speak of the other files: the old ones go before any file changes, and the new ones come last. However
+    this ends, no verdict stands beside files that it is not about.
+    """
     files = [path.relative_to(partial) for path in sorted(partial.rglob("*")) if path.is_file()]
     for relative in files:
         if (place / relative).is_dir():
             raise ProjectError(f"--out {shown}: {relative} is a folder there; move it away or choose another folder")
+        _settle(partial / relative)
     if not place.exists():
         partial.rename(place)
         return
-    for relative in files:
+    for old in {found for pattern in stale for found in place.glob(pattern)}:
+        old.unlink()
+    documents = [relative for relative in files if relative.suffix == ".json"]
+    for relative in documents:
+        (place / relative).unlink(missing_ok=True)
+    for relative in [*(relative for relative in files if relative not in documents), *documents]:
         (place / relative).parent.mkdir(parents=True, exist_ok=True)
         os.replace(partial / relative, place / relative)
-    for old in {found for pattern in stale for found in place.glob(pattern)} - {place / relative for relative in files}:
-        old.unlink()
+
+
+def _settle(file: Path) -> None:
+    """Wait until the disk has a file, so that its new name is never that of an empty one after a power cut."""
+    with file.open("rb") as stream:
+        os.fsync(stream.fileno())
 
 
 def written(console: Console, folder: Path, names: Sequence[str] | Mapping[str, str]) -> None:

@@ -25,7 +25,7 @@ MAY_IMPORT = {
 # Inside a package, low to high: what stands beside one another imports nothing of its own floor's other rooms.
 ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "identify": (
-        ("error", "extras", "normal", "signal"),
+        ("error", "extras", "normal", "regular_file", "signal"),
         ("printed_units",),
         ("units",),
         ("plants",),

@@ -15,6 +15,7 @@ from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import Target, load_target
 from firmloop.design.law import Law
 from firmloop.identify.simulation.compiler import compiler_version
+from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.quantize.program import Program
 from firmloop.verify.block import Block, total_steps
 from firmloop.verify.build.cost import instructions
@@ -37,6 +38,8 @@ from firmloop.verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searc
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
+# Of one step; beyond them, a board's counter ran backwards, or it makes its figures up: that is no measurement.
+MOST_TICKS, MOST_STACK = 1 << 31, 1 << 24
 TRIAL_SHARE = 0.5  # of the time, roughly: the rest is the target's
 
 
@@ -161,8 +164,8 @@ class _Proof:
     def on_emulator(self, name: str) -> _Ran:
         opener = openers()[name]
         files = firmware(self.program, self.trial.bundle, self.target, opener.transport)
-        with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
-            image = build_image(files, self.target, Path(folder))
+        with scratch_folder(Path(tempfile.gettempdir()), "firmloop") as folder:
+            image = build_image(files, self.target, folder)
             with opener.open(self.target, image.elf, self.program.id) as link:
                 comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
                 counts = instructions(comparison.ticks, link.hello().overhead_ticks, self.target)
@@ -196,10 +199,11 @@ class _Proof:
     def _cycles(self, comparison: Comparison, link: FramedLink) -> Cost:
         counts = comparison.ticks.astype(np.int64) - link.hello().overhead_ticks
         painted = self._painted(link)
+        cost = replace(NO_COST, stack_bytes=painted, stack_painted_bytes=painted)
+        if counts.min() < 0 or counts.max() >= MOST_TICKS:
+            return cost
         return replace(
-            NO_COST,
-            stack_bytes=painted,
-            stack_painted_bytes=painted,
+            cost,
             cycles_max=int(counts.max()),
             cycles_mean=round(float(counts.mean()), 2),
             worst=self._worst(int(counts.argmax())),
@@ -211,10 +215,12 @@ class _Proof:
         host = LibraryLink(build_host(self.trial.bundle, load_target("host")), self.program)
         return check_loop(self.program, self.loop, host, link)
 
-    def _painted(self, link: FramedLink) -> int:
+    def _painted(self, link: FramedLink) -> int | None:
+        """Return the deepest stack that was seen, None where it is more than any part has."""
         block = self.blocks[0]
         asked = None if block.settings is None else block.settings[0]
-        return link.stack(records(self.program, block.inputs[0], asked))
+        depth = link.stack(records(self.program, block.inputs[0], asked))
+        return depth if depth <= MOST_STACK else None
 
     def _worst(self, step: int) -> Worst:
         """Return what the step read; `step` counts through all lanes of all blocks."""

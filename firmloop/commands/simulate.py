@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 from firmloop import arguments as ask
@@ -27,7 +28,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.project.table import ProjectError
 
     project, out = load(arguments.project), arguments.out
-    if out.resolve() == arguments.recording.resolve():
+    if os.path.realpath(out) == os.path.realpath(arguments.recording):
         raise ProjectError(f"--out {out}: is the recording itself; choose another file")
     start = as_recorded if arguments.fit_initial else at_rest
     made = simulate(project, arguments.recording, start=start, stage=progress)

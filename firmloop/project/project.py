@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -173,7 +174,7 @@ def require(project: Project, *parts: str) -> None:
             raise table.missing("train", 'train = ["steps.csv"]')
         for key, files in (("train", project.recordings.train), ("test", project.recordings.test)):
             for file in files:
-                if not file.is_file():
+                if not os.path.isfile(file):  # unlike Path.is_file, it takes a name of any length
                     raise table.wrong(key, f"{file} is not a file; names are relative to the project file")
 
 

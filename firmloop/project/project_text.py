@@ -13,6 +13,7 @@ from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.plants.plant_table import effects_table
 from firmloop.project.project import Project
+from firmloop.project.table import ProjectError
 from firmloop.project.toml_comments import rewritten
 
 OURS = re.compile(r"# (plant (fitted|made|diagnosed)|controller designed) by: firmloop .*")
@@ -94,7 +95,7 @@ def _moved(project: Project, folder: Path) -> dict[str, object]:
         table = dict(_table(document["recordings"]))
         for key, files in (("train", project.recordings.train), ("test", project.recordings.test)):
             if files:
-                table[key] = [os.path.relpath(file.resolve(), folder.resolve()) for file in files]
+                table[key] = [os.path.relpath(os.path.realpath(file), os.path.realpath(folder)) for file in files]
         document["recordings"] = table
     return document
 
@@ -160,7 +161,13 @@ def _value(value: object) -> str:
 
 
 def _string(text: str) -> str:
-    """JSON's escapes are TOML's, except that TOML wants DEL escaped too."""
+    """JSON's escapes are TOML's, except that TOML wants DEL escaped too; and what is no UTF-8 cannot be told."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ProjectError(
+            f"{text!a}: is not UTF-8, which a project file is written in: give that file or folder another name"
+        ) from None
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

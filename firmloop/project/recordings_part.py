@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +42,7 @@ def read_recordings_part(table: Table) -> Recordings:
     train = tuple(folder / name for name in table.texts("train", 'train = ["steps.csv"]'))
     test = tuple(folder / name for name in table.texts("test", 'test = ["ramp.csv"]'))
     for file in test:
-        if file.resolve() in {other.resolve() for other in train}:
+        if os.path.realpath(file) in map(os.path.realpath, train):
             raise table.wrong("test", f"{file.name} is also a train recording; a score needs data that was not fitted")
     hold = str(table.values.get("hold", HOLDS[0]))
     if hold not in HOLDS:

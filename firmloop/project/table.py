@@ -5,11 +5,13 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard
 
+from firmloop.identify.regular_file import MOST_TEXT, read_regular
+from firmloop.project.extent import faults
 from firmloop.project.toml_lines import key_lines
 
 
@@ -119,15 +121,13 @@ def read_table(file: Path) -> Table:
         when it cannot be read, is empty, is not UTF-8 or is not TOML.
     """
     try:
-        raw = file.read_bytes()
+        raw = read_regular(file, MOST_TEXT)
     except FileNotFoundError:
         raise ProjectError(f"{file}: no such file; name the project's TOML file") from None
     except IsADirectoryError:
         raise ProjectError(f"{file}: is a folder; name the project's TOML file in it") from None
     except OSError as error:
         raise ProjectError(f"{file}: cannot be read: {error.strerror}") from None
-    except ValueError:
-        raise ProjectError(f"{str(file)!r}: is not a file name; name the project's TOML file") from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -142,23 +142,10 @@ def read_table(file: Path) -> Table:
     except (RecursionError, ValueError):
         raise ProjectError(f"{file}: holds brackets nested too deep or a number too long to be a project") from None
     lines = key_lines(text)
-    for place, value in _integers(values, ()):
-        if not -(2**63) <= value < 2**63:
-            *above, key = place
-            raise Table(file, tuple(above), {}, lines).remark(key, f"{key} holds a whole number beyond 64 bits")
+    for place, rule in faults(values, ()):
+        *above, key = place or ("",)
+        raise Table(file, tuple(above), {}, lines).remark(key, f"{key or 'the file'} {rule}")
     return Table(file, (), values, lines)
-
-
-def _integers(value: object, place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], int]]:
-    """Yield every whole number of a document with its place; tomllib takes more digits than TOML allows."""
-    if isinstance(value, int):
-        yield place, value
-    elif isinstance(value, dict):
-        for key, entry in value.items():
-            yield from _integers(entry, (*place, key))
-    elif isinstance(value, list):
-        for entry in value:
-            yield from _integers(entry, place)
 
 
 def _toml_complaint(file: Path, text: str, message: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from firmloop.identify.regular_file import read_text
 from firmloop.project.table import ProjectError
 from firmloop.stages.verification import Outcome
 
@@ -103,7 +104,7 @@ def _read(path: Path) -> Mapping[str, object]:
     """Return the targets of an old cost.json, or the one of an old verdict.json."""
     wanted = "name the cost.json or verdict.json of an earlier run"
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(read_text(path))
     except OSError as error:
         raise ProjectError(f"--baseline {path}: cannot be read: {error.strerror}; {wanted}") from None
     except json.JSONDecodeError as error:

@@ -10,6 +10,7 @@ from typing import Any
 
 from firmloop.codegen.emit import with_included
 from firmloop.codegen.environment import text_of
+from firmloop.identify.regular_file import read_text
 from firmloop.project.table import ProjectError
 from firmloop.verify.proofs.c_checker import check_header, check_source, support_files
 from firmloop.verify.proofs.claims import Claims, ProofError, read_claims
@@ -102,7 +103,7 @@ def _text(path: Path) -> str:
     if path.stat().st_size > MOST_BYTES:
         raise ProjectError(f"{path}: has {path.stat().st_size} bytes, no generated file has more than {MOST_BYTES}")
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ProjectError(f"{path}: cannot be read ({error})") from None
 

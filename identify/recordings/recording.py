@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.columns import Column, RowClock, arranged
+from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.stamps import check_stamps
 from firmloop.identify.recordings.table import Misread, RawTable
@@ -59,15 +60,12 @@ def read_recording(
     form = find_format(path.name)
     if form is None:
         raise IdentifyError(f"{path}: the ending is unknown; a recording ends in {', '.join(known_endings())}")
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise IdentifyError(f"{path}: there is no such file; paths are relative to the project file") from None
-    except OSError as error:
-        raise IdentifyError(f"{path}: cannot be read ({error.strerror}); give a readable file") from None
+    content = read_whole(path)
     if not content:
         raise IdentifyError(f"{path}: is empty; write one header line (time_s, then the signals) and the samples")
     raw = form.read(content)
+    if isinstance(raw, RawTable):
+        raw = check_columns(len(raw.names)) or raw
     if isinstance(raw, Misread):
         where = f"{raw.where}: " if raw.where else ""
         raise IdentifyError(f"{path}: {where}{raw.wrong}; {raw.remedy}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import subprocess
@@ -12,7 +11,9 @@ from functools import cache
 from pathlib import Path
 
 from firmloop.identify.extras import ToolError as ToolError
+from firmloop.identify.simulation.library_cache import find_library, keep_library
 from firmloop.identify.simulation.own_folder import why_not_own
+from firmloop.identify.simulation.scratch import scratch_folder
 
 _PACKAGES = {
     "gcc": "gcc",
@@ -70,23 +71,26 @@ def run_compiler(command: Sequence[str], folder: Path) -> str:
 def shared_library(files: Mapping[str, str], sources: Sequence[str], flags: Sequence[str]) -> Path:
     """Compile `sources` (names in `files`) into one library; what was built once is taken from the cache.
 
-    The cache key is the SHA-256 of every text, the flags and the compiler's version. The library is built under a
-    temporary name and renamed, so that two processes building the same one do not disturb each other.
+    The cache key is every text, the flags and the compiler's version. The library is built in a folder of its own and
+    renamed, so that two processes building the same one do not disturb each other.
     """
     parts = [compiler_version("gcc"), *flags, *sources, *(f"{name}\n{text}" for name, text in sorted(files.items()))]
-    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-    library = cache_folder() / f"{key}.so"
-    if library.is_file():
-        return library
-    with tempfile.TemporaryDirectory(dir=library.parent, prefix="build.") as name:
-        folder = Path(name)
-        for relative, text in files.items():
-            target = folder / relative
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(text, encoding="utf-8")
-        run_compiler(["gcc", "-shared", "-fPIC", *flags, "-o", "library.so", *sources, "-lm"], folder)
-        os.replace(folder / "library.so", library)
-    return library
+    key, kept = "\0".join(parts), cache_folder()
+    found = find_library(kept, key)
+    if found is not None:
+        return found
+    try:
+        with scratch_folder(kept, "build") as folder:
+            for relative, text in files.items():
+                target = folder / relative
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_text(text, encoding="utf-8")
+            run_compiler(["gcc", "-shared", "-fPIC", *flags, "-o", "library.so", *sources, "-lm"], folder)
+            return keep_library(folder / "library.so", kept, key)
+    except OSError as error:
+        raise ToolError(
+            f"{kept}: nothing can be built there ({error.strerror}); make room, or set XDG_CACHE_HOME to another folder"
+        ) from None
 
 
 @cache

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from firmloop.codegen.target import Target
 from firmloop.identify.simulation.compiler import ToolError, run_compiler
+from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.verify.build.elf import Segment, flat, segments
 
 UF2_MAGIC = (0x0A324655, 0x9E5D5157, 0x0AB16F30)  # USB Flashing Format, its specification's first table
@@ -45,8 +46,8 @@ def flash(command: tuple[str, ...]) -> str:
 
     Both tools run scripts that lie where they are started (pyocd_user.py, board/*.cfg): that is an empty folder.
     """
-    with tempfile.TemporaryDirectory(prefix="firmloop-") as folder:
-        return run_compiler(command, Path(folder))
+    with scratch_folder(Path(tempfile.gettempdir()), "firmloop") as folder:
+        return run_compiler(command, folder)
 
 
 def drag_file(target: Target, elf: Path) -> Path | None:

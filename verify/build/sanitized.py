@@ -17,6 +17,7 @@ import numpy as np
 from firmloop.codegen.bundle import Bundle, write_files
 from firmloop.codegen.host import host_files
 from firmloop.identify.simulation.compiler import ToolError, run_compiler
+from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.quantize.program import Program
 from firmloop.verify.block import Block
 from firmloop.verify.build.host import WARNINGS
@@ -71,8 +72,7 @@ def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block], tra
     given = b"".join(
         struct.pack("<II", *part.inputs.shape[:2]) + records(program, part.inputs, part.settings) for part in parts
     )
-    with tempfile.TemporaryDirectory(prefix="firmloop-") as name:
-        folder = Path(name)
+    with scratch_folder(Path(tempfile.gettempdir()), "firmloop") as folder:
         write_files(host_files(bundle), folder)
         sources = (*bundle.sources, "host.c", "host_main.c")
         try:

@@ -96,7 +96,10 @@ class FramedLink:
         """Run `count` steps over packed input structs; return (output struct, status u32, ticks u32) of each."""
         hello = self._hello
         if len(inputs) != count * hello.in_bytes:
-            raise ValueError(f"{count} steps take {count * hello.in_bytes} bytes of inputs, not {len(inputs)}")
+            raise LinkError(
+                f"{self._where}: {count} steps take {count * hello.in_bytes} bytes of inputs there, not {len(inputs)}: "
+                "rebuild the image"
+            )
         if 0 < count <= hello.steps_max:
             results = self._exchange(STEP, inputs)
             if len(results) != count * (hello.out_bytes + COST_BYTES):
@@ -118,6 +121,9 @@ class FramedLink:
         """
         frame = self._hello.steps_max * self._hello.in_bytes
         replies = [self._exchange(STACK, inputs[at : at + frame]) for at in range(0, len(inputs), frame)]
+        for reply in replies:
+            if len(reply) != _DEPTH.size:
+                raise LinkError(f"{self._where}: the depth of the stack came in {len(reply)} bytes: rebuild the image")
         return max(int(_DEPTH.unpack(reply)[0]) for reply in replies)
 
     def close(self) -> None:
@@ -144,6 +150,12 @@ class FramedLink:
             raise LinkError(
                 f"{self._where}: the image runs program {found_id}, this project's is {program_id}: "
                 "rebuild the image, and flash it if it is on a board"
+            )
+        frame = steps_max * max(in_bytes, out_bytes + COST_BYTES)
+        if not (in_bytes and out_bytes and 0 < frame <= NOISE_MOST):
+            raise LinkError(
+                f"{self._where}: the image says {steps_max} steps a frame, of {in_bytes} bytes in and {out_bytes} out, "
+                f"where a frame has 1 to {NOISE_MOST} bytes: rebuild the image"
             )
         return Hello(found_id, in_bytes, out_bytes, steps_max, overhead)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import shutil
 import tempfile
 import time
 from contextlib import ExitStack
 from pathlib import Path
 
 from firmloop.codegen.target import Target
+from firmloop.identify.simulation.scratch import make_scratch
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.opener import Opener
@@ -40,9 +40,9 @@ def open_qemu_pty(target: Target, elf: Path, program_id: str) -> FramedLink:
 def start_on_terminal(target: Target, elf: Path) -> tuple[QemuProcess, str]:
     """Run the image `elf` and return the emulator, to be stopped by the caller, with the path of its terminal."""
     with ExitStack() as undo:
-        folder = Path(tempfile.mkdtemp(prefix="firmloop."))
-        undo.callback(shutil.rmtree, folder, ignore_errors=True)
-        process = QemuProcess(qemu_of(target), elf, ("-serial", "pty"), (), folder)
+        scratch = make_scratch(Path(tempfile.gettempdir()), "firmloop", 0o700)
+        undo.callback(scratch.remove)
+        process = QemuProcess(qemu_of(target), elf, ("-serial", "pty"), (), scratch)
         undo.callback(process.stop)
         path = _terminal(process, process.machine)
         undo.pop_all()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from firmloop.codegen.target import Qemu, Target
 from firmloop.identify.simulation.compiler import find_tool
+from firmloop.identify.simulation.scratch import Scratch
 from firmloop.verify.link import LinkError, fault_says
 
 PATIENCE = 1.0  # s for an emulator to end by itself before it is killed
@@ -24,7 +25,7 @@ class QemuProcess:
     """A running emulator and its private folder, which it runs in and which goes when it goes."""
 
     def __init__(
-        self, qemu: Qemu, elf: Path, arguments: Sequence[str], descriptors: Sequence[int], folder: Path
+        self, qemu: Qemu, elf: Path, arguments: Sequence[str], descriptors: Sequence[int], scratch: Scratch
     ) -> None:
         """Start it.
 
@@ -34,8 +35,8 @@ class QemuProcess:
             of its command line, beside machine, clock and image
         descriptors
             open descriptors that it inherits
-        folder
-            a private one; taken over
+        scratch
+            a private folder; taken over
         """
         if not hasattr(select, "poll"):
             raise LinkError(
@@ -54,11 +55,11 @@ class QemuProcess:
             *("-kernel", str(elf.resolve())),
         ]
         self.machine = qemu.machine
-        self._words = folder / "words"
+        self._words = scratch.path / "words"
         with self._words.open("wb") as words:
             self._process = subprocess.Popen(
                 command,
-                cwd=folder,
+                cwd=scratch.path,
                 stdin=subprocess.DEVNULL,
                 stdout=words,
                 stderr=words,
@@ -66,7 +67,7 @@ class QemuProcess:
             )
         self.number = self._process.pid  # setpriv becomes QEMU, it does not start it
         # Also runs when the interpreter ends, so that an unclosed link leaves nothing behind.
-        self._end = weakref.finalize(self, _end, self._process, folder)
+        self._end = weakref.finalize(self, _end, self._process, scratch)
 
     def running(self) -> bool:
         """Say whether it runs."""
@@ -132,8 +133,8 @@ def _without_programs(program: Path) -> tuple[str, ...]:
     return options if done.returncode == 0 else ()
 
 
-def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
+def _end(process: subprocess.Popen[bytes], scratch: Scratch) -> None:
     # Not SIGTERM: while the image waits in a semihosting read, QEMU does not hear it.
     process.kill()
     process.wait()
-    shutil.rmtree(folder, ignore_errors=True)
+    scratch.remove()

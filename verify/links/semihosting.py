@@ -7,12 +7,12 @@ name of its own keeps no times of last use, which cost a named one a tenth of an
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
 from firmloop.codegen.target import Target
+from firmloop.identify.simulation.scratch import make_scratch
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.opener import Opener
@@ -43,17 +43,17 @@ def open_semihosting(target: Target, elf: Path, program_id: str) -> FramedLink:
         )
     where = f"semihosting in QEMU {qemu.machine}"
     with ExitStack() as undo:
-        folder = Path(tempfile.mkdtemp(prefix="firmloop."))
-        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        scratch = make_scratch(Path(tempfile.gettempdir()), "firmloop", 0o700)
+        undo.callback(scratch.remove)
         asked, writer = _pipe(undo)
         reader, answered = _pipe(undo)
         for name, end in (("to_target", asked), ("to_host", answered)):
-            (folder / name).symlink_to(DESCRIPTORS / str(end))
+            (scratch.path / name).symlink_to(DESCRIPTORS / str(end))
         os.set_blocking(writer, False)
         processors = Processors()
         undo.callback(processors.undo)
         arguments = ("-serial", "none", "-semihosting-config", "enable=on,target=native")
-        process = QemuProcess(qemu, elf, arguments, (asked, answered), folder)
+        process = QemuProcess(qemu, elf, arguments, (asked, answered), scratch)
         undo.pop_all()
     os.close(asked)
     os.close(answered)

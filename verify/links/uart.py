@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 import socket
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
 from firmloop.codegen.target import Target
+from firmloop.identify.simulation.scratch import make_scratch
 from firmloop.verify.links.framed import FramedLink
 from firmloop.verify.links.opener import Opener
 from firmloop.verify.links.qemu import QemuProcess, qemu_of
@@ -36,14 +36,14 @@ def open_qemu_uart(target: Target, elf: Path, program_id: str) -> FramedLink:
     """
     qemu = qemu_of(target)
     with ExitStack() as undo:
-        folder = Path(tempfile.mkdtemp(prefix="firmloop."))
-        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        scratch = make_scratch(Path(tempfile.gettempdir()), "firmloop", 0o700)
+        undo.callback(scratch.remove)
         undo.callback(share_processor(target))
         with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
             url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
             line = f"socket,id=line,fd={listener.fileno()},server=on,wait=off,nodelay=on"
             process = QemuProcess(
-                qemu, elf, ("-chardev", line, "-serial", "chardev:line"), (listener.fileno(),), folder
+                qemu, elf, ("-chardev", line, "-serial", "chardev:line"), (listener.fileno(),), scratch
             )
         undo.callback(process.stop)
         return greet(undo, process, url, f"UART {url} in QEMU {qemu.machine}", program_id)

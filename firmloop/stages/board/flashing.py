@@ -8,6 +8,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.firmware import firmware, live_firmware
 from firmloop.codegen.target import Target, load_target
+from firmloop.identify.regular_file import read_text
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectError
@@ -28,7 +29,7 @@ def _text(path: Path) -> str:
     if path.suffix != ".c":
         raise ProjectError(f"--live {path}: must be a C file")
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ProjectError(f"--live {path}: cannot be read: {error}") from None
 

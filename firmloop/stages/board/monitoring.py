@@ -19,16 +19,16 @@ from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectError
 from firmloop.quantize.program import Program
+from firmloop.stages.board.course import Course
 from firmloop.stages.making import design, generate
 from firmloop.stages.plant import command_of, plant_of
 from firmloop.stages.progress import Stage
-from firmloop.verify.link import LinkError
 from firmloop.verify.links.live import STATUS, LiveLink, Samples, open_live_port, watchable
 from firmloop.verify.reference import Raw
 from firmloop.verify.scaling import to_physical, to_raw
 
 WAIT = 0.5  # s for samples before the clock is looked at again
-SILENCE = 10.0  # s without a sample, beside the time of two, after which the controller has stopped
+MOST_SAMPLES = 50_000_000  # of a watch; with ten signals they take 2 GB
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,24 +83,21 @@ def stream(
         set_from.append(link.set(waiting[0].name, waiting.pop(0).value))
     link.watch(tuple(names), every)
     parts: list[Samples] = []
-    silent = time.monotonic()
-    first = last = -1
-    while first < 0 or last - first < steps - every:
+    course = Course(link.period, every, time.monotonic())
+    while course.passed < max(1, steps - every):
         for part in link.samples(WAIT):
             if len(part.rows):
                 parts.append(part)
-                first = int(part.rows["step"][0]) if first < 0 else first
-                last = int(part.rows["step"][-1])
-                silent = time.monotonic()
-        while waiting and first >= 0 and last - first >= waiting[0].after:
+                course = course.after(part.rows["step"], time.monotonic())
+        while waiting and course.begun and course.passed >= waiting[0].after:
             set_from.append(link.set(waiting[0].name, waiting.pop(0).value))
-        if time.monotonic() - silent > SILENCE + 2 * every * link.period:
-            raise LinkError("the controller sends no samples any more: was it reset?")
-        if callable(report) and first >= 0:
-            report(min(1.0, (last - first) / max(1, steps)), f"{last - first:,} steps")
+        course.check(steps, time.monotonic())
+        if callable(report) and course.begun:
+            report(min(1.0, course.passed / max(1, steps)), f"{course.passed:,} steps")
     rows = np.concatenate([part.rows for part in parts])
-    rows = rows[rows["step"] < first + steps]
-    missing = (int(rows["step"][-1]) - first) // every + 1 - len(rows)
+    passed = rows["step"] - rows["step"][0]  # of 32 bits, as the steps are: right where they begin anew
+    rows, passed = rows[passed < steps], passed[passed < steps]
+    missing = int(passed[-1]) // every + 1 - len(rows)
     in_image = min(missing, parts[-1].lost)
     return Seen(rows, in_image, missing - in_image, tuple(set_from))
 
@@ -194,6 +191,12 @@ def monitor(project: Project, watch: Watch, name: str, stage: Stage) -> Watched:
     require(project, "controller", "signals", "arithmetic")
     plant = plant_of(project) if project.plant else None
     program = generate(project, design(project, plant), command_of("monitor", project.path)).program
+    samples = watch.seconds / program.period / watch.every
+    if samples > MOST_SAMPLES:
+        raise ProjectError(
+            f"--seconds {watch.seconds:g}: makes {samples:.3g} samples of {program.period * watch.every:g} s; at most "
+            f"{MOST_SAMPLES:,}: watch for less, or only every so many steps (--every)"
+        )
     settings = settings_of(program, watch)
     names = _chosen(program, watch.signals, [setting.name for setting in settings])
     with open_live_port(load_target(watch.target), watch.port, program) as link:

@@ -105,6 +105,11 @@ def excitation(table: Mapping[str, object]) -> tuple[Array, Array]:
             f"times; it must be at least 8 and at most {MOST_SAMPLES} in all"
         )
     once = np.clip(kind.make(ExcitationRequest(low, high, period, samples, table)), low, high)
+    if np.ptp(once) == 0.0:
+        raise IdentifyError(
+            f"experiment.duration_s is {duration:g}: within its {samples} samples of {period:g} s {name} never moves; "
+            "play it for longer"
+        )
     quiet = np.full(rest, min(max(0.0, low), high))
     values = np.concatenate([part for _ in range(repeats) for part in (quiet, once)])
     return np.arange(len(values), dtype=np.float64) * period, np.asarray(values, dtype=np.float64)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.recordings.dialect import PLAIN, Dialect, find_dialect
 from firmloop.identify.recordings.exports import read_export
+from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 
@@ -18,6 +19,8 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 def read_csv(content: bytes) -> RawTable | Misread:
     """Parse a header line and rows of numbers; blank lines are skipped, line numbers count them."""
+    if wrong := text_extent(content):
+        return wrong
     text, encoding = _decoded(content)
     if isinstance(text, Misread):
         return text

@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.extras import extra
+from firmloop.identify.recordings.extent import MOST_BYTES, is_too_large, unpacked_mat
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
@@ -23,9 +24,16 @@ def read_mat(content: bytes) -> RawTable | Misread:
         if _HDF5 in content[:1024]:
             h5py = extra("h5py", "hdf5", "a MATLAB 7.3 file")
             with h5py.File(io.BytesIO(content), "r") as file:
-                found = [(str(name), np.asarray(item[()])) for name, item in file.items() if hasattr(item, "dtype")]
+                items = [(str(name), item) for name, item in file.items() if hasattr(item, "dtype")]
+                size = sum(item.size * item.dtype.itemsize for _, item in items)
+                if size > MOST_BYTES:
+                    return is_too_large(size)
+                found = [(name, np.asarray(item[()])) for name, item in items]
         else:
-            variables = scipy.io.loadmat(io.BytesIO(content))
+            plain = unpacked_mat(content)
+            if isinstance(plain, Misread):
+                return plain
+            variables = scipy.io.loadmat(io.BytesIO(plain))
             found = [(name, np.asarray(value)) for name, value in variables.items() if not name.startswith("__")]
     except (OSError, EOFError, ValueError, TypeError, KeyError, IndexError, NotImplementedError, zlib.error) as error:
         reason = str(error).partition("\n")[0][:80]

@@ -7,6 +7,7 @@ import io
 import numpy as np
 
 from firmloop.identify.extras import extra
+from firmloop.identify.recordings.extent import MOST_BYTES, is_too_large
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
@@ -16,6 +17,11 @@ def read_parquet(content: bytes) -> RawTable | Misread:
     arrow = extra("pyarrow", "parquet", "a Parquet table")
     parquet = extra("pyarrow.parquet", "parquet", "a Parquet table")
     try:
+        claims = parquet.ParquetFile(io.BytesIO(content)).metadata
+        groups = [claims.row_group(k).total_byte_size for k in range(claims.num_row_groups)]
+        size = max(sum(groups), 8 * claims.num_rows * claims.num_columns)
+        if size > MOST_BYTES:
+            return is_too_large(size)
         table = parquet.read_table(io.BytesIO(content))
         arrays = tuple((str(name), np.asarray(table.column(name).to_numpy())) for name in table.column_names)
     except (OSError, ValueError, TypeError, KeyError, arrow.ArrowException) as error:

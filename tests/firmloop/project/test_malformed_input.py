@@ -47,7 +47,7 @@ PROJECTS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "unknown key of a signal": ('unit = "V",', 'unit = "V", width = 3,', "generate", (":27:", "'width'")),
     "period zero": ("period_s = 0.05", "period_s = 0", "generate", (":20:", "more than 0")),
     "period negative": ("period_s = 0.05", "period_s = -1", "generate", (":20:", "more than 0")),
-    "period nan": ("period_s = 0.05", "period_s = nan", "generate", (":20:", "finite")),
+    "period nan": ("period_s = 0.05", "period_s = nan", "generate", (":20:", "no number")),
     "period infinite": ("period_s = 0.05", "period_s = inf", "generate", (":20:", "finite")),
     "period of days": ("period_s = 0.05", "period_s = 90000", "generate", (":20:", "3600")),
     "period beyond all numbers": ("period_s = 0.05", f"period_s = 1{'0' * 400}", "generate", (":20:", "64 bits")),

@@ -108,7 +108,7 @@ def test_missing_file_and_folder_are_refused(tmp_path: Path) -> None:
     with pytest.raises(IdentifyError, match="no such file"):
         read_recording(tmp_path / "none.csv", {})
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(IdentifyError, match="cannot be read"):
+    with pytest.raises(IdentifyError, match="is a folder; give a file"):
         read_recording(tmp_path / "folder.csv", {})
 
 

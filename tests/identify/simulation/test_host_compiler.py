@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import os
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from firmloop.identify.simulation import library_cache
 from firmloop.identify.simulation.compiler import ToolError, cache_folder, find_tool, run_compiler, shared_library
+from firmloop.identify.simulation.scratch import make_scratch
 
 ANSWER = {"answer.c": '#include "answer.h"\nint answer(void) { return ANSWER; }\n', "answer.h": "#define ANSWER 42\n"}
 
@@ -131,3 +134,35 @@ def test_a_cache_under_a_careless_umask_is_still_private(fresh_cache: Path, monk
         os.umask(before)
     for folder in (made, made.parent, made.parent.parent):
         assert folder.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("left", [0, 100, None])
+def test_a_damaged_library_is_built_again(left: int | None, fresh_cache: Path) -> None:
+    """Cut short, emptied, or another in its place: to load it would end the process, or run another's code."""
+    first = shared_library(ANSWER, ["answer.c"], ["-O1"])
+    sound = first.read_bytes()
+    other = shared_library({**ANSWER, "answer.h": "#define ANSWER 7\n"}, ["answer.c"], ["-O1"])
+    damaged = other.read_bytes() if left is None else sound[:left]
+    first.unlink()
+    first.write_bytes(damaged)
+    again = shared_library(ANSWER, ["answer.c"], ["-O1"])
+    assert again.read_bytes() == sound
+    assert ctypes.CDLL(str(again)).answer() == 42
+
+
+def test_libraries_not_used_for_longest_make_room(fresh_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old, new = (shared_library(ANSWER, ["answer.c"], [level]) for level in ("-O1", "-O2"))
+    monkeypatch.setattr(library_cache, "MOST_BYTES", new.stat().st_size + 1)
+    os.utime(old, (time.time() - 2 * library_cache.IN_USE,) * 2)
+    third = shared_library(ANSWER, ["answer.c"], ["-O0"])
+    assert not old.exists() and new.exists() and third.exists(), "one that another run may be about to load stays"
+
+
+def test_what_a_killed_build_left_is_swept_and_what_a_living_one_holds_is_not(fresh_cache: Path) -> None:
+    held = make_scratch(cache_folder(), "build", 0o700)
+    left = fresh_cache / "build.0123abcd"
+    (left / "inner").mkdir(parents=True)
+    shared_library(ANSWER, ["answer.c"], ["-O1"])
+    assert held.path.is_dir() and not left.exists()
+    held.remove()
+    assert [path.suffix for path in fresh_cache.iterdir()] == [".so"]

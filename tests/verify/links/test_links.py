@@ -185,7 +185,7 @@ def test_a_far_end_that_dies_is_noticed(image: Path) -> None:
 
 def test_inputs_of_the_wrong_size_are_a_mistake_of_the_caller(stream: DescriptorStream) -> None:
     link = link_to(stream)
-    with pytest.raises(ValueError, match="2 steps take 16 bytes of inputs, not 8"):
+    with pytest.raises(LinkError, match="2 steps take 16 bytes of inputs there, not 8"):
         link.step(ONE_STEP(1.0, 0.0), 2)
 
 

@@ -18,6 +18,7 @@ from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import Target, load_target
 from firmloop.identify.simulation.compiler import ToolError, find_tool, run_compiler
+from firmloop.identify.simulation.scratch import make_scratch
 from firmloop.verify.build.cost import instructions
 from firmloop.verify.build.image import Image, build_image
 from firmloop.verify.link import LinkError
@@ -343,11 +344,9 @@ def test_an_image_cannot_run_a_command_of_this_machine(tmp_path: Path) -> None:
     place = "-Wl,--section-start=.vectors=0,-Ttext=0x100,--entry=start,--undefined=vectors"
     flags = ("-mcpu=cortex-m4", "-mthumb", "-nostdlib", "-O1", place)
     run_compiler(["arm-none-eabi-gcc", *flags, "-o", "shell.elf", "shell.c"], tmp_path)
-    private = tmp_path / "private"
-    private.mkdir()
     assert TARGET.qemu is not None
     arguments = ("-serial", "none", "-semihosting-config", "enable=on,target=native")
-    process = QemuProcess(TARGET.qemu, tmp_path / "shell.elf", arguments, (), private)
+    process = QemuProcess(TARGET.qemu, tmp_path / "shell.elf", arguments, (), make_scratch(tmp_path, "private", 0o700))
     deadline = time.monotonic() + PATIENCE
     while process.running() and not (tmp_path / "RAN").exists() and time.monotonic() < deadline:
         time.sleep(0.01)
