@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from firmloop.quantize.ops import EVERY
-from firmloop.quantize.program import Number, Op, Program, Table, Value
+from firmloop.quantize.program import Number, Op, Program, StatusBit, Table, Value
 
 View = dict[str, object]
 
@@ -22,7 +22,7 @@ NUMBER_SAYS = {
 }
 ROUNDS_SAYS = {"nearest": "to nearest", "floor": "down"}
 INPUT_SAYS = {
-    "float": "What is no number commands the low limit, and the controller starts afresh",
+    "float": "Where one is not a number, the safe outputs are commanded and the state stays",
     "fixed": "Every value of the type is allowed",
 }
 PLACES = {"in": "in->", "self": "self->", "table": "", "routine": ""}
@@ -69,6 +69,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         state = [{"name": "unused", "type": "int32_t", "note": "this controller has no state"}]
         start = [{"name": "unused", "literal": "0"}]
     floating = program.arithmetic.startswith("float")
+    guard = 1 + next((k for k, op in enumerate(program.body) if _guards(op, program)), len(program.body) - 1)
     return {
         "name": program.name,
         "says": program.says,
@@ -102,10 +103,12 @@ def program_view(program: Program, version: str, command: str) -> View:
         "tables": [_table(table, program) for table in program.tables],
         "routines": [_routine(routine) for routine in program.routines],
         "parameters": _parameters(program),
-        "lines": [_line(op, program) for op in program.body],
+        "lines": [_line(op, program) for op in program.body[:guard]],
+        "guard": _guard(program, macro),
+        "guarded_lines": [_line(op, program) for op in program.body[guard:]],
         "stores": _stores(program),
         "ignored": [] if program.state else ["self"],
-        "status_expression": " | ".join(_status_term(b.source, b.bit) for b in program.status) or "0U",
+        "status_expression": " | ".join(_status_term(b.source, b.bit) for b in _open_bits(program)) or "0U",
     }
 
 
@@ -239,7 +242,31 @@ def _stores(program: Program) -> list[dict[str, str]]:
     return outputs + states
 
 
+def _open_bits(program: Program) -> tuple[StatusBit, ...]:
+    """Return the status bits that a step can set that has not ended before."""
+    return program.status[:-1] if program.safe else program.status
+
+
 TYPE_INT = Number("fixed", 32, 0)
+
+
+def _guards(op: Op, program: Program) -> bool:
+    return bool(program.safe) and op.result.name == program.status[-1].source
+
+
+def _guard(program: Program, macro: str) -> dict[str, object] | None:
+    """Return what a step does, and then ends, where an input is not a number; None where the format has no such."""
+    if not program.safe:
+        return None
+    bit = program.status[-1]
+    return {
+        "test": bit.source,
+        "stores": [
+            {"target": f"out->{v.name}", "literal": literal(x, v.number)}
+            for v, x in zip(program.outputs, program.safe, strict=True)
+        ],
+        "status": f"(uint32_t){macro}_{bit.name.upper()}",
+    }
 
 
 def _status_term(source: str, bit: int) -> str:

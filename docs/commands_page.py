@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from firmloop.cli import main
 from firmloop.design.kinds import kinds
+from firmloop.quantize.not_a_number import NAME, SAYS
 
 STATUS = """## Exit status
 
@@ -42,6 +43,7 @@ def commands_page() -> str:
     for name, kind in kinds().items():
         for flag in kind.design(kind.example).law.flags:
             owners.setdefault((flag.name, flag.says), []).append(f"`{name}`")
+    owners[NAME, SAYS] = ["every kind, in floating point"]
     listed = "\n".join(f"| `{bit}` | {', '.join(names)} | {says} |" for (bit, says), names in sorted(owners.items()))
     return (
         "# Commands and status\n\n`firmloop COMMAND --help` explains every option. `PROJECT` is the "

@@ -125,6 +125,7 @@ class Program:
     routines: tuple[Program, ...] = ()  # without state; an operation calls one as its argument `routine.<name>`
     unset: str | None = None  # state that starts at the least integer, or as no number, until the first sample sets it
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
+    safe: tuple[float, ...] = ()  # of a float: each output where the last status bit tells that an input is no number
     rounds: str = "nearest"  # what fixed point does with the places that it drops: "nearest" or "floor"
 
     @property
@@ -136,7 +137,7 @@ class Program:
     def id(self) -> str:
         """64 bits of the SHA-256 of everything above, as 16 hexadecimal digits."""
         told = asdict(self)
-        for key, usual in (("tables", ()), ("routines", ()), ("rounds", "nearest")):
+        for key, usual in (("tables", ()), ("routines", ()), ("safe", ()), ("rounds", "nearest")):
             if told[key] == usual:
                 del told[key]
         text = json.dumps(told, sort_keys=True, separators=(",", ":"))

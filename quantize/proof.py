@@ -36,6 +36,8 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
     operation is in its range, and every state variable is in its range after it; `unset` names the one that is at the
     least value of its type instead until the first sample. Inputs may hold any value of their type. It holds at first:
     `start` is in the range of the state, or the least value of its type where the state is `unset` (null: no number).
+    `safe` of an output, in floating point, is what it is where the last of `status` tells that an input is not a
+    number; the state then stays, and no other bit is set.
     Each of `parameters` is a state that a step keeps; its setter takes the values from `low` to `high`, no others.
     """
     return {
@@ -59,7 +61,7 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
         ],
         "operations": [_operation(op) for op in program.body],
         "next_state": [{"state": a.target, "value": a.source} for a in program.next_state],
-        "outputs": [_value(v) | {"value": a.source} for v, a in zip(program.outputs, program.results, strict=True)],
+        "outputs": [_output(program, k) for k in range(len(program.outputs))],
         "status": [{"name": b.name, "bit": b.bit, "value": b.source} for b in program.status],
         "rounding": [{"output": r.output, "bound": _finite(r.bound), "unit": r.unit} for r in program.rounding],
     }
@@ -75,6 +77,11 @@ def _value(value: Value) -> dict[str, object]:
         "low": _finite(value.low),
         "high": _finite(value.high),
     }
+
+
+def _output(program: Program, k: int) -> dict[str, object]:
+    safe = {"safe": program.safe[k]} if program.safe else {}
+    return _value(program.outputs[k]) | {"value": program.results[k].source} | safe
 
 
 def _table(table: Table) -> dict[str, object]:

@@ -37,7 +37,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "design": (
         ("law", "outcome", "draft"),
         ("table", "roles", "optimum"),
-        ("design",),
+        ("design", "safe_output"),
         ("tunable", "discretize", "quadratic"),
         ("linear",),
         ("models",),
@@ -48,7 +48,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "quantize": (
         ("shifts",),
         ("program",),
-        ("twins", "proof"),
+        ("twins", "proof", "not_a_number"),
         ("formats",),
         ("ops",),
         ("lower",),

@@ -70,8 +70,12 @@ def _walk(
                 expected = float(np.asarray(named[op.result.name]).ravel()[0])
                 if not _same(expected, values[place]):
                     return _sentence(program, op, k, expected, values[place], named)
+                if program.safe and op.result.name == program.status[-1].source and expected:
+                    break  # the step has ended there
             state = [np.broadcast_to(np.asarray(slots[s]), 1) for s in machine.next]
-            problem = _state_problem(program, memory, state, f"step {k}") or _output_problem(program, out, named, k)
+            problem = _state_problem(program, memory, state, f"step {k}") or _output_problem(
+                program, out, [slots[s] for s in machine.results], k
+            )
             if problem:
                 return problem
     return None
@@ -96,13 +100,13 @@ def _state_problem(program: Program, memory: Any, state: list[Raw], when: str) -
     return None
 
 
-def _output_problem(program: Program, out: Any, named: Any, step: int) -> str | None:
+def _output_problem(program: Program, out: Any, results: list[Raw], step: int) -> str | None:
     offset = 0
-    for value, assign in zip(program.outputs, program.results, strict=True):
+    for value, assign, result in zip(program.outputs, program.results, results, strict=True):
         kind = element_type(value.number)
         got = np.frombuffer(out, dtype=kind, count=1, offset=offset)[0]
         offset += kind.itemsize
-        expected = float(np.asarray(named[assign.source]).ravel()[0])
+        expected = float(np.asarray(result).ravel()[0])
         if not _same(expected, float(got)):
             return (
                 f"step {step}: out->{value.name} = {assign.source} should store {expected:.9g}, stores {float(got):.9g}"

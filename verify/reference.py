@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.quantize.not_a_number import spelled_out
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Number, Program, Value
 
@@ -60,6 +61,7 @@ class Machine:
     """A Program made ready to run: every operand resolved to a slot once."""
 
     def __init__(self, program: Program) -> None:
+        program = spelled_out(program)
         self.program = program
         kind = working_type(program)
         self.slots: dict[str, int] = {}

@@ -45,7 +45,8 @@ def searches(
     shown = _around(worst, blocks)
     chosen = np.concatenate([shown, np.argsort(-counts, kind="stable")[:HARDEST], [int(counts.argmin())]])
     parameters = _parameters(program, place, inputs[chosen], state[chosen])
-    solution = solve(rows, parameters)
+    with np.errstate(all="ignore"):
+        solution = solve(rows, parameters)
     took, searched = counts[chosen], solution.work > 0
     least = int(took[~searched].max(initial=int(counts.min())))
     unit = float(np.max((took - least)[searched] / solution.work[searched], initial=0.0))
@@ -79,7 +80,7 @@ def _around(step: int, blocks: Sequence[Block]) -> NDArray[np.int64]:
 
 def _parameters(program: Program, place: int, inputs: Raw, state: Raw) -> Raw:
     """Return the parameters (steps, p) that the operation at `place` solves for."""
-    asking = replace(program, body=program.body[:place], next_state=(), results=(), status=())
+    asking = replace(program, body=program.body[:place], next_state=(), results=(), status=(), safe=())
     machine, kind = Machine(asking), working_type(program)
     with np.errstate(all="ignore"):
         slots = machine.step(list(inputs.T.astype(kind)), list(state.T.astype(kind)))

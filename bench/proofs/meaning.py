@@ -245,6 +245,7 @@ class Meaning:
             found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
             found[f"fl_outside_{end}"] = lambda x, low, high: z3.If(z3.And(x >= low, z3.Not(x > high)), zero, one)
             found[f"fl_beyond_{end}"] = lambda x, low, high: z3.If(x >= low, high, low)
+            found[f"fl_unordered_{end}"] = lambda a, b: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsNaN(b)), one, zero)
             found[f"fl_none_{end}"] = lambda a: z3.If(z3.fpIsNaN(a), one, zero)
             found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
         for end in ("i32", "f32", "f64"):

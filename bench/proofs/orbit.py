@@ -104,4 +104,4 @@ def _alone(program: Program, state: str, source: str, needs: set[str]) -> Machin
     held = tuple(value for value in program.state if value.name == state)
     start = tuple(x for value, x in zip(program.state, program.start, strict=True) if value.name == state)
     alone = replace(program, inputs=(), outputs=(), state=held, start=start, body=kept, tables=(), routines=())
-    return Machine(replace(alone, next_state=(Assign(state, source),), results=(), status=(), tunable=()))
+    return Machine(replace(alone, next_state=(Assign(state, source),), results=(), status=(), safe=(), tunable=()))

@@ -8,14 +8,17 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Mapping
+from dataclasses import replace
 
 from firmloop.design.design import Design, Kind, Request, check_signals
 from firmloop.design.law import DesignError
 from firmloop.design.optimum import QuadraticSolver
+from firmloop.design.safe_output import KEY as SAFE_OUTPUT
+from firmloop.design.safe_output import safe_outputs
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.signal import Signal
 
-SHARED_KEYS = ("kind", "period_s", "outputs")  # of [controller], read before a kind is asked
+SHARED_KEYS = ("kind", "period_s", "outputs", SAFE_OUTPUT)  # of [controller], read for every kind alike
 
 
 @functools.cache
@@ -62,4 +65,6 @@ def design(
     own = {key: value for key, value in table.items() if key not in SHARED_KEYS}
     request = Request(name, own, period, inputs, outputs, plant, optimum)
     check_signals(request)
-    return found.design(request)
+    safe = safe_outputs(table, outputs)
+    designed = found.design(request)
+    return replace(designed, law=replace(designed.law, safe=safe)) if safe else designed

@@ -23,6 +23,7 @@ from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.sums import Sum, gather, is_linear
 from firmloop.quantize.lower.sweep_formats import Planned, fixed_sweeps, float_sweeps
 from firmloop.quantize.lower.tree_formats import fixed_tree, float_tree
+from firmloop.quantize.not_a_number import guarded
 from firmloop.quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 
 PLAN, PLAN_DATA, MODEL = "plan", "plan_data", "plan_model"  # a program's solution, its constants and its model
@@ -41,6 +42,14 @@ def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
     """
     if arithmetic not in ARITHMETICS:
         raise QuantizeError(f"arithmetic {arithmetic!r} is unknown; known: {', '.join(ARITHMETICS)}")
+    floating = arithmetic.startswith("float")
+    if not floating:
+        return _bare(law, arithmetic, rounds)
+    return guarded(_bare(law, arithmetic, rounds), law.safe)
+
+
+def _bare(law: Law, arithmetic: str, rounds: str) -> Program:
+    """Lower the law as it is: what a value that is not a number does is left to its operations."""
     floating = arithmetic.startswith("float")
     if law.solve is not None and law.solve.method is None and not floating:
         raise QuantizeError(
@@ -286,7 +295,7 @@ class _Lowering:
     def _routines(self) -> tuple[Program, ...]:
         if self.law.solve is None or not isinstance(self.law.solve.problem, Horizon):
             return ()
-        return (replace(lower(self.law.solve.problem.model, self.arithmetic), name=MODEL),)
+        return (replace(_bare(self.law.solve.problem.model, self.arithmetic, "nearest"), name=MODEL),)
 
     def _names(self) -> Mapping[int, tuple[str, str]]:
         """Names for nodes, the law's own intermediates first, then flags and outputs."""

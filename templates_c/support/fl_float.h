@@ -34,6 +34,11 @@ static inline int32_t fl_none_f32(float a) {
     return (a == a) ? 0 : 1;
 }
 
+/* Whether `a` or `b` is not a number. */
+static inline int32_t fl_unordered_f32(float a, float b) {
+    return ((a <= b) || (a > b)) ? 0 : 1;
+}
+
 /* Whether `a` is not a number, or infinite. */
 static inline int32_t fl_lost_f32(float a) {
     const float none = a - a;
@@ -133,6 +138,11 @@ static inline double fl_beyond_f64(double x, double low, double high) {
 /* Whether `a` is not a number. */
 static inline int32_t fl_none_f64(double a) {
     return (a == a) ? 0 : 1;
+}
+
+/* Whether `a` or `b` is not a number. */
+static inline int32_t fl_unordered_f64(double a, double b) {
+    return ((a <= b) || (a > b)) ? 0 : 1;
 }
 
 /* Whether `a` is not a number, or infinite. */

@@ -44,11 +44,11 @@ def test_no_input_leaves_anything_behind_that_is_no_number(name: str) -> None:
     assert np.all(np.isfinite(trace.state[:, 5 + SOON :]))
 
 
-def test_after_no_number_a_controller_starts_afresh() -> None:
+def test_after_an_infinite_input_a_controller_starts_afresh() -> None:
     program = lower(pid(FULL), "float32")
     inputs = calm_inputs(program, 1, 40)
     fresh = run(program, inputs[:, 6:]).outputs
-    inputs[0, 5, 1] = np.nan
+    inputs[0, 5, 1] = np.inf
     trace = run(program, inputs)
     assert trace.outputs[0, 5, 0] == program.outputs[0].low and trace.status[0, 5] == 1
     np.testing.assert_array_equal(trace.outputs[:, 6:], fresh)

@@ -55,7 +55,7 @@ def library() -> ctypes.CDLL:
             operation = OPERATIONS[name]
             own = "int32_t" if name in TRUTHS else kind
             form = operation.c["fixed" if name in TRUTHS else style]
-            names = ["a", "b", "c"][: arity(name)]
+            names = ["a", "b", "c", "d"][: arity(name)]
             kinds = [own] * len(names)
             values = [f"{n}[i]" for n in names]
             if name == "select":

@@ -30,7 +30,16 @@ from tests.laws import FULL, pid
 from tests.pid_formula import pid_steps
 from tests.quantize.test_lower import leaves_bounds
 
-RANGES = {"kp": [0.0, 0.2], "ki": [0.0, 5.0], "kd": [0.0, 0.001], "b": [0.0, 1.0], "c": [0.0, 1.0]}
+GAINS = {"kp": [0.0, 0.2], "ki": [0.0, 5.0], "kd": [0.0, 0.001], "b": [0.0, 1.0], "c": [0.0, 1.0]}
+LIMITS = {"u_min": [-12.0, -2.0], "u_max": [1.0, 12.0]}
+RANGES = {**GAINS, **LIMITS}
+VARIANTS: list[dict[str, Any]] = [
+    {},
+    {"anti_windup": "clamping"},
+    {"anti_windup": "none"},
+    {"form": "tustin"},
+    {"rate_limit_per_s": 2000.0},
+]
 TUNABLE = {**FULL, "tunable": list(RANGES), "ranges": RANGES}
 PROJECT = """\
 schema = 1
@@ -112,11 +121,48 @@ def test_a_set_parameter_acts_as_one_that_was_always_there(form: str) -> None:
     for _ in range(5):
         values = {name: random.uniform(low, high) for name, (low, high) in RANGES.items()}
         rows = np.cumsum(random.normal(size=(400, 2)), axis=0)
-        settings = np.broadcast_to(np.array(list(values.values())), (1, 400, 5))
+        settings = np.broadcast_to(np.array(list(values.values())), (1, 400, len(RANGES)))
         got = run(program, rows[None], settings).outputs[0, :, 0]
         table = {**FULL, **values, "form": form}
         expected = np.array([u for _, u in pid_steps(table, 0.001, rows, pid(FULL).outputs[0])])
         assert np.max(np.abs(got - expected)) < 1e-9 and np.any(np.abs(expected) < 11.9)
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_limits_that_move_are_kept_at_once_and_proven(variant: dict[str, Any], arithmetic: str) -> None:
+    if variant == {"anti_windup": "none"} and arithmetic.startswith("fixed"):
+        return  # its integral has no bound
+    law = pid({**FULL, **variant, "tunable": list(LIMITS), "ranges": LIMITS})
+    program = lower(law, arithmetic)
+    blocks = stimuli(program, [], 6_000, 4)
+    assert leaves_bounds(program, blocks) == []
+    check_proof(json.loads(json.dumps(proof(program, law.reasons))))
+    grid = 2.0 ** -program.outputs[0].number.fraction if arithmetic.startswith("fixed") else 0.0
+    for block, trace in zip(blocks, run_blocks(program, blocks), strict=True):
+        low, high = (
+            trace.state[..., k].astype(float) * 2.0 ** -program.state[k].number.fraction
+            for k in (len(program.state) - 2, len(program.state) - 1)
+        )
+        out = trace.outputs[..., 0].astype(float) * (grid or 1.0)
+        told = trace.status >> 1 & 1 == 1 if not grid else np.zeros(out.shape, bool)
+        assert np.all(told | ((out >= low - grid / 2) & (out <= high + grid / 2))), block.name
+    library = build_host(emit(program, "firmloop generate test.toml"), load_target("host"))
+    traces = run_blocks(program, blocks)
+    done = compare(program, LibraryLink(library, program), blocks, traces, lambda fraction, label: None)
+    assert (done.steps, done.differences) == (6_000, 0)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_set_limits_act_as_ones_that_were_always_there(variant: dict[str, Any]) -> None:
+    given = {**FULL, **variant}
+    program = lower(pid({**given, "tunable": list(LIMITS), "ranges": LIMITS}), "float64")
+    rows = np.cumsum(np.random.default_rng(2).normal(size=(400, 2)), axis=0) * 5
+    for low, high in ((-12.0, 12.0), (-2.0, 1.0), (-3.5, 10.0)):
+        settings = np.broadcast_to(np.array([low, high]), (1, 400, 2))
+        got = run(program, rows[None], settings).outputs[0, :, 0]
+        expected = [u for _, u in pid_steps({**given, "u_min": low, "u_max": high}, 0.001, rows, pid(FULL).outputs[0])]
+        assert np.max(np.abs(got - np.array(expected))) < 1e-9 and {low, high} & set(got)
 
 
 def test_the_proof_covers_the_whole_range() -> None:
@@ -168,6 +214,17 @@ def test_a_tunable_controller_agrees_on_the_m4f(arithmetic: str) -> None:
         ("kp = [0.0, 0.2]", "kp = [0.2, 0.0]", "not a range"),
         ("kp = [0.0, 0.2]", "kp = [0.1, 0.2]", "does not hold the value at the start, 0.05"),
         ("kp = [0.0, 0.2]", "kp = [0.0, 1e30]", "too large for fixed point"),
+        ('["kp", "ki"]', '["kp", "ki", "u_max"]', "such as u_max = [6, 12]"),
+        (
+            '"ki"]\n[controller.ranges]',
+            '"ki", "u_max"]\n[controller.ranges]\nu_max = [6.0, 13.0]',
+            "leaves signals.output",
+        ),
+        (
+            '"ki"]\n[controller.ranges]',
+            '"ki", "u_max"]\n[controller.ranges]\nu_max = [-12.0, 12.0]',
+            "separate the two",
+        ),
         ("ki = 1.4", "ki = 0.0", "controller.tt_s is missing"),
         ('kind = "pid"', 'kind = "pid"\nform = "ideal"\nti_s = 1.0', "controller.ki has no place"),
         ('kind = "pid"', 'kind = "notch"', "controller"),

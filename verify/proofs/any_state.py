@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.codegen.view import physical
+from firmloop.quantize.not_a_number import spelled_out
 from firmloop.quantize.program import Op, Program, Value
 from firmloop.verify.compare import record_type
 from firmloop.verify.links.library import LibraryLink
@@ -48,6 +49,7 @@ def any_state(program: Program, seed: int, steps: int) -> AnyState:
     """Draw states and inputs, for `steps` steps at most, and run the reference on them."""
     if not program.state:
         return AnyState([], [])
+    program = spelled_out(program)
     step = opened(program)
     columns, values = _kept(program, step, _drawn(program, step, seed, steps))
     return AnyState(columns, _expected(program, step, values, len(columns[0])))

@@ -86,6 +86,7 @@ class Claims:
     tables: tuple[Mapping[str, Any], ...]
     routines: tuple[Routine, ...]
     status: tuple[tuple[str, int, str], ...]  # name, bit, value
+    safe: tuple[Number, ...]  # each output where the last status bit holds; none in fixed point
 
     @property
     def fixed(self) -> bool:
@@ -145,6 +146,7 @@ def read_claims(document: Mapping[str, Any]) -> Claims:
             (_name(row, "status"), _integer(row, "bit", "status"), _text(row, "value", "status"))
             for row in _rows(whole, "status")
         ),
+        safe=() if fixed else tuple(_number(row, "safe", f"output {row.get('name')}") for row in outputs),
     )
     _check_names(claims)
     if claims.fixed:
@@ -196,8 +198,18 @@ def _check_names(claims: Claims) -> None:
     last = [v.name for v in claims.state][len(claims.state) - len(claims.parameters) :]
     if list(groups["parameter"]) != last:
         raise ProofError("the parameters are not the last states, in the same order")
+    _check_safe(claims)
     _check_bits(claims)
     _check_routines(claims)
+
+
+def _check_safe(claims: Claims) -> None:
+    """Assert that an operation tells that an input is not a number, and that what is commanded then keeps its range."""
+    if claims.safe and (not claims.status or claims.status[-1][2] not in {op.result.name for op in claims.operations}):
+        raise ProofError("the last status bit is no operation that tells that an input is not a number")
+    for output, safe in zip(claims.outputs, claims.safe, strict=bool(claims.safe)):
+        if output.low is None or output.high is None or not output.low <= safe <= output.high:
+            raise ProofError(f"output {output.name} is {safe} where an input is not a number, out of its range")
 
 
 def _check_bits(claims: Claims) -> None:

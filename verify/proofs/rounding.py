@@ -113,7 +113,7 @@ def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray
     ]
     if not asks:
         return np.zeros(np.shape(raw[0]) if raw else (), dtype=bool)
-    asking = replace(program, body=program.body[: asks[0] + 1], next_state=(), results=(), status=())
+    asking = replace(program, body=program.body[: asks[0] + 1], next_state=(), results=(), status=(), safe=())
     machine, kind = Machine(asking), working_type(program)
     slots = machine.step([x.astype(kind) for x in raw], [x.astype(kind) for x in held])
     return np.asarray(machine.named(slots)[asking.body[-1].result.name], dtype=bool)

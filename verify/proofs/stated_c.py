@@ -6,7 +6,7 @@ out, for `c_tokens.py` takes them out of both.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -28,7 +28,7 @@ CALLS = {  # function: C name, and whether the last argument is a shift count
     "shr": ("fl_shr_i32", True),
     "shl": ("fl_shl_i32", True),
 }
-TYPED = ("min", "max", "clamp", "abs", "outside", "beyond", "none", "lost", "sin", "cos", "exp", "tanh")
+TYPED = ("min", "max", "clamp", "abs", "outside", "beyond", "none", "unordered", "lost", "sin", "cos", "exp", "tanh")
 PLANNED = {"solve": "fl_qp", "sweeps": "fl_sweeps", "tree": "fl_tree"}
 
 
@@ -90,6 +90,8 @@ class Writer:
         yield "the head of step", f"uint32_t {name}_step({name}_t *self, const {name}_in_t *in, {name}_out_t *out) {{"
         for op in claims.operations:
             yield f"operation {op.says()}", self.statement(op, _placed)
+            if claims.safe and op.result.name == claims.status[-1][2]:
+                yield "what an input commands that is not a number", self._safe()
         for output, source in zip(claims.outputs, claims.results, strict=True):
             cast = "(int16_t)" if c_type(output) == "int16_t" else ""
             yield f"output {output.name} = {source}", f"out->{output.name} = {cast}{_placed(source)};"
@@ -97,8 +99,9 @@ class Writer:
         for state, source in claims.following.items():
             if state not in kept:
                 yield f"state {state} = {source}", f"self->{state} = {_placed(source)};"
+        open_bits = claims.status[:-1] if claims.safe else claims.status
         bits = " | ".join(
-            f"((uint32_t){source} << {bit}U)" if bit else f"(uint32_t){source}" for _, bit, source in claims.status
+            f"((uint32_t){source} << {bit}U)" if bit else f"(uint32_t){source}" for _, bit, source in open_bits
         )
         yield "the status", f"{'' if claims.state else '(void)self;'} return {bits or '0U'}; }}"
 
@@ -139,6 +142,12 @@ class Writer:
         """Return the line of one operation."""
         return f"const {self._result(op)} {op.result.name} = {self._expression(op, placed)};"
 
+    def _safe(self) -> str:
+        bit, _, test = self.claims.status[-1]
+        outputs = zip(self.claims.outputs, self.claims.safe, strict=True)
+        stores = " ".join(f"out->{output.name} = {self.literal(safe)};" for output, safe in outputs)
+        return f"if ({test} != 0) {{ {stores} return (uint32_t){self.claims.name.upper()}_{bit.upper()}; }}"
+
     def _result(self, op: ClaimedOperation) -> str:
         return "fl_plan_t" if op.function in (*PLANNED, "improve") else c_type(op.result)
 
@@ -164,28 +173,31 @@ class Writer:
                 last = f"{op.arguments[-1]}U" if shifts else a[-1]
                 return f"{call}({', '.join([*a[:-1], last])})"
             if function in TYPED:
-                return f"fl_{function}_{self.end}({', '.join(a)})"
+                return self._called(function, a)
             if function in PLANNED:
                 end = "_i32" if self.claims.fixed else ""
                 return f"{PLANNED[function]}{end}(&{a[0]}, (const {self._element()}[]){{ {', '.join(a[1:])} }})"
             match function:
                 case "improve":
                     return f"fl_rti(&{a[0]}, {a[1]}, (const {self._element()}[]){{ {', '.join(a[2:])} }})"
-                case "copy":
-                    return a[0]
-                case "neg":
-                    return f"-{a[0]}"
+                case "unordered_below":
+                    return f"({a[0]} >= {a[1]}) ? 0 : {self._called('unordered', a[2:])}"
+                case "copy" | "neg":
+                    return a[0] if function == "copy" else f"-{a[0]}"
+                case "capped" | "infeasible":
+                    return f"({a[0]}.status == FL_QP_{function.upper()}) ? 1 : 0"
                 case "not":
                     return f"(1) - {a[0]}"
                 case "select":
                     return f"({a[0]} != 0) ? {a[1]} : {a[2]}"
                 case "move":
                     return f"{a[0]}.move[{op.arguments[1]}]"
-                case "capped" | "infeasible":
-                    return f"({a[0]}.status == FL_QP_{function.upper()}) ? 1 : 0"
         except IndexError:
             raise ProofError(f"{op.says()}: {function} takes more arguments") from None
         raise ProofError(f"{op.says()}: operation {function!r} is not known to the checker")
+
+    def _called(self, function: str, arguments: Sequence[str]) -> str:
+        return f"fl_{function}_{self.end}({', '.join(arguments)})"
 
     def _element(self) -> str:
         return "int32_t" if self.claims.fixed else "fl_real"

@@ -16,7 +16,7 @@ from firmloop.design.linear.reach import widened
 from firmloop.identify.signal import Signal
 
 ARGUMENT = "max|kd/(tf+h)| times the range of c r - y, over 1 - max|tf/(tf+h)|"
-MOVED = ("kp", "ki", "b", "tracking")  # factors that the integral's range depends on
+MOVED = ("kp", "ki", "b", "tracking", "u_min", "u_max")  # factors that the integral's range depends on
 
 
 def whole_pid(pids: Sequence[Pid]) -> Pid:

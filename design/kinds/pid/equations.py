@@ -35,6 +35,8 @@ class Factors:
     slope: Factor
     forget: Factor
     tracking: Factor
+    u_min: Factor
+    u_max: Factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +54,10 @@ class Wires:
 
 def factors(pid: Pid) -> Factors:
     """Return the factors of constant gains."""
+    step = pid.ki * pid.period
     return Factors(
-        pid.kp, pid.b, pid.c, pid.ki * pid.period, pid.half_step, pid.slope, pid.forget, pid.tracking
-    )  # fmt: skip
+        *(pid.kp, pid.b, pid.c, step, pid.half_step, pid.slope, pid.forget, pid.tracking, pid.u_min, pid.u_max)
+    )
 
 
 def write(
@@ -83,7 +86,7 @@ def write(
     if wires.manual is not None and wires.automatic is not None:
         in_automatic = z[wires.automatic.name] > 0.5
         wanted = ca.if_else(in_automatic, free, z[wires.manual.name])
-    limited, flag = _limited(pid, wanted, x, nexts)
+    limited, flag = _limited(pid, given, wanted, x, nexts)
     named["unlimited"] = (wires.output.unit, free)
     if pid.integrates:
         target = limited if wires.tracking is None else z[wires.tracking.name]
@@ -195,14 +198,19 @@ def _unlimited(
     return sum(terms[1:], start=terms[0])
 
 
-def _limited(pid: Pid, wanted: ca.SX, x: Mapping[str, ca.SX], nexts: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
+def _limited(
+    pid: Pid, given: Factors, wanted: ca.SX, x: Mapping[str, ca.SX], nexts: dict[str, ca.SX]
+) -> tuple[ca.SX, ca.SX]:
     """Return u and whether it is not what was wanted."""
     if not math.isfinite(pid.rate):
-        limited = ca.fmin(ca.fmax(wanted, pid.u_min), pid.u_max)
+        limited = ca.fmin(ca.fmax(wanted, given.u_min), given.u_max)
         return limited, limited != wanted
     most = pid.rate * pid.period
-    low, high = ca.fmax(x["output_last"] - most, pid.u_min), ca.fmin(x["output_last"] + most, pid.u_max)
-    limited = ca.fmin(ca.fmax(wanted, low), high)
+    least, greatest = x["output_last"] - most, x["output_last"] + most
+    if isinstance(given.u_min, ca.SX) or isinstance(given.u_max, ca.SX):  # a limit that moves is kept at once
+        limited = ca.fmin(ca.fmax(ca.fmin(ca.fmax(wanted, least), greatest), given.u_min), given.u_max)
+    else:
+        limited = ca.fmin(ca.fmax(wanted, ca.fmax(least, given.u_min)), ca.fmin(greatest, given.u_max))
     nexts["output_last"] = limited
     return limited, limited != wanted
 
@@ -213,7 +221,7 @@ def _integral(
     """Return I[k+1] in automatic mode."""
     upward, downward = (error > 0, error < 0) if pid.ki > 0 else (error < 0, error > 0)
     above, below = (
-        (free > pid.u_max, free < pid.u_min) if not math.isfinite(pid.rate) else (free > limited, free < limited)
+        (free > given.u_max, free < given.u_min) if not math.isfinite(pid.rate) else (free > limited, free < limited)
     )
     back = given.tracking * (target - free)
     return pid.anti_windup.moved(Sample(integral, given.step * error, back, above, below, upward, downward))

@@ -34,7 +34,7 @@ Further forms and keys:
   I[k+1] = I[k] + u[k] - v[k]: v follows u, and the change back to automatic is bumpless.
 - `[controller.feedforward] from = "effects"`: what meets the plant's friction, load, gravity, cogging and dead zone is
   added to v, see `models/feedforward.py`.
-- `tunable` lists those of kp, ki, kd, b and c that can be set on the running target, see `tunable.py`.
+- `tunable` lists those of kp, ki, kd, b, c, u_min and u_max that can be set on the running target, see `tunable.py`.
 - `tracking` names an input that stands for u in the tracking term, such as the output an outer selector has chosen, or
   what the inner loop of a cascade really does.
 
@@ -92,7 +92,7 @@ def design(request: Request) -> Design:
     z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
     says = _says(pid, wires.measurement, wires.output) + (ahead.says() if ahead else "")
     plain_gains = not form_of(request.table).times
-    parameters = pid_parameters(request.table, pid, _units(wires.measurement, wires.output), plain_gains)
+    parameters = pid_parameters(request.table, pid, _units(wires.measurement, wires.output), wires.output, plain_gains)
     if parameters:
         law = tunable_law(request, says, pid, parameters, wires, ahead)
     else:

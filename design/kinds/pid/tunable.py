@@ -1,8 +1,11 @@
-"""A PID whose kp, ki, kd, b and c can be set on the running target, within declared ranges.
+"""A PID whose kp, ki, kd, b, c, u_min and u_max can be set on the running target, within declared ranges.
 
 The equations are those of `pid.py`, with ki h and kd/(tf+h) computed from the parameters in each sample. tf and tt stay
 what they are: the controller cannot divide, so they follow the gains at the start where they are not given. The
 integral is kept in the output's unit, ki inside, so that a change of ki moves nothing by itself.
+
+The limits act at once. Each setter refuses what is beyond its own range; the range of u_min ends below that of u_max,
+so that no pair that the setters take is out of order.
 """
 
 from __future__ import annotations
@@ -21,18 +24,25 @@ from firmloop.design.law import DesignError, Law
 from firmloop.design.models.anti_windup import tracking_modes
 from firmloop.design.models.feedforward import Feedforward
 from firmloop.design.tunable import Parameter, held, read_parameters, with_parameters
+from firmloop.identify.signal import Signal
+
+LIMITS = ("u_min", "u_max")
 
 
 def pid_parameters(
-    table: Mapping[str, object], pid: Pid, units: Mapping[str, str], plain_gains: bool
+    table: Mapping[str, object], pid: Pid, units: Mapping[str, str], output: Signal, plain_gains: bool
 ) -> tuple[Parameter, ...]:
     """Read what of `pid` can be tuned; `plain_gains` where the form takes kp, ki and kd as they are."""
     defaults = {name: (units.get(name, "1"), float(getattr(pid, name))) for name in ("kp", "ki", "kd", "b", "c")}
+    defaults |= {name: (output.unit, float(getattr(pid, name))) for name in LIMITS}
+    _check_given(table, pid)
     found = read_parameters(table, defaults, "a pid")
     names = {parameter.signal.name: parameter.signal for parameter in found}
-    if found and not plain_gains:
+    _check_limits(names, pid, output)
+    gains = [name for name in names if name not in LIMITS]
+    if gains and not plain_gains:
         raise DesignError(
-            f"controller.tunable = {list(names)} has no place in form = '{table['form']}', whose gains depend on each "
+            f"controller.tunable = {gains} has no place in form = '{table['form']}', whose gains depend on each "
             "other; use form = 'parallel' with kp, ki and kd"
         )
     if "ki" in names and pid.anti_windup.tracks and not pid.tracking:
@@ -47,6 +57,39 @@ def pid_parameters(
     return found
 
 
+def _check_given(table: Mapping[str, object], pid: Pid) -> None:
+    """Refuse a limit that can be tuned without a range, with one that has a place."""
+    listed, ranges = table.get("tunable", []), table.get("ranges", {})
+    quarter = (pid.u_max - pid.u_min) / 4
+    usual = {"u_min": (pid.u_min, pid.u_min + quarter), "u_max": (pid.u_max - quarter, pid.u_max)}
+    for name, (low, high) in usual.items():
+        if isinstance(listed, list | tuple) and name in listed and isinstance(ranges, Mapping) and name not in ranges:
+            raise DesignError(
+                f"controller.ranges.{name} is missing; what can be tuned needs the range it is proven for, "
+                f"such as {name} = [{low:g}, {high:g}]"
+            )
+
+
+def _check_limits(names: Mapping[str, Signal], pid: Pid, output: Signal) -> None:
+    """Assert that limits keep the output's range, and that no u_min that can be set reaches a u_max that can be."""
+    for name in LIMITS:
+        limit = names.get(name)
+        if limit is not None and not output.low <= limit.low < limit.high <= output.high:
+            raise DesignError(
+                f"controller.ranges.{name} = [{limit.low:g}, {limit.high:g}] leaves signals.{output.name}, "
+                f"{output.low:g} to {output.high:g} {output.unit}; narrow the range or widen the signal"
+            )
+    if not any(name in names for name in LIMITS):
+        return
+    highest = names["u_min"].high if "u_min" in names else pid.u_min
+    lowest = names["u_max"].low if "u_max" in names else pid.u_max
+    if not highest < lowest:
+        raise DesignError(
+            f"u_min can be set up to {highest:g} and u_max down to {lowest:g} {output.unit}; each setter knows its own "
+            "range alone, so controller.ranges must end u_min's below u_max's: separate the two"
+        )
+
+
 def tunable_law(
     request: Request, says: str, pid: Pid, parameters: Sequence[Parameter], wires: Wires, ahead: Feedforward | None
 ) -> Law:
@@ -54,7 +97,10 @@ def tunable_law(
     names = [parameter.signal.name for parameter in parameters]
     ends = [{p.signal.low, p.signal.high, p.default} for p in parameters]
     corners = [_with(pid, dict(zip(names, values, strict=True))) for values in itertools.product(*ends)]
-    whole = whole_pid(corners)
+    low, high = min(corner.u_min for corner in corners), max(corner.u_max for corner in corners)
+    target = pid.target and (min(pid.target[0], low), max(pid.target[1], high))
+    corners = [replace(corner, target=target) for corner in corners]
+    whole = replace(whole_pid(corners), u_min=low, u_max=high)
     if "ki" in names and pid.anti_windup.one_sign:
         whole = replace(whole, ki=max((corner.ki for corner in corners), key=abs))
     larger = with_parameters(request, parameters)
@@ -87,4 +133,6 @@ def _with(pid: Pid, values: Mapping[str, float]) -> Pid:
         kd=values.get("kd", pid.kd),
         b=values.get("b", pid.b),
         c=values.get("c", pid.c),
+        u_min=values.get("u_min", pid.u_min),
+        u_max=values.get("u_max", pid.u_max),
     )
