@@ -100,6 +100,11 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
     """Find the names, and the units where a line of them stands below."""
     width = len(_cells(lines[table.first], table)) - table.trailing
     above = [k for k in range(table.first - 1, max(-1, table.first - _HIGHEST), -1) if lines[k].strip()]
+    later = range(table.first, min(len(lines), table.first + _HIGHEST))
+    late = next((k + 1 for k in later if _names(lines[k], table, width)), 0)
+    if not above and late:
+        remedy = f"they are of an older run: delete lines 1 to {late - 1}, or split the file"
+        return Misread(f"line {late}", "is the header, but rows stand above it", remedy)
     if not above:
         columns = ", ".join(("time_s", *(f"column_{k}" for k in range(2, width + 1)))[:6])
         return Misread("", "has no header: its first line holds numbers", f"write one line above, such as {columns}")
@@ -117,12 +122,14 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         below, *higher = higher
     if not units and not _tells(headers[below]):
         below = next((k for k in higher if _tells(headers[k])), below)
+    start = below + 1 if not units else above[above.index(below) - 1] + 1
+    whole = (k for k in range(start, table.first) if len(_cells(lines[k], table)) == width + table.trailing)
     return Dialect(
         table.delimiter,
         table.decimal,
         headers[below],
         units,
-        table.first,
+        next(whole, table.first),  # a line with a value for each column is a row, though it may not be numbers
         table.trailing,
         table.quoted,
         tuple(_told(lines, table, below, units)),

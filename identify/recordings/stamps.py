@@ -107,7 +107,7 @@ def _wrap(time: Array, falls: Array, usual: float, count: float) -> tuple[float,
     for tick, bits in product((count, 1e-6, 1e-3, 1.0, 1e-9), _BITS):
         size = tick * 2.0**bits
         across = falls + size
-        near = bool(np.all((across > 0.0) & (across <= _STRETCH * usual))) and usual < 0.25 * size
+        near = bool(np.all((across > 0.0) & (across <= min(_STRETCH * usual, 0.5 * size)))) and usual < 0.25 * size
         if near and float(time.max() - time.min()) < size * (1.0 + 1e-9):
             return size, f"2^{bits} ticks of {tick:g} s"
     return None

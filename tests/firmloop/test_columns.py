@@ -77,6 +77,10 @@ STANDS: dict[str, tuple[list[str], str]] = {
     "a row written twice": ([*ROWS[:20], ROWS[19], *ROWS[20:]], "delete the second"),
     "two recordings in one file": ([*ROWS, *ROWS], "holds 2 recordings: split it before line 62"),
     "rows swapped": ([*ROWS[:20], ROWS[21], ROWS[20], *ROWS[22:]], "sort the rows"),
+    "a fall that no power of two explains": (
+        [f"{k * 65.5 % 65.536:.3f},1,1" for k in range(40)],
+        "goes back 38 times",
+    ),
     "one stamp wrong": ([*ROWS[:20], f"0.95,{ROWS[20].partition(',')[2]}", *ROWS[21:]], "one stamp is wrong"),
 }
 

@@ -160,6 +160,8 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         ("two ways", "1,100", "thousands"),
     ),
     "no header": ("\n".join(ROWS), ("has no header", "time_s, column_2, column_3")),
+    "rows of an older run above the header": ("\n".join([*ROWS[:5], PLAIN]), ("line 6: is the header", "lines 1 to 5")),
+    "a time of day": (PLAIN.replace("\n0.", "\n12:00:0."), ("line 2", "write seconds", "period_s")),
     "no header, semicolons": ("\n".join(ROWS).replace(",", ";"), ("has no header",)),
     "header again in the middle": ("\n".join([HEADER, *ROWS[:30], HEADER, *ROWS[30:]]), ("line 32", "header again")),
     "semicolons, one row short": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 
+_CLOCK = re.compile(r"\d:\d\d")  # of a time of day
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -101,7 +103,10 @@ def _culprit(
         for name, cell in zip(names, cells, strict=True):
             if not _is_number(cell.strip().strip('"')):
                 wrong = f"is {cell.strip()[:40]!r}, not a number" if cell.strip() else "is empty"
-                return Misread(f"line {number}, column {name}", wrong, "write a number with '.' or delete the row")
+                remedy = "write a number with '.' or delete the row"
+                if _CLOCK.search(cell):
+                    remedy = "write seconds, or leave the column out and give recordings.period_s"
+                return Misread(f"line {number}, column {name}", wrong, remedy)
             if cell.strip().startswith('"'):
                 wrong = f"is {cell.strip()[:40]!r}, a number in quotes"
                 return Misread(f"line {number}, column {name}", wrong, "write numbers without quotes")
