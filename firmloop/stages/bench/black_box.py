@@ -218,8 +218,8 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
-    told = _about_delay(searched, late, found), _about_noise(structure, records, sampled)
-    notes = (*data.notes, *filter(None, told))
+    about = _about_delay(searched, late, found), _about_noise(structure, records, sampled)
+    notes = (*data.notes, *filter(None, about))
     return BlackBox(structure, period, sampled, made, plant, judged, spread, cut, notes)
 
 
