@@ -43,7 +43,7 @@ def exact_roots(coefficients: Sequence[Fraction], near: Roots) -> Roots:
         if settled:
             break
     found = [complex(*(float(Fraction(part, 1 << places)) for part in point)) for point in points]
-    return _paired(np.array(found) * float(scale))
+    return _paired(np.array(found, dtype=np.complex128) * float(scale))
 
 
 def _step(monic: Sequence[int], points: Sequence[Point], k: int, places: int) -> Point:
