@@ -223,11 +223,20 @@ def _moving_roots(coefficients: Array) -> Roots:
     return _sharpened(exact, by_delta)
 
 
+def _error(coefficients: Array, roots: Roots) -> Array:
+    """Return the share of its size by which each root may be off: what is left of p there over the slope of p."""
+    with np.errstate(all="ignore"):
+        noise = np.polyval(np.abs(coefficients), np.abs(roots)) * np.finfo(np.float64).eps
+        left = np.maximum(np.abs(np.polyval(coefficients, roots)), noise) / noise
+        share = displacement(coefficients, roots) * left / np.abs(roots)
+    return np.where(np.isnan(share), np.inf, share)
+
+
 def _sharpened(exact: list[Fraction], roots: Roots) -> Roots:
     """Find again, to all places, roots that an ordinary solver cannot know to more than DOUBTFUL of their size."""
     still = np.abs(roots) == 0
     moving, near = exact[: len(exact) - int(still.sum())], roots[~still]
-    if not len(near) or np.all(displacement([float(value) for value in moving], near) <= DOUBTFUL * np.abs(near)):
+    if not len(near) or np.all(_error(np.array([float(value) for value in moving]), near) <= DOUBTFUL):
         return roots
     return np.concatenate([exact_roots(moving, near), roots[still]])
 

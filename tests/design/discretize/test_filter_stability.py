@@ -124,3 +124,10 @@ def test_exact_roots_tell_a_pair_from_two_real_ones() -> None:
         found = exact_roots([Fraction(1), Fraction(-2), 1 - Fraction(sign, 10**20)], near)
         apart = (found[0] - found[1]) / 2
         np.testing.assert_allclose(abs(apart.imag if sign < 0 else apart.real), 1e-10, rtol=1e-5)
+
+
+def test_a_solver_that_fails_on_wide_coefficients_is_not_believed() -> None:
+    """A narrow band of order 20 at so low a frequency: ordinary roots are off by a tenth, and unstable."""
+    edges = 2 * np.pi / PERIOD * np.array([4.5e-7, 5.4e-7])
+    above, below = scipy.signal.cheby1(10, 1.0, edges, "bandpass", analog=True)
+    made({"numerator": above.tolist(), "denominator": below.tolist(), "domain": "s"})
