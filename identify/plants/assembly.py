@@ -87,6 +87,7 @@ class Assembly:
         self.c = forms.c.copy()
         self.read_x = forms.read_x.copy()
         self.read_u = forms.read_u.copy()
+        self.read_c = forms.read_c.copy()
         self.forms = forms
         self.inputs = self.b.shape[1]
         self.current_x, self.current_u = np.zeros(len(self.a)), np.zeros(self.inputs)
@@ -160,7 +161,7 @@ class Assembly:
         rate = 1.0 / time_constant
         by_x, by_u = self.read_x[output].copy(), self.read_u[output].copy()
         row = self.add_state(lambda x: float(by_x[: len(x)] @ x[: len(by_x)]) + offset)
-        offset = float(self.forms.read_c[output])
+        offset = float(self.read_c[output])
         self.a[row, : len(by_x)] = rate * by_x
         self.a[row, row] = -rate
         self.b[row] = rate * by_u
@@ -168,6 +169,7 @@ class Assembly:
         self.read_x[output] = 0.0
         self.read_x[output, row] = 1.0
         self.read_u[output] = 0.0
+        self.read_c[output] = 0.0
         self.lags.append((output, row, rate))
 
     def dynamic_current(self) -> None:

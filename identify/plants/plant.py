@@ -103,3 +103,4 @@ class Plant:
     balances: tuple[Balance, ...] = ()
     effects: tuple[EffectUse, ...] = ()
     inside: Inside | None = None
+    input_at_rest: str | None = None  # name of the parameter that the input is at before the first row; None: zero

@@ -53,7 +53,7 @@ typedef struct {
     int n, m, r, terms, coordinates, segments, simple, speed, position, lags, settling;
     int asked;                      /* what the terms look at: CURRENT, EFFORT, TURN; TOUCH */
     const double *a, *b, *c;        /* n x n, n x m, n; row by row */
-    const double *read_x, *read_u;  /* r x n, r x m */
+    const double *read_x, *read_u, *read_c; /* r x n, r x m, r */
     const double *current, *effort; /* n + m each */
     const term_t *term;
     const double *flanks; /* terms x n: d term / d x of those, while they touch */

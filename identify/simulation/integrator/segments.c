@@ -134,6 +134,7 @@ static void read_outputs(const run_t *run, const double *u, int segment, double 
                 for (int l = 0; l < k->lags; ++l) {
                     lagged |= k->lag[2 * l] == o;
                 }
+                value += k->read_c[o];
                 value += k->reading != NULL && !lagged ? whole[o] : 0.0;
                 for (int f = 0; f < k->terms; ++f) {
                     if (k->term[f].what == OUTPUT && k->term[f].target == o) {
