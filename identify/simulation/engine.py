@@ -137,7 +137,9 @@ class EffectSimulator:
         if any(effect.place in ("voltage", "current") for effect, _, _ in self.effects):
             assembly.dynamic_current()
         for effect, site, own in present:
+            assembly.act_at(site.balance)
             effect.attach(assembly, site, tuple(float(constants[k]) for k in own))
+        assembly.act_at(assembly.bodies[0] if assembly.bodies else -1)
         return assembly
 
     def equations_at(self, constants: Array) -> Equations | None:
@@ -199,7 +201,7 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         plant.inputs,
         plant.outputs,
         plant.states,
-        tuple((use.name, use.output) for use in plant.effects),
+        tuple((use.name, use.output, use.at) for use in plant.effects),
         tuple((p.name, p.low, p.high) for p in plant.parameters),
     )
     found = _SIMULATORS.get(key)

@@ -31,7 +31,7 @@ _USUAL_STATES = 6
 
 class _Term(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants", "flank")),
+        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants", "flank", "speed", "position")),
         ("per", ctypes.c_double),
         ("rate", ctypes.c_double * 6),
     )
@@ -222,7 +222,15 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     for place, term in enumerate(made.terms):
         own = bit if term.flank and bit < _MOST_FLANKS else 0
         terms[place] = _Term(
-            term.what, codes()[term.code], term.target, len(q), own, term.per, (ctypes.c_double * 6)(*term.rate)
+            term.what,
+            codes()[term.code],
+            term.target,
+            len(q),
+            own,
+            term.speed,
+            term.position,
+            term.per,
+            (ctypes.c_double * 6)(*term.rate),
         )
         q.extend(term.constants)
         bit <<= own > 0

@@ -1,7 +1,7 @@
 """Brushed DC motor: L di/dt = u - R i - ke w, J dw/dt = kt i - b w, dtheta/dt = w.
 
-With a `gear_ratio` n, motor turns per output turn, speed and position are the output's, w = n wo, and so are the torques
-of its balance: n^2 J dwo/dt = n kt i - n^2 b wo. The parameters stay those of the motor.
+With a `gear_ratio` n, motor turns per output turn, speed and position are the output's, w = n wo, and so are the
+torques of its balance: n^2 J dwo/dt = n kt i - n^2 b wo. The parameters stay those of the motor.
 """
 
 from __future__ import annotations

@@ -39,6 +39,7 @@ typedef void (*slope_t)(const double *x, const double *u, const double *p, doubl
 typedef struct {
     int what, code, target, constants; /* target: row (ADD, FACTOR), coordinate (LEVEL), output (OUTPUT) */
     int flank;                         /* a bit of its own, where it is linear as long as bodies touch; 0: it is not */
+    int speed, position;               /* states of the body it acts on, -1 for none */
     double per;                        /* factor of the term in its row */
     double rate[6];                    /* 1/s: constant, per |w|, |dw/dt|, i^2, |theta|; while the current settles */
 } term_t;

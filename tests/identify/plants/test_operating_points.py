@@ -87,7 +87,7 @@ def test_a_plant_driven_step_by_step_begins_at_rest():
 
 def test_a_law_that_feeds_back_deviations_refuses_a_level():
     request = Request("state_feedback", {}, 1.0, (), ("heater_percent",), lag("first_order", output_at_rest=23.4))
-    with pytest.raises(DesignError, match="output_at_rest is 23.4 degC"):
+    with pytest.raises(DesignError, match=r"output_at_rest is 23\.4 degC"):
         model_of(request)
 
 
@@ -146,5 +146,5 @@ def test_what_an_expression_adds_to_an_output_stays_with_effects():
 
 
 def test_a_key_of_another_kind_is_refused_with_those_there_are():
-    with pytest.raises(IdentifyError, match="dc_motor has no such parameter; it has .*gear_ratio"):
+    with pytest.raises(IdentifyError, match=r"dc_motor has no such parameter; it has .*gear_ratio"):
         make_plant("dc_motor", "voltage_V", ["speed_rad_s"], {**MOTOR, "output_at_rest": 1.0})
