@@ -67,4 +67,4 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-CHECK = Check("scale", look, ("rest", "drift", "structure"), False)
+CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)
