@@ -47,6 +47,13 @@ TESTED = {
 }
 
 
+LEFT_OUT = {
+    "output_at_rest": "that of the output | any | left out: 0",
+    "input_at_rest": "that of the input | any | left out: 0; what the input is before the first row, too",
+    "gear_ratio": "motor turns per output turn | > 0 | left out: 1",
+}
+
+
 def plants_page() -> str:
     """Return docs/reference/plants.md."""
     parts = [
@@ -65,6 +72,7 @@ def plants_page() -> str:
             f"{'may be left out' if each.guessable else 'must be given'} |"
             for each in kind.constants
         )
+        rows += "".join(f"\n| `{each.name}` | {LEFT_OUT[each.name]} |" for each in kind.optional("", ("",)))
         parts.append(
             f"## {name}\n\n{prose(module.__doc__)}\n\nInput: {drive}. Outputs: {answers}.\n\n"
             f"| parameter | unit | range | |\n|---|---|---|---|\n{rows}"

@@ -149,7 +149,9 @@ header, a delimiter at every line's end, a byte order mark, or UTF-16. Exports o
 and LabVIEW's `.lvm` are read too. What is not plain is told in a note; a file that can be read in two ways is
 refused.""",
     "[[plant.effects]] PARAMETER = { ... }": """An entry has `name`, the parameters of that
-[effect](effects.md), and for sensor effects `output` (which reading it acts on; default: the first).
+[effect](effects.md), and where there is a choice the place it acts at: `output` for sensor effects (which reading;
+default: the first), `at` for others (the state of a balance, such as `at = "w2_rad_s"`; a plant with one body needs
+none, an `ode` with several has to say). A place that is not used is an error, and the order of entries changes nothing.
 A bare number is a fixed value:
 
 ```toml

@@ -12,6 +12,7 @@ from firmloop.design.design import Request
 from firmloop.design.discretize.zero_order_hold import state_space, zero_order_hold
 from firmloop.design.law import DesignError
 from firmloop.design.table import matrix, real
+from firmloop.identify.plants.operating_point import INPUT, OUTPUT
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import linearize_own
 
@@ -62,6 +63,7 @@ def model_of(request: Request) -> Model | None:
             f"the plant has {len(request.plant.inputs)} input(s) and the controller {drives} output(s); "
             "correct controller.outputs"
         )
+    _check_rest(request.plant)
     own = linearize_own(request.plant)
     sampled = zero_order_hold(own.linear, request.period)
     a, b, c = state_space(sampled)
@@ -71,6 +73,17 @@ def model_of(request: Request) -> Model | None:
         tuple(state.name for state in states), tuple(state.unit for state in states),
         tuple(output.name for output in request.plant.outputs),
     )  # fmt: skip
+
+
+def _check_rest(plant: Plant) -> None:
+    """Refuse a plant that rests elsewhere than at zero: the law would take a level for a deviation."""
+    for parameter in plant.parameters:
+        if parameter.name in (OUTPUT, INPUT) and parameter.value != 0.0:
+            raise DesignError(
+                f"plant.parameters.{parameter.name} is {parameter.value:g} {parameter.unit}".rstrip()
+                + ", but this kind feeds back deviations from rest: take the level off the columns of the recordings "
+                "and of the reference and remove the key, or choose pid, whose integral meets a level"
+            )
 
 
 def nominal(plant: Plant) -> Plant:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from firmloop.identify.fitting.fit import Fit, fit
+from firmloop.identify.fitting.checks import first_causes, told
+from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.fit import Fit, estimate, judge
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.plant import located, plant_of
@@ -16,6 +18,13 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     assert project.recordings is not None, "require() has seen to it"
     with located(project):
-        fitted = fit(plant_of(project), data.train, data.test, conditioning_of(project), report)
+        plant, conditioning = plant_of(project), conditioning_of(project)
+        fitted = estimate(plant, data.train, data.test, conditioning, report)
+        report(0.95, "checking units, signs, levels and residuals")
+        remarks = told(Evidence(plant, data.train, conditioning, fitted))
+        if not first_causes(remarks):
+            judge(fitted, data.train, conditioning)
     seen = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
-    return replace(fitted, warnings=(*data.notes, *fitted.warnings, *filter(None, seen)))
+    own = () if first_causes(remarks) else fitted.warnings
+    said = (*data.notes, *(one.says for one in remarks), *own, *filter(None, seen))
+    return replace(fitted, warnings=said)

@@ -134,6 +134,8 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
     which is why a vessel that may not have been empty needs the second guess, and what dry friction holds at rest one
     that moves as far as the outputs do.
     """
+    if not len(guess):  # a plant without memory
+        return guess
     usual = simulator.usual_state(made.course, constants, guess)
     guesses = [guess] if np.array_equal(usual, guess) else [guess, usual]
     small = _start_triangle(made, simulator, constants, guess, weights)

@@ -88,6 +88,31 @@ def fit(
 ) -> Fit:
     """Find the free parameters that make the simulated outputs come closest to those of `train`.
 
+    IdentifyError where the recordings cannot tell what the plant is asked for.
+    """
+    found = estimate(plant, train, test, conditioning, progress)
+    judge(found, train, conditioning)
+    return found
+
+
+def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> None:
+    """Raise IdentifyError where a gain is wanted that the recordings do not show."""
+    seen = [experiments(found.plant, recording, conditioning) for recording in train]
+    check_span(found.plant, seen)
+    for parameter in found.plant.parameters:
+        if parameter.name == "gain" and parameter.free:
+            check_answer(found.plant, parameter.interval_95, [recording.source for recording in train])
+
+
+def estimate(
+    plant: Plant,
+    train: Sequence[Recording],
+    test: Sequence[Recording],
+    conditioning: Conditioning,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit as `fit` does, and leave the answer to be judged.
+
     The model is driven by the recorded input alone. Outputs are weighted by 1 / residual rms, found by repeating the
     fit until the weights stay (maximum likelihood for white noise of unknown size). Of a `test` recording only the
     initial state is estimated. `progress` is called with the fraction done and what is being done.
@@ -109,18 +134,7 @@ def fit(
     if conditioning.align:
         best, problem = _align(problem, best, report)
     report(0.9, "covariance and scores")
-    check_span(
-        replace(
-            plant,
-            parameters=tuple(replace(p, value=float(v)) for p, v in zip(plant.parameters, best.constants, strict=True)),
-        ),
-        seen,
-    )
-    found = _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
-    for parameter in found.plant.parameters:
-        if parameter.name == "gain" and parameter.free:
-            check_answer(found.plant, parameter.interval_95, [recording.source for recording in train])
-    return found
+    return _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
 
 
 def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) -> Array:

@@ -80,7 +80,7 @@ def _scaled(
             return trial, math.inf
         forced = made.target - residual if unscaled >= 0 else np.zeros_like(residual)
         aim = made.target if unscaled >= 0 else residual
-        tall = np.column_stack([-slopes.reshape(-1, states), forced.reshape(-1), aim.reshape(-1)])
+        tall = np.column_stack([-slopes.reshape(made.target.size, states), forced.reshape(-1), aim.reshape(-1)])
         # Below the rows of the initial state stands what no initial state can explain.
         rows.append(triangle(tall)[states:, states:])
     forced_part, aim_part = np.concatenate(rows).T

@@ -28,7 +28,7 @@ class EffectTerm:
 
     `rate` says how fast it changes, 1/s: constant, per |w|, per |dw/dt|, per i^2, per |position|, and
     while the current settles. `flank` are the slopes of a function by states, (state, slope) each, if it is linear as
-    long as bodies touch, and zero while they do not.
+    long as bodies touch, and zero while they do not. `speed` and `position` are the states of the body it acts on.
     """
 
     what: int
@@ -38,6 +38,8 @@ class EffectTerm:
     per: float
     rate: Rate
     flank: tuple[tuple[int, float], ...] = ()
+    speed: int = -1
+    position: int = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,7 @@ class Assembly:
         self.c = forms.c.copy()
         self.read_x = forms.read_x.copy()
         self.read_u = forms.read_u.copy()
+        self.read_c = forms.read_c.copy()
         self.forms = forms
         self.inputs = self.b.shape[1]
         self.current_x, self.current_u = np.zeros(len(self.a)), np.zeros(self.inputs)
@@ -99,12 +102,30 @@ class Assembly:
         self.starts: list[Callable[[Array], float]] = []  # start value of each added state, from the plant's own
         self.per = [balance.per for balance in forms.balances]
         self.row = [balance.state for balance in plant.balances]
+        self.bodies = bodies = [index for index, b in enumerate(plant.balances) if b.kind in ("torque", "force")]
+        if bodies:
+            self.act_at(bodies[0])
+            self.effort_x, self.effort_u = self._split(forms.balances[bodies[0]].effort)
         for index, balance in enumerate(plant.balances):
-            if balance.kind in ("torque", "force") and self.speed < 0:
-                self.speed, self.position = balance.state, balance.position
-                self.effort_x, self.effort_u = self._split(forms.balances[index].effort)
             if balance.current is not None:
                 self.current_x, self.current_u = self._split(forms.balances[index].current)
+
+    def act_at(self, balance: int) -> None:
+        """Let what is attached from now on act on the body of a balance, where that is one."""
+        if balance >= 0 and self.plant.balances[balance].kind in ("torque", "force"):
+            self.speed, self.position = self.plant.balances[balance].state, self.plant.balances[balance].position
+
+    def _term(
+        self,
+        what: int,
+        code: str,
+        target: int,
+        constants: tuple[float, ...],
+        per: float,
+        rate: Rate,
+        flank: tuple[tuple[int, float], ...] = (),
+    ) -> None:
+        self.terms.append(EffectTerm(what, code, target, constants, per, rate, flank, self.speed, self.position))
 
     def _split(self, row: Array) -> tuple[Array, Array]:
         return row[: len(row) - self.inputs].copy(), row[len(row) - self.inputs :].copy()
@@ -121,17 +142,17 @@ class Assembly:
 
     def add_term(self, row: int, code: str, constants: tuple[float, ...], per: float, rate: Rate) -> None:
         """Add per * code(...) to the derivative of a state."""
-        self.terms.append(EffectTerm(ADD, code, row, constants, per, rate))
+        self._term(ADD, code, row, constants, per, rate)
 
     def add_flank(
         self, row: int, code: str, constants: tuple[float, ...], per: float, rate: float, *slopes: tuple[int, float]
     ) -> None:
         """Add per * code(...) to the derivative of a state, a force of bodies: see Term for its slopes."""
-        self.terms.append(EffectTerm(ADD, code, row, constants, per, (rate, *STEADY[1:]), slopes))
+        self._term(ADD, code, row, constants, per, (rate, *STEADY[1:]), slopes)
 
     def add_factor(self, row: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
         """Multiply the derivative of a state by 1 + code(...)."""
-        self.terms.append(EffectTerm(FACTOR, code, row, constants, 1.0, rate))
+        self._term(FACTOR, code, row, constants, 1.0, rate)
 
     def add_level(self, balance: int, code: str, constants: tuple[float, ...], rate: Rate) -> None:
         """Add a friction of level code(...) >= 0 against the motion of a balance's state; it sticks at zero."""
@@ -140,7 +161,7 @@ class Assembly:
         if row not in known:
             self.coordinates.append(StickingState(FRICTION, row, self.per[balance], 0.0, -1, 0.0))
             known.append(row)
-        self.terms.append(EffectTerm(LEVEL, code, known.index(row), constants, 1.0, rate))
+        self._term(LEVEL, code, known.index(row), constants, 1.0, rate)
 
     def add_limit(self, balance: int, limit: float, share: float) -> None:
         """Keep a state at or below `limit`; `share` of its blocked rate goes to the balance's `to`."""
@@ -149,7 +170,7 @@ class Assembly:
 
     def map_output(self, output: int, code: str, constants: tuple[float, ...]) -> None:
         """Replace an output by code(...) of it."""
-        self.terms.append(EffectTerm(OUTPUT, code, output, constants, 1.0, STEADY))
+        self._term(OUTPUT, code, output, constants, 1.0, STEADY)
 
     def map_input(self, change: Change, size: float) -> None:
         """Replace the first input (n,), as it is recorded, by change(input, size)."""
@@ -160,7 +181,7 @@ class Assembly:
         rate = 1.0 / time_constant
         by_x, by_u = self.read_x[output].copy(), self.read_u[output].copy()
         row = self.add_state(lambda x: float(by_x[: len(x)] @ x[: len(by_x)]) + offset)
-        offset = float(self.forms.read_c[output])
+        offset = float(self.read_c[output])
         self.a[row, : len(by_x)] = rate * by_x
         self.a[row, row] = -rate
         self.b[row] = rate * by_u
@@ -168,6 +189,7 @@ class Assembly:
         self.read_x[output] = 0.0
         self.read_x[output, row] = 1.0
         self.read_u[output] = 0.0
+        self.read_c[output] = 0.0
         self.lags.append((output, row, rate))
 
     def dynamic_current(self) -> None:

@@ -23,6 +23,7 @@ __all__ = [
     "label_of",
     "parameters_of",
     "placed",
+    "places_of",
     "site_of",
     "values_of",
     "with_effects",
@@ -30,18 +31,20 @@ __all__ = [
 ]
 
 
-def site_of(plant: Plant, effect: Effect, output: str | None) -> Site:
+def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = None) -> Site:
     """Say where an effect enters; IdentifyError where the plant has no such place."""
     where = f"plant.effects: {effect.name}"
     if not applies(effect, plant):
         raise IdentifyError(f"{where} needs a {effect.place} of the plant, and {plant.kind} has none; leave it out")
     outputs = [signal.name for signal in plant.outputs]
-    index, balance = 0, _balance(plant, effect, output)
+    index, balance = 0, _balance(plant, effect, at if at is not None or effect.place != "flow" else output)
     if effect.place in ("sensor",):
         if output is not None and output not in outputs:
             raise IdentifyError(f"{where}.output {output!r} is no output of the plant, which has {', '.join(outputs)}")
         index = outputs.index(output) if output is not None else _first_sensor(plant, effect)
     linear = not any(b.kind == "torque" for b in plant.balances)
+    if balance >= 0 and plant.balances[balance].kind in ("torque", "force"):
+        linear = plant.balances[balance].kind == "force"
     state = plant.states[plant.balances[balance].state] if balance >= 0 else None
     return Site(
         rotary=not linear,
@@ -64,16 +67,32 @@ def _first_sensor(plant: Plant, effect: Effect) -> int:
     return next((units.index(unit) for unit in effect.units if unit in units), 0)
 
 
-def _balance(plant: Plant, effect: Effect, output: str | None) -> int:
+def places_of(plant: Plant, effect: Effect) -> tuple[str, ...]:
+    """Name the states of the balances that an effect can act on; one that acts on readings or the input has none."""
+    return tuple(plant.states[plant.balances[k].state].name for k in _fitting(plant, effect) if _has_state(plant, k))
+
+
+def _has_state(plant: Plant, balance: int) -> bool:
+    return plant.balances[balance].state >= 0
+
+
+def _fitting(plant: Plant, effect: Effect) -> list[int]:
     wanted = {"torque": ("torque", "force"), "current": ("torque", "force"), "voltage": ("voltage", "winding")}
     kinds = wanted.get(effect.place, (effect.place,))
     fitting = [k for k, b in enumerate(plant.balances) if b.kind in kinds]
-    if effect.place == "flow" and output is not None:
-        named = [k for k in fitting if plant.states[plant.balances[k].state].name == output]
-        if not named:
-            raise IdentifyError(f"plant.effects: {effect.name}.output {output!r} is no state with a flow balance")
-        return named[0]
-    return fitting[0] if fitting else -1
+    # What the drive gives is known of the first body alone.
+    return fitting[:1] if any("v->effort" in body or "v->i" in body for _, body in effect.codes) else fitting
+
+
+def _balance(plant: Plant, effect: Effect, at: str | None) -> int:
+    fitting = _fitting(plant, effect)
+    if at is None:
+        return fitting[0] if fitting else -1
+    for k in fitting:
+        if _has_state(plant, k) and plant.states[plant.balances[k].state].name == at:
+            return k
+    places = ", ".join(places_of(plant, effect)) or "none: it acts on readings or on the input, so remove the key"
+    raise IdentifyError(f"plant.effects: {effect.name}.at {at!r} is no state it can act at; those are {places}")
 
 
 def inside_of(plant: Plant, site: Site) -> tuple[int, ...]:
@@ -84,40 +103,52 @@ def inside_of(plant: Plant, site: Site) -> tuple[int, ...]:
 def label_of(plant: Plant, use: EffectUse) -> str:
     """Return what the parameters of a use are called after: `coulomb_friction`, `sensor_offset.current_A`."""
     effect = find_effect(use.name)
+    site = site_of(plant, effect, use.output, use.at)
     if effect.place == "sensor":
-        return f"{use.name}.{site_of(plant, effect, use.output).output_name}"
-    if effect.place == "flow":
-        balance = plant.balances[site_of(plant, effect, use.output).balance]
-        return f"{use.name}.{plant.states[balance.state].name}"
+        return f"{use.name}.{site.output_name}"
+    if effect.place == "flow" or (use.at is not None and site.balance != _balance(plant, effect, None)):
+        return f"{use.name}.{plant.states[plant.balances[site.balance].state].name}"
     return use.name
 
 
-def parameters_of(plant: Plant, name: str, output: str | None = None) -> tuple[EffectParameter, ...]:
+def parameters_of(
+    plant: Plant, name: str, output: str | None = None, at: str | None = None
+) -> tuple[EffectParameter, ...]:
     """Return the parameters an effect has on this plant."""
     effect = find_effect(name)
-    return effect.parameters(site_of(plant, effect, output))
+    return effect.parameters(site_of(plant, effect, output, at))
 
 
 def with_effects(plant: Plant, uses: Sequence[EffectUse]) -> Plant:
     """Return the plant with these effects instead of those it had; IdentifyError where one does not fit."""
     effects = [find_effect(use.name) for use in uses]
-    if any(effect.needs_position for effect in effects):
-        plant = with_position(plant)
+    for effect, use in zip(effects, uses, strict=True):
+        if effect.needs_position:
+            plant = with_position(plant, _balance(plant, effect, use.at))
     nominal = plant.parameters[: plant.rate.numel_in(2)]
-    resolved, parameters, seen = [], list(nominal), set()
-    for effect, use in sorted(zip(effects, uses, strict=True), key=lambda pair: pair[0].stage):
+    resolved: list[EffectUse] = []
+    parameters, seen = list(nominal), set()
+    for effect, use in sorted(zip(effects, uses, strict=True), key=_order):
         label = label_of(plant, use)
         if label in seen:
             raise IdentifyError(f"plant.effects: {label} stands twice; an effect can be there once")
         seen.add(label)
+        if effect.remembers and any(effect.name == other.name for other in resolved):
+            raise IdentifyError(f"plant.effects: {effect.name} acts at two bodies; the simulator remembers one of them")
         resolved.append(use)
         parameters.extend(_parameters(plant, effect, use, label))
     return replace(plant, parameters=tuple(parameters), effects=tuple(resolved))
 
 
+def _order(pair: tuple[Effect, EffectUse]) -> tuple[int, str, str, str]:
+    """Order effects by what they are, never by the lines of a project."""
+    effect, use = pair
+    return effect.stage, effect.name, use.output or "", use.at or ""
+
+
 def _parameters(plant: Plant, effect: Effect, use: EffectUse, label: str) -> list[Parameter]:
     where = f"plant.effects: {effect.name}"
-    known = effect.parameters(site_of(plant, effect, use.output))
+    known = effect.parameters(site_of(plant, effect, use.output, use.at))
     names = [p.name for p in known]
     for name in (*use.values, *use.free):
         if name not in names:
@@ -140,7 +171,7 @@ def placed(plant: Plant) -> tuple[tuple[Effect, Site, tuple[int, ...]], ...]:
     at, result = plant.rate.numel_in(2), []
     for use in plant.effects:
         effect = find_effect(use.name)
-        site = site_of(plant, effect, use.output)
+        site = site_of(plant, effect, use.output, use.at)
         known = effect.parameters(site)
         result.append((effect, site, tuple(range(at, at + len(known)))))
         at += len(known)
@@ -163,9 +194,10 @@ def all_uses(plant: Plant) -> tuple[EffectUse, ...]:
     return tuple(uses)
 
 
-def with_position(plant: Plant) -> Plant:
-    """Add the integral of the speed as the last state where the plant does not have it."""
-    index = next((k for k, b in enumerate(plant.balances) if b.kind in ("torque", "force")), -1)
+def with_position(plant: Plant, balance: int | None = None) -> Plant:
+    """Add the integral of the speed as the last state where the plant does not have it; that of the first body."""
+    first = next((k for k, b in enumerate(plant.balances) if b.kind in ("torque", "force")), -1)
+    index = first if balance is None else balance
     if index < 0 or plant.balances[index].position >= 0:
         return plant
     speed = plant.states[plant.balances[index].state]
@@ -189,6 +221,8 @@ def with_position(plant: Plant) -> Plant:
     rate = ca.vertcat(plant.rate(x[:n], u, p), x[plant.balances[index].state])
     unit = "rad" if rotary else "m"
     name = speed.name.replace("speed", "position").removesuffix("_s") if "speed" in speed.name else f"position_{unit}"
+    if index != first:
+        name = f"{speed.name}_integral"  # no column is called so
     return replace(
         plant,
         states=(*plant.states, Signal(name, unit_of(name) or unit, -math.inf, math.inf)),
@@ -211,6 +245,6 @@ def _placed_balance(balance: Balance, position: int, wider: object) -> Balance:
 def values_of(plant: Plant, use: EffectUse) -> Mapping[str, float]:
     """Return the values which the plant's parameters now hold for one of its effects."""
     label = label_of(plant, use)
-    known = parameters_of(plant, use.name, use.output)
+    known = parameters_of(plant, use.name, use.output, use.at)
     held = {p.name: p.value for p in plant.parameters}
     return {p.name: held[f"{label}.{p.name}"] for p in known}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -36,7 +36,8 @@ class PlantKind:
 
     `shapes(step, span)` proposes starting values of every guessable constant but `scale`, for a recording of typical
     sample time `step` and length `span`, both in s; `scale` names the constant the output is proportional to, which
-    then follows from the data by linear least squares.
+    then follows from the data by linear least squares. `optional(input, outputs)` are the constants that are there only
+    where the project gives them; they stand behind the others.
     """
 
     name: str
@@ -47,6 +48,7 @@ class PlantKind:
     shapes: Callable[[float, float], tuple[Mapping[str, float], ...]]
     scale: str | None
     per_unit: str | None = None  # the constant that turns a named drive signal into the input it insists on
+    optional: Callable[[str, Sequence[str]], tuple[PlantConstant, ...]] = lambda input, outputs: ()
 
 
 def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:

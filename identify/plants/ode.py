@@ -71,8 +71,10 @@ def _balances(
     x, u, p = symbols
     made = []
     tables = _table(table, "balances")
-    flows = [name for name, entry in tables.items() if isinstance(entry, Mapping) and entry.get("kind") == "flow"]
-    for name, entry in tables.items():
+    order = {name: place for place, name in enumerate(states)}
+    listed = sorted(tables.items(), key=lambda item: order.get(item[0], len(order)))  # lines have no order
+    flows = [name for name, entry in listed if isinstance(entry, Mapping) and entry.get("kind") == "flow"]
+    for name, entry in listed:
         where = f"plant.balances.{name}"
         if name not in states:
             raise IdentifyError(f"{where}: {name} is no state; a balance is one of {', '.join(states)}")

@@ -76,13 +76,15 @@ class Inside:
 class EffectUse:
     """An effect of the library as a plant has it: values of its parameters (SI), and which of them a fit may change.
 
-    `output` names what a sensor effect acts on (or the state of an overflow); None is the first one.
+    `output` names what a sensor effect acts on (or the state of an overflow); None is the first one. `at` names the
+    state of the balance that any other effect acts on; None is the first one that fits, in the order of the plant.
     """
 
     name: str
     output: str | None = None
     values: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     free: tuple[str, ...] = ()
+    at: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +105,4 @@ class Plant:
     balances: tuple[Balance, ...] = ()
     effects: tuple[EffectUse, ...] = ()
     inside: Inside | None = None
+    input_at_rest: str | None = None  # name of the parameter that the input is at before the first row; None: zero

@@ -8,7 +8,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
+from firmloop.identify.plants.attach import label_of, parameters_of, places_of, with_effects
+from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.kinds import deviation_of, make_plant
 from firmloop.identify.plants.ode import make_ode
 from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
@@ -33,6 +34,7 @@ def plant_from_table(table: Mapping[str, object]) -> Plant:
     uses, deviations = [], {}
     for entry in entries:
         use, found = _use(entry)
+        _check_place(plant, use)
         uses.append(use)
         label = label_of(plant, use)
         deviations.update({f"{label}.{name}": deviation for name, deviation in found.items()})
@@ -49,8 +51,11 @@ def effects_table(plant: Plant) -> list[dict[str, object]]:
         entry: dict[str, object] = {"name": use.name}
         if use.output is not None:
             entry["output"] = use.output
+        places = places_of(plant, find_effect(use.name))
+        if use.at is not None or _is_choice(plant, use):
+            entry["at"] = use.at if use.at is not None else places[0]
         label = label_of(plant, use)
-        for known in parameters_of(plant, use.name, use.output):
+        for known in parameters_of(plant, use.name, use.output, use.at):
             parameter = held[f"{label}.{known.name}"]
             entry[known.name] = _entry(parameter)
         entries.append(entry)
@@ -66,17 +71,40 @@ def _entry(parameter: Parameter) -> object:
     return entry
 
 
+def _is_choice(plant: Plant, use: EffectUse) -> bool:
+    """Tell whether an effect has to say where it acts: a plant written as text has several balances for it."""
+    return plant.kind == "ode" and use.output is None and len(places_of(plant, find_effect(use.name))) > 1
+
+
+def _check_place(plant: Plant, use: EffectUse) -> None:
+    """Refuse a place that is not used, and one that is not said where there is a choice."""
+    effect = find_effect(use.name)
+    where = f"plant.effects: {use.name}"
+    if use.output is not None and effect.place not in ("sensor", "flow"):
+        way = f"say where it acts with at = {' or '.join(places_of(plant, effect))}" if use.at is None else "remove it"
+        raise IdentifyError(f"{where}.output {use.output!r} is not used: it acts on no reading; {way}")
+    if use.output is not None and use.at is not None:
+        raise IdentifyError(f"{where} has output and at; it needs one of them")
+    if use.at is None and _is_choice(plant, use):
+        places = places_of(plant, effect)
+        raise IdentifyError(
+            f'{where}.at is missing: it can act at {", ".join(places)}; write at = "{places[0]}", for instance'
+        )
+
+
 def _use(entry: object) -> tuple[EffectUse, Mapping[str, float | None]]:
     if not isinstance(entry, Mapping) or not isinstance(entry.get("name"), str):
         raise IdentifyError('plant.effects: an entry needs a name, such as name = "coulomb_friction"')
-    name, output = str(entry["name"]), entry.get("output")
+    name, output, at = str(entry["name"]), entry.get("output"), entry.get("at")
+    if at is not None and not isinstance(at, str):
+        raise IdentifyError(f"plant.effects: {name}.at is {at!r}; it must be the state of a balance")
     if output is not None and not isinstance(output, str):
         raise IdentifyError(f"plant.effects: {name}.output is {output!r}; it must be the name of an output")
     values: dict[str, float] = {}
     free: list[str] = []
     deviations: dict[str, float | None] = {}
     for key, given in entry.items():
-        if key in ("name", "output"):
+        if key in ("name", "output", "at"):
             continue
         where = f"plant.effects: {name}.{key}"
         inner = given if isinstance(given, Mapping) else {"value": given, "free": False}
@@ -91,4 +119,4 @@ def _use(entry: object) -> tuple[EffectUse, Mapping[str, float | None]]:
         values[key] = float(value)
         free.extend([key] if movable else [])
         deviations[key] = deviation_of(where, inner.get("ci95"))
-    return EffectUse(name, output, MappingProxyType(values), tuple(free)), deviations
+    return EffectUse(name, output, MappingProxyType(values), tuple(free), at), deviations

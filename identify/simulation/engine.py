@@ -108,6 +108,7 @@ class EffectSimulator:
         assembly = self.assemble(constants)
         n = len(assembly.a)
         assembly.read_x, assembly.read_u = np.eye(n), np.zeros((n, assembly.inputs))
+        assembly.read_c = np.zeros(n)
         assembly.terms = [term for term in assembly.terms if term.what != OUTPUT]
         equations = self.equations_at(constants)
         made = job(assembly, replace(equations, reading=0) if equations is not None else None, constants)
@@ -136,7 +137,9 @@ class EffectSimulator:
         if any(effect.place in ("voltage", "current") for effect, _, _ in self.effects):
             assembly.dynamic_current()
         for effect, site, own in present:
+            assembly.act_at(site.balance)
             effect.attach(assembly, site, tuple(float(constants[k]) for k in own))
+        assembly.act_at(assembly.bodies[0] if assembly.bodies else -1)
         return assembly
 
     def equations_at(self, constants: Array) -> Equations | None:
@@ -173,14 +176,15 @@ class EffectSimulator:
     def _segments(self, course: Course, made: Job) -> Segments:
         delay = made.delay
         timing = made.timing
-        key = (id(course.time), id(course.drive), id(course.knots), course.first, course.end, delay, *timing.key())
+        moment = (course.first, course.end, delay, made.rest)
+        key = (id(course.time), id(course.drive), id(course.knots), *moment, *timing.key())
         found = self.cuts.get(key)
         # The course is kept with its segments, so that its identity cannot be another's.
         if found is not None and found[0].drive is course.drive and found[0].knots is course.knots:
             return found[1]
         while len(self.cuts) >= 4 * _KEPT:
             self.cuts.pop(next(iter(self.cuts)))
-        cut = segments(course, timing, delay, self.outputs, slew_function(library()))
+        cut = segments(course, timing, delay, made.rest, self.outputs, slew_function(library()))
         self.cuts[key] = (course, cut)
         return cut
 
@@ -197,7 +201,7 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         plant.inputs,
         plant.outputs,
         plant.states,
-        tuple((use.name, use.output) for use in plant.effects),
+        tuple((use.name, use.output, use.at) for use in plant.effects),
         tuple((p.name, p.low, p.high) for p in plant.parameters),
     )
     found = _SIMULATORS.get(key)

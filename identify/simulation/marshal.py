@@ -31,7 +31,7 @@ _USUAL_STATES = 6
 
 class _Term(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants", "flank")),
+        *((name, ctypes.c_int) for name in ("what", "code", "target", "constants", "flank", "speed", "position")),
         ("per", ctypes.c_double),
         ("rate", ctypes.c_double * 6),
     )
@@ -63,7 +63,8 @@ class _Problem(ctypes.Structure):
                 "asked",
             )
         ),
-        *((name, ctypes.c_void_p) for name in ("a", "b", "c", "read_x", "read_u", "current", "effort", "term")),
+        *((name, ctypes.c_void_p) for name in ("a", "b", "c", "read_x", "read_u", "read_c")),
+        *((name, ctypes.c_void_p) for name in ("current", "effort", "term")),
         *((name, ctypes.c_void_p) for name in ("flanks", "q")),
         *((name, ctypes.c_void_p) for name in ("coordinate", "lag", "lag_rate", "begin", "length", "input", "ramp")),
         *((name, ctypes.c_void_p) for name in ("before", "reads", "read_row", "read_output")),
@@ -98,6 +99,7 @@ class Job:
     problem: _Problem
     timing: Timing
     delay: float  # s, the plant's own
+    rest: float  # the first input before a recording begins
     held: tuple[object, ...]
 
 
@@ -220,7 +222,15 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     for place, term in enumerate(made.terms):
         own = bit if term.flank and bit < _MOST_FLANKS else 0
         terms[place] = _Term(
-            term.what, codes()[term.code], term.target, len(q), own, term.per, (ctypes.c_double * 6)(*term.rate)
+            term.what,
+            codes()[term.code],
+            term.target,
+            len(q),
+            own,
+            term.speed,
+            term.position,
+            term.per,
+            (ctypes.c_double * 6)(*term.rate),
         )
         q.extend(term.constants)
         bit <<= own > 0
@@ -241,7 +251,7 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     )
     nonlinear_lags = made.lags if equations is not None and equations.reading else []
     arrays = {
-        "a": made.a, "b": made.b, "c": made.c, "read_x": made.read_x, "read_u": made.read_u,
+        "a": made.a, "b": made.b, "c": made.c, "read_x": made.read_x, "read_u": made.read_u, "read_c": made.read_c,
         "current": np.concatenate([made.current_x, made.current_u]),
         "effort": np.concatenate([made.effort_x, made.effort_u]),
         "flanks": flanks, "q": np.array(q),
@@ -269,7 +279,8 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
         problem.bent = equations.bent if any(term.code in _pushed() for term in made.terms) else 0
     names = [parameter.name for parameter in made.plant.parameters]
     delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
-    return Job(made, problem, made.timing, delay, (terms, coordinates, room, lag, equations))
+    rest = float(constants[names.index(made.plant.input_at_rest)]) if made.plant.input_at_rest is not None else 0.0
+    return Job(made, problem, made.timing, delay, rest, (terms, coordinates, room, lag, equations))
 
 
 def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:

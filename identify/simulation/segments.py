@@ -45,13 +45,16 @@ class Segments:
         return {name: getattr(self, name).ctypes.data for name in _ARRAYS}
 
 
-def segments(course: Course, timing: Timing, delay: float, outputs: int, slew: Slew) -> Segments:
-    """Build the segments of rows first..end; `delay` is the plant's own delay of its inputs."""
+def segments(course: Course, timing: Timing, delay: float, rest: float, outputs: int, slew: Slew) -> Segments:
+    """Build the segments of rows first..end.
+
+    `delay` is the plant's own delay of its inputs, `rest` the first of them before the recording.
+    """
     time = course.time[course.first : course.end]
     late = delay + timing.input_delay
     value = mapped(course.drive, timing)
     lines = course.knots
-    at_rest = mapped(np.zeros((1, course.drive.shape[1])), timing)[0]
+    at_rest = mapped(still(course.drive.shape[1], rest), timing)[0]
     plain = lines is None and not (
         late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew)
     )
@@ -109,6 +112,11 @@ def snapped(length: Array, step: float) -> Array:
     shares = np.exp2(np.round(np.log2(np.maximum(length / step, _FINEST))))
     exact = (shares >= _FINEST) & (shares <= 1.0) & (np.abs(length - shares * step) < _EVEN * shares * step)
     return np.where(exact, shares * step, length)
+
+
+def still(inputs: int, rest: float) -> Array:
+    """Return one row of inputs (1, m) of which the first is at `rest` and the others are zero."""
+    return np.concatenate([[rest], np.zeros(inputs - 1)])[None, :]
 
 
 def mapped(drive: Array, timing: Timing) -> Array:

@@ -109,7 +109,7 @@ def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
     """Predict every output (n, r) from the recorded inputs alone; row k is read before input k acts.
 
     `start` is the initial state (n,); None starts at the first recorded position and otherwise at rest. Before the
-    first row the input is zero.
+    first row the input is zero, or where the plant says that it rests.
     """
     constants = constants_of(plant)
     begin = rest_start(plant, recording) if start is None else np.asarray(start, dtype=np.float64)
@@ -187,7 +187,7 @@ def constants_of(plant: Plant) -> Array:
 
 def simulator(plant: Plant, hold: str = "zero_order") -> Engine:
     """Return the compiled equations of a plant; built once per set of equations, whatever the parameter values."""
-    if plant.effects or hold != "zero_order":
+    if plant.effects or hold != "zero_order" or not plant.states or plant.input_at_rest is not None:
         return effect_simulator(plant)
     if plant.kind == "ode":
         engine = effect_simulator(plant)

@@ -18,7 +18,7 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 from firmloop.identify.simulation.engine import effect_simulator
 from firmloop.identify.simulation.marshal import job, library, load_segments
-from firmloop.identify.simulation.segments import Segments, mapped, snapped
+from firmloop.identify.simulation.segments import Segments, mapped, snapped, still
 from firmloop.identify.simulation.simulate import constants_of
 
 Array = NDArray[np.float64]
@@ -71,9 +71,8 @@ class SteppedPlant:
         waits = [timing.output_delay.get(k, 0.0) for k in range(problem.r)]
         whole = [int(wait / period + _SAME) for wait in waits]
         self._reads = [(count + 1) * period - wait for count, wait in zip(whole, waits, strict=True)]  # in each period
-        still = np.zeros(problem.m)
-        self._now = mapped(still[None, :], timing)[0]  # what the actuator gives, before its delay
-        self._pieces: list[Piece] = [(-math.inf, self._now.copy(), still)]  # oldest first
+        self._now = mapped(still(problem.m, self._job.rest), timing)[0]  # what the actuator gives, before its delay
+        self._pieces: list[Piece] = [(-math.inf, self._now.copy(), np.zeros(problem.m))]  # oldest first
         self._count = 0
         begin = np.ascontiguousarray(self._job.assembly.start(np.zeros(len(plant.states))))
         run = library().begin_run(ctypes.addressof(problem), begin.ctypes.data)

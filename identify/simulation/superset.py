@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.assembly import Assembly
-from firmloop.identify.plants.attach import all_uses, parameters_of, site_of, with_effects, with_position
+from firmloop.identify.plants.attach import all_uses, label_of, parameters_of, site_of, with_effects, with_position
 from firmloop.identify.plants.effect import Scales
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
@@ -142,8 +142,9 @@ class Superset:
 
 def superset(plant: Plant) -> Superset:
     """Give a plant every effect it can have, at the values that change nothing; effects it has keep their values."""
-    held = {(use.name, use.output): use for use in plant.effects}
-    uses = [held.get((use.name, use.output), use) for use in all_uses(plant)]
+    held = {label_of(plant, use): use for use in plant.effects}
+    uses = [held.pop(label_of(plant, use), use) for use in all_uses(plant)]
+    uses += held.values()  # those that act at another body than the first
     whole = with_effects(plant, uses)
     names = tuple(parameter.name for parameter in whole.parameters)
     neutral = {parameter.name: parameter.value for parameter in whole.parameters}

@@ -56,10 +56,12 @@ def make_plant(
             *constants,
             PlantConstant(found.per_unit, f"per {unit}" if unit else "", -math.inf, math.inf, False, False),
         )
-    known = {constant.name for constant in constants}
+    optional = found.optional(input, outputs)
+    known = [constant.name for constant in (*constants, *optional)]
     for name in parameters:
         if name not in known:
             raise IdentifyError(f"plant.parameters.{name}: {kind} has no such parameter; it has {', '.join(known)}")
+    constants = (*constants, *(constant for constant in optional if constant.name in parameters))
     made = tuple(read_parameter(kind, constant, parameters) for constant in constants)
     return found.build(_signal(input), tuple(_signal(name) for name in outputs), made)
 

@@ -1,4 +1,8 @@
-"""Brushed DC motor: L di/dt = u - R i - ke w, J dw/dt = kt i - b w, dtheta/dt = w."""
+"""Brushed DC motor: L di/dt = u - R i - ke w, J dw/dt = kt i - b w, dtheta/dt = w.
+
+With a `gear_ratio` n, motor turns per output turn, speed and position are the output's, w = n wo, and so are the
+torques of its balance: n^2 J dwo/dt = n kt i - n^2 b wo. The parameters stay those of the motor.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
 from firmloop.identify.plants.plant import Balance, Parameter, Plant
 from firmloop.identify.signal import Signal
 
+GEAR = "gear_ratio"
 _CURRENT = Signal("current_A", "A", -math.inf, math.inf)
 _SPEED = Signal("speed_rad_s", "rad/s", -math.inf, math.inf)
 _POSITION = Signal("position_rad", "rad", -math.inf, math.inf)
@@ -35,7 +40,10 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         *((_POSITION,) if _POSITION in outputs else ()),
     )
     state, voltage, constants = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
-    resistance, inertia_of_current, emf, torque, inertia, friction = ca.vertsplit(constants)
+    resistance, inertia_of_current, emf, torque, inertia, friction = ca.vertsplit(constants)[:6]
+    if GEAR in values:
+        ratio = constants[6]
+        emf, torque, inertia, friction = ratio * emf, ratio * torque, ratio**2 * inertia, ratio**2 * friction
     known = dict(zip((signal.name for signal in states), ca.vertsplit(state), strict=True))
     speed = known["speed_rad_s"]
     current = known.get("current_A", (voltage - emf * speed) / resistance)
@@ -94,4 +102,5 @@ KIND = PlantKind(
     build=build,
     shapes=shapes,
     scale=None,
+    optional=lambda input, outputs: (PlantConstant(GEAR, "", 0.0, math.inf, open_low=True, guessable=False),),
 )

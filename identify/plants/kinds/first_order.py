@@ -1,4 +1,4 @@
-"""First-order lag with delay: T dx/dt = gain u(t - delay) - x, the output is x."""
+"""First-order lag with delay: T dx/dt = gain (u(t - delay) - input_at_rest) - x, the output is output_at_rest + x."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations, may_be, moving_balance
+from firmloop.identify.plants.operating_point import deviating, driven, rest_constants, rest_input, rest_levels, shown
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -18,19 +19,22 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
 
     A speed that lags is a torque balance, T dx/dt = gain u - x - (friction, drag, load), all in output units.
     """
-    state, command, constants = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 3)
-    gain, lag, _ = ca.vertsplit(constants)
+    state, command, constants = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+    gain, lag = ca.vertsplit(constants)[:2]
+    levels = rest_levels(parameters, constants)
+    drives = gain * driven(command, levels)
     per = ca.Function("per", [constants], [1.0 / lag])
-    effort = equations("effort", state, command, constants, gain * command)
+    effort = equations("effort", state, command, constants, drives)
     return Plant(
         kind=KIND.name,
-        states=outputs,
+        states=(deviating(outputs[0], levels),),
         inputs=(drive,),
         outputs=outputs,
         parameters=parameters,
-        rate=equations("rate", state, command, constants, (gain * command - state) / lag),
-        reading=equations("reading", state, command, constants, state),
+        rate=equations("rate", state, command, constants, (drives - state) / lag),
+        reading=equations("reading", state, command, constants, shown(state, levels)),
         delay="delay_s",
+        input_at_rest=rest_input(levels),
         balances=(moving_balance(outputs[0], 0, -1, per, effort),) if may_be(outputs[0], "speed") else (),
     )
 
@@ -54,4 +58,5 @@ KIND = PlantKind(
     build=build,
     shapes=shapes,
     scale="gain",
+    optional=rest_constants,
 )

@@ -1,7 +1,8 @@
 """Process model with two lags, a zero and a delay: gain (Tz s + 1) exp(-delay s) / ((T1 s + 1)(T2 s + 1)).
 
 T2 = 0, given and not free, leaves one lag; Tz = 0 leaves no zero; Tz < 0 makes a plant that first goes the wrong way.
-With both lags free the fit may exchange them: T1 is the longer one where the start says so.
+With both lags free the fit may exchange them: T1 is the longer one where the start says so. The input counts from
+input_at_rest, the output from output_at_rest.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import casadi as ca
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
+from firmloop.identify.plants.operating_point import driven, rest_constants, rest_input, rest_levels, shown
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -32,10 +34,11 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         )
     order = 1 if second.value == 0.0 else 2
     (output,) = outputs
-    state, command, constants = ca.SX.sym("x", order), ca.SX.sym("u"), ca.SX.sym("p", 5)
-    gain, lag, lag2, lead, _ = ca.vertsplit(constants)
+    state, command, constants = ca.SX.sym("x", order), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+    gain, lag, lag2, lead = ca.vertsplit(constants)[:4]
+    levels = rest_levels(parameters, constants)
     first = ca.vertsplit(state)[0]
-    rates = [(gain * command - first) / lag]
+    rates = [(gain * driven(command, levels) - first) / lag]
     if order == 1:
         reading = first + lead * rates[0]
     else:
@@ -50,8 +53,9 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, command, constants, ca.vertcat(*rates)),
-        reading=equations("reading", state, command, constants, reading),
+        reading=equations("reading", state, command, constants, shown(reading, levels)),
         delay="delay_s",
+        input_at_rest=rest_input(levels),
     )
 
 
@@ -84,4 +88,5 @@ KIND = PlantKind(
     build=build,
     shapes=shapes,
     scale="gain",
+    optional=rest_constants,
 )

@@ -1,4 +1,7 @@
-"""Second-order lag with delay: x'' + 2 zeta wn x' + wn^2 x = gain wn^2 u(t - delay), the output is x."""
+"""Second-order lag with delay: x'' + 2 zeta wn x' + wn^2 x = gain wn^2 (u(t - delay) - input_at_rest).
+
+The output is output_at_rest + x.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations, may_be, moving_balance
+from firmloop.identify.plants.operating_point import deviating, driven, rest_constants, rest_input, rest_levels, shown
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -19,23 +23,26 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     A position that lags is a torque balance, x'' / wn^2 = gain u - x - 2 zeta x' / wn - (friction, springs, load), all
     in output units.
     """
-    state, command, constants = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 4)
-    gain, frequency, damping, _ = ca.vertsplit(constants)
+    state, command, constants = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
+    gain, frequency, damping = ca.vertsplit(constants)[:3]
+    levels = rest_levels(parameters, constants)
+    drives = gain * driven(command, levels)
     place, slope = ca.vertsplit(state)
-    bend = frequency**2 * (gain * command - place) - 2.0 * damping * frequency * slope
+    bend = frequency**2 * (drives - place) - 2.0 * damping * frequency * slope
     (output,) = outputs
     per = ca.Function("per", [constants], [frequency**2])
-    effort = equations("effort", state, command, constants, gain * command)
+    effort = equations("effort", state, command, constants, drives)
     unit = f"{output.unit}/s" if output.unit else ""
     return Plant(
         kind=KIND.name,
-        states=(output, Signal(f"{output.name}_slope", unit, -math.inf, math.inf)),
+        states=(deviating(output, levels), Signal(f"{output.name}_slope", unit, -math.inf, math.inf)),
         inputs=(drive,),
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, command, constants, ca.vertcat(slope, bend)),
-        reading=equations("reading", state, command, constants, place),
+        reading=equations("reading", state, command, constants, shown(place, levels)),
         delay="delay_s",
+        input_at_rest=rest_input(levels),
         balances=(moving_balance(output, 1, 0, per, effort),) if may_be(output, "position") else (),
     )
 
@@ -64,4 +71,5 @@ KIND = PlantKind(
     build=build,
     shapes=shapes,
     scale="gain",
+    optional=rest_constants,
 )

@@ -14,7 +14,7 @@ static void look_round(run_t *run) {
 /* How far a force that remembers where the motion turned round still is from what it will be: 1 there, 0 far away. */
 static double unsettled(const run_t *run, const term_t *f) {
     const double *q = &run->k->q[f->constants];
-    return is_memory(f->code) && q[1] > 0.0 ? exp(-0.5 * q[0] * fabs(run->x[run->k->position] - run->m[1]) / q[1])
+    return is_memory(f->code) && q[1] > 0.0 ? exp(-0.5 * q[0] * fabs(run->x[f->position] - run->m[1]) / q[1])
                                             : 1.0;
 }
 
@@ -45,16 +45,16 @@ static int coarsest(run_t *run, double length) {
     look_round(run);
     memcpy(now, run->first, (size_t)n * sizeof(double));
     whole_rate(run, run->x, now);
-    const double w = k->speed >= 0 ? fabs(run->x[k->speed]) : 0.0, dw = k->speed >= 0 ? fabs(now[k->speed]) : 0.0;
-    const int leaves = k->speed >= 0 && run->x[k->speed] * now[k->speed] > 0.0;
     for (int j = 0; j < k->terms; ++j) {
         const double *r = k->term[j].rate;
+        const int body = k->term[j].speed, place = k->term[j].position;
+        const double w = body >= 0 ? fabs(run->x[body]) : 0.0, dw = body >= 0 ? fabs(now[body]) : 0.0;
         own[j] = r[0] * (k->term[j].flank ? BOUNCE : unsettled(run, &k->term[j])) + r[1] * (w + 0.5 * dw * length);
         if (r[3] != 0.0) {
             const double i = form(k->current, n, run->x, m, u);
             own[j] += r[3] * i * i;
         }
-        own[j] += r[4] * (k->position >= 0 ? fabs(run->x[k->position]) : 0.0);
+        own[j] += r[4] * (place >= 0 ? fabs(run->x[place]) : 0.0);
         if (r[5] > 0.0) {
             /* A current that settles does so at this rate; what is left of it decides how much that matters. */
             const double i = fabs(form(k->current, n, run->x, m, u));
@@ -70,7 +70,10 @@ static int coarsest(run_t *run, double length) {
         double most = rate;
         for (int j = 0; j < k->terms; ++j) {
             const double steep = k->term[j].rate[2];
-            if (steep != 0.0) { /* far from rest nothing of it changes */
+            const int body = k->term[j].speed;
+            if (steep != 0.0 && body >= 0) { /* far from rest nothing of it changes */
+                const double w = fabs(run->x[body]), dw = fabs(now[body]);
+                const int leaves = run->x[body] * now[body] > 0.0;
                 const double h = fmin(run->lengths[level], length), near = leaves ? w : fmax(w - dw * h, 0.0);
                 const double away = 1.0 + near * steep * near * steep;
                 most = fmax(most, own[j] / (away * away) + steep * dw / away);

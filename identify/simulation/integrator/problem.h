@@ -39,6 +39,7 @@ typedef void (*slope_t)(const double *x, const double *u, const double *p, doubl
 typedef struct {
     int what, code, target, constants; /* target: row (ADD, FACTOR), coordinate (LEVEL), output (OUTPUT) */
     int flank;                         /* a bit of its own, where it is linear as long as bodies touch; 0: it is not */
+    int speed, position;               /* states of the body it acts on, -1 for none */
     double per;                        /* factor of the term in its row */
     double rate[6];                    /* 1/s: constant, per |w|, |dw/dt|, i^2, |theta|; while the current settles */
 } term_t;
@@ -53,7 +54,7 @@ typedef struct {
     int n, m, r, terms, coordinates, segments, simple, speed, position, lags, settling;
     int asked;                      /* what the terms look at: CURRENT, EFFORT, TURN; TOUCH */
     const double *a, *b, *c;        /* n x n, n x m, n; row by row */
-    const double *read_x, *read_u;  /* r x n, r x m */
+    const double *read_x, *read_u, *read_c; /* r x n, r x m, r */
     const double *current, *effort; /* n + m each */
     const term_t *term;
     const double *flanks; /* terms x n: d term / d x of those, while they touch */

@@ -134,11 +134,12 @@ static void read_outputs(const run_t *run, const double *u, int segment, double 
                 for (int l = 0; l < k->lags; ++l) {
                     lagged |= k->lag[2 * l] == o;
                 }
+                value += k->read_c[o];
                 value += k->reading != NULL && !lagged ? whole[o] : 0.0;
                 for (int f = 0; f < k->terms; ++f) {
                     if (k->term[f].what == OUTPUT && k->term[f].target == o) {
                         v.y = value;
-                        value = term(k->term[f].code, &v, &k->q[k->term[f].constants]);
+                        value = term_of(run, &k->term[f], &v);
                     }
                 }
                 y[k->read_row[j] * k->r + o] = value;
@@ -184,14 +185,15 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
     run->brief = reach > 0.0 ? BRIEF / (k->asked & TOUCH ? fastest(n, whole) : reach) : 0.0;
     run->moving = k->settling;
     for (int j = 0; j < k->terms; ++j) {
-        run->moving |= k->term[j].rate[2] != 0.0 || (is_memory(k->term[j].code) && k->position >= 0);
+        run->moving |= k->term[j].rate[2] != 0.0 || (is_memory(k->term[j].code) && k->term[j].position >= 0);
     }
     for (int c = 0; c < k->coordinates; ++c) {
         const coordinate_t *held = &k->coordinate[c];
         const double value = run->x[held->row];
         run->s[c] = held->what == LIMIT ? value < held->limit : (value > 0.0) - (value < 0.0);
     }
-    run->m[1] = k->position >= 0 ? run->x[k->position] : 0.0;
+    const int memory = remembering(k);
+    run->m[1] = memory >= 0 ? place_of(run, &k->term[memory]) : 0.0;
     run->ramp = STILL;
 }
 

@@ -93,6 +93,23 @@ static view_t look(const run_t *run, const double *x, const double *u, double t)
     return v;
 }
 
+/* A term as it sees its own body; `at` is what those see that act on the first one. */
+static double term_of(const run_t *run, const term_t *f, const view_t *at) {
+    const problem_t *k = run->k;
+    if (f->speed == k->speed && f->position == k->position) {
+        return term(f->code, at, &k->q[f->constants]);
+    }
+    view_t own = *at;
+    own.w = f->speed >= 0 ? at->x[f->speed] : 0.0;
+    own.turn = own.th = f->position >= 0 ? at->x[f->position] : 0.0;
+    for (int c = 0; f->what != LEVEL && c < k->coordinates; ++c) {
+        if (k->coordinate[c].what == FRICTION && k->coordinate[c].row == f->speed) {
+            own.s = run->s[c];
+        }
+    }
+    return term(f->code, &own, &k->q[f->constants]);
+}
+
 /* Sum of the levels of a coordinate that would move in direction s. */
 static double level_of(const run_t *run, view_t v, int c, int s) {
     const problem_t *k = run->k;
@@ -100,7 +117,7 @@ static double level_of(const run_t *run, view_t v, int c, int s) {
     v.s = s;
     for (int j = 0; j < k->terms; ++j) {
         if (k->term[j].what == LEVEL && k->term[j].target == c) {
-            sum += term(k->term[j].code, &v, &k->q[k->term[j].constants]);
+            sum += term_of(run, &k->term[j], &v);
         }
     }
     return sum;
@@ -142,13 +159,13 @@ static void drive(const run_t *run, const double *x, double t, int but, double *
     for (int j = 0; j < k->terms; ++j) {
         const term_t *f = &k->term[j];
         if (f->what == ADD) {
-            n_out[f->target] += f->per * term(f->code, &v, &k->q[f->constants]);
+            n_out[f->target] += f->per * term_of(run, f, &v);
         } else if (f->what == LEVEL && f->target != but) {
             const coordinate_t *c = &k->coordinate[f->target];
             view_t moved = v;
             moved.s = run->s[f->target];
             if (moved.s != 0) {
-                n_out[c->row] -= c->per * moved.s * term(f->code, &moved, &k->q[f->constants]);
+                n_out[c->row] -= c->per * moved.s * term_of(run, f, &moved);
             }
         }
     }
@@ -156,7 +173,7 @@ static void drive(const run_t *run, const double *x, double t, int but, double *
         const term_t *f = &k->term[j];
         if (f->what == FACTOR) {
             const double whole = n_out[f->target] + dot(n, &k->a[f->target * n], x);
-            n_out[f->target] += f->per * whole * term(f->code, &v, &k->q[f->constants]);
+            n_out[f->target] += f->per * whole * term_of(run, f, &v);
         }
     }
     for (int c = 0; c < k->coordinates; ++c) {
@@ -199,6 +216,20 @@ static double overdue(const run_t *run, const double *x, double t, int c) {
     return -run->s[c] * x[held->row];
 }
 
+static double place_of(const run_t *run, const term_t *f) {
+    return f->position >= 0 ? run->x[f->position] : 0.0;
+}
+
+/* The body that a force with a memory acts on. */
+static int remembering(const problem_t *k) {
+    for (int j = 0; j < k->terms; ++j) {
+        if (is_memory(k->term[j].code)) {
+            return j;
+        }
+    }
+    return -1;
+}
+
 static void remember(run_t *run) {
     double u[MOST];
     view_t v;
@@ -206,9 +237,9 @@ static void remember(run_t *run) {
     v = look(run, run->x, u, run->t);
     for (int j = 0; j < run->k->terms; ++j) {
         if (is_memory(run->k->term[j].code)) {
-            const double held = term(run->k->term[j].code, &v, &run->k->q[run->k->term[j].constants]);
+            const double held = term_of(run, &run->k->term[j], &v);
             run->m[0] = -held;
-            run->m[1] = v.th;
+            run->m[1] = place_of(run, &run->k->term[j]);
             return;
         }
     }
@@ -225,7 +256,8 @@ static void decide(run_t *run, int c) {
         return;
     }
     run->x[held->row] = 0.0;
-    if (held->row == run->k->speed) {
+    const int memory = remembering(run->k);
+    if (memory >= 0 && held->row == run->k->term[memory].speed) {
         remember(run);
     }
     {
@@ -245,7 +277,7 @@ static int touching(const run_t *run, const double *x, double t, int *pressed) {
     *pressed = 0;
     for (int j = 0; j < k->terms; ++j) {
         if (touches(k->term[j].code)) {
-            const double force = term(k->term[j].code, &v, &k->q[k->term[j].constants]);
+            const double force = term_of(run, &k->term[j], &v);
             found = 3 * found + (force > 0.0) - (force < 0.0);
             *pressed |= force != 0.0 ? k->term[j].flank : 0;
         }

@@ -1,0 +1,48 @@
+"""Checks of a fit before anybody blames physics; every file of this folder that has a CHECK is one.
+
+`told(evidence)` runs them all, `first_causes(remarks)` tells those that a poor fit follows from. A check that finds
+something says so in one sentence, with the key or the line that mends it; a check that names the cause silences those
+that would only see what follows from it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+from functools import cache
+
+from firmloop.identify.fitting.check import Check, Remark
+from firmloop.identify.fitting.evidence import Evidence
+
+
+@cache
+def checks() -> tuple[Check, ...]:
+    """Every check of this folder; one that silences others comes before them."""
+    names = [found.name for found in pkgutil.iter_modules(__path__)]
+    found = {name: importlib.import_module(f"{__name__}.{name}").CHECK for name in names}
+    ordered: list[Check] = []
+    while found:
+        free = [name for name in found if not any(name in other.silences for other in found.values())]
+        assert free, "two checks silence each other"
+        ordered += [found.pop(name) for name in sorted(free)]
+    return tuple(ordered)
+
+
+def first_causes(remarks: Sequence[Remark]) -> bool:
+    """Tell whether one of the remarks names why a fit is poor, so that what the fit says of itself only follows."""
+    causes = {check.name for check in checks() if "excitation" in check.silences}
+    return any(remark.check in causes for remark in remarks)
+
+
+def told(evidence: Evidence) -> tuple[Remark, ...]:
+    """Return what the checks find, most telling first; nothing where everything is sound."""
+    found: list[Remark] = []
+    silent: set[str] = set()
+    for check in checks():
+        if check.name in silent or (check.needs_fit and evidence.fit is None):
+            continue
+        remarks = check.look(evidence)
+        found += [Remark(check.name, says) for says in remarks]
+        silent |= set(check.silences) if remarks else set()
+    return tuple(found)

@@ -1,0 +1,52 @@
+"""Time stamps in another unit than seconds: the plant as given fits them only when they are converted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
+from firmloop.identify.recordings.recording import Recording
+
+_UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "thousands of seconds": 1e3, "hours": 3600.0}
+_ALIKE = 0.9  # correlation of every output with the plant as given, on the right clock
+_BETTER = 0.4  # of what is not explained on the clock as it is
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Try every unit on the first recording."""
+    recording = evidence.recordings[0]
+    plain = _unexplained(evidence, recording)
+    if plain is None:
+        return ()
+    tried = {unit: _unexplained(evidence, _converted(recording, factor)) for unit, factor in _UNITS.items()}
+    known = {unit: shares for unit, shares in tried.items() if shares is not None}
+    if not known:
+        return ()
+    unit = min(known, key=lambda each: float(np.sum(known[each])))
+    shares = known[unit]
+    if max(shares) > 1.0 - _ALIKE**2 or float(np.sum(shares)) > _BETTER * float(np.sum(plain)):
+        return ()
+    return (
+        f"time_s of {recording.source} looks like {unit}: the plant as given then explains "
+        f"{100.0 * (1.0 - max(shares)):.0f} % of every output, and {100.0 * (1.0 - max(plain)):.0f} % on the clock as "
+        f"it is; give the column its unit in [recordings.rename], or convert it",
+    )
+
+
+def _converted(recording: Recording, factor: float) -> Recording:
+    return replace(recording, time=recording.time * factor)
+
+
+def _unexplained(evidence: Evidence, recording: Recording) -> list[float] | None:
+    """Return the share of each output's variance that is not explained, by a scale of the plant as given."""
+    run = run_as_given(evidence.given, recording)
+    if run is None:
+        return None
+    fits = [alike(*pair)[0] for pair in compared(evidence, recording, run)]
+    return [1.0 - max(fit, 0.0) ** 2 for fit in fits]
+
+
+CHECK = Check("clock_unit", look, ("motor_constants", "rest", "drift", "structure", "excitation"), False)

@@ -1,0 +1,41 @@
+"""A residual that drifts: a zero that wanders, a plant that warms up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence, explained, independent, remainders
+
+_SHARE = 0.3  # of what is left
+_CERTAIN = 24.0  # by which twice the log likelihood rises: many slow noises look like a line for a while
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Ask each output whether a straight line over time explains what is left."""
+    assert evidence.fit is not None
+    plant, parts = evidence.fit.plant, remainders(evidence)
+    weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
+    found = []
+    for k, output in enumerate(plant.outputs):
+        if output.name in evidence.conditioning.detrend:
+            continue
+        columns = [np.zeros_like(part.residual) for part in parts]
+        for column, part in zip(columns, parts, strict=True):
+            column[:, k] = part.time - part.time.mean()
+        line = explained(parts, weights, columns)
+        samples = independent([left[:, k] for left in line.left])
+        if line.share < _SHARE or -samples * math.log(max(1.0 - line.share, 1e-300)) < _CERTAIN:
+            continue
+        span = max(float(np.ptp(part.time)) for part in parts)
+        found.append(
+            f"what {plant.kind} leaves of {output.name} drifts by {line.size * span:.3g} {output.unit} in {span:.3g} s"
+            f': write detrend = ["{output.name}"] in [recordings.conditioning], let the plant warm up first, '
+            "or ask firmloop diagnose what changes"
+        )
+    return tuple(found)
+
+
+CHECK = Check("drift", look, ("structure",), True)

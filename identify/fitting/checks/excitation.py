@@ -1,0 +1,67 @@
+"""An input that never changes, or holds fewer frequencies than the plant has unknowns."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence
+
+Array = NDArray[np.float64]
+
+_SEEN = 1e-3  # of the strongest frequency's power
+_WIDTH = 8  # bins that one sine takes at most under a Hann window
+_POOR = 0.5  # relative half-width of a 95 % interval
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Count frequencies of the first input against free parameters; name what is hardly known after a fit."""
+    plant = evidence.given
+    name = plant.inputs[0].name
+    drives = [recording.columns[name] for recording in evidence.recordings]
+    if not any(parameter.free for parameter in plant.parameters):
+        return ()
+    if all(np.ptp(drive) == 0.0 for drive in drives):
+        return (
+            f"{name} is {drives[0][0]:g} in every row, so that a gain cannot be told from a level of rest: record the "
+            "plant while its input changes, or fix one of the two with free = false",
+        )
+    lines = max(frequencies(drive) for drive in drives)
+    free = sum(parameter.free for parameter in plant.parameters)
+    needed = -(-free // (2 * len(plant.outputs)))
+    if lines < needed:
+        return (
+            f"{name} holds {lines} frequenc{'y' if lines == 1 else 'ies'}, and {free} free parameters of "
+            f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "
+            "sweep (firmloop excite makes one), or fix parameters with free = false",
+        )
+    poor = _hardly_known(evidence)
+    if poor:
+        return (
+            f"{', '.join(poor)}: known to no better than {100.0 * _POOR:.0f} %; the input moves the plant too little "
+            "against the noise: drive it further, or longer",
+        )
+    return ()
+
+
+def frequencies(drive: Array) -> int:
+    """Return how many sines an input (n,) holds at most."""
+    away = (drive - drive.mean()) * np.hanning(len(drive))
+    power = np.abs(np.fft.rfft(away)) ** 2
+    return -(-int(np.sum(power > _SEEN * power.max())) // _WIDTH)
+
+
+def _hardly_known(evidence: Evidence) -> list[str]:
+    if evidence.fit is None:
+        return []
+    found = []
+    for parameter in evidence.fit.plant.parameters:
+        if not parameter.free or parameter.deviation is None or not (parameter.logarithmic or parameter.name == "gain"):
+            continue
+        if 1.96 * parameter.deviation > _POOR * abs(parameter.value):
+            found.append(parameter.name)
+    return found
+
+
+CHECK = Check("excitation", look, (), False)

@@ -1,0 +1,113 @@
+"""An output that rests elsewhere than where the plant does: ambient temperature, an offset of the sensor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence, explained, independent, remainders
+from firmloop.identify.fitting.fit import Fit, estimate
+from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
+from firmloop.identify.plants.kinds import kinds
+from firmloop.identify.plants.operating_point import OUTPUT
+from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.units import ending_of
+
+_HINT = 6.0  # independent samples times the share explained, from which a fit with the level is worth its time
+_SHARE = 0.2  # of what is left, that a level explains along the slopes: worth it, too
+_CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
+_SEEN = 0.01  # of the output's range: a level below it harms nobody
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Ask each output whether a constant level explains what is left, and fit it where it may."""
+    assert evidence.fit is not None
+    parts = remainders(evidence)
+    plant = evidence.fit.plant
+    weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
+    found = []
+    for k in range(len(plant.outputs)):
+        columns = [np.zeros_like(part.residual) for part in parts]
+        for column in columns:
+            column[:, k] = 1.0
+        hint = explained(parts, weights, columns)
+        samples = independent([part.residual[:, k] for part in parts])
+        if hint.share * samples < _HINT and hint.share < _SHARE:
+            continue
+        said = _fitted(evidence, k, hint.size)
+        found += [said] if said else []
+    return tuple(found)
+
+
+def _fitted(evidence: Evidence, k: int, level: float) -> str:
+    """Fit the level together with everything else; say so where that is better beyond doubt."""
+    before = evidence.fit
+    assert before is not None
+    output = before.plant.outputs[k]
+    own = kinds()[before.plant.kind].optional if before.plant.kind in kinds() else None
+    in_kind = own is not None and OUTPUT in {c.name for c in own("", (output.name,))}
+    if in_kind and OUTPUT in {parameter.name for parameter in before.plant.parameters}:
+        return ""
+    if any(use.name == "sensor_offset" and use.output in (output.name, None) for use in before.plant.effects):
+        return ""
+    ending = ending_of(output.name)
+    name = OUTPUT if in_kind else f"sensor_offset.{output.name}.offset{f'_{ending}' if ending else ''}"
+    wider = _with_level(before.plant, output.unit) if in_kind else _with_offset(before.plant, output.name, name)
+    wider = replace(wider, parameters=tuple(replace(p, value=level) if p.name == name else p for p in wider.parameters))
+    try:
+        after = estimate(wider, evidence.recordings, [], evidence.conditioning)
+    except IdentifyError:
+        return ""
+    found = next(p for p in after.plant.parameters if p.name == name)
+    spread = max(float(np.ptp(recording.columns[output.name])) for recording in evidence.recordings)
+    half = 0.0 if found.interval_95 is None else found.interval_95[1] - found.value
+    if _gain(evidence, before, after) < _CERTAIN or abs(found.value) < max(_SEEN * spread, half):
+        return ""
+    value, unit = f"{found.value:.4g}", f" {output.unit}".rstrip()
+    if in_kind:
+        return (
+            f"{output.name} rests at {value}{unit} and {before.plant.kind} at 0: write {OUTPUT} = {{ value = {value}, "
+            "free = true } in [plant.parameters] (and input_at_rest, if the input does not rest at 0)"
+        )
+    return (
+        f"{output.name} reads {value}{unit} more than the plant gives, all the time: an offset of the sensor, or a "
+        f'constant load or friction; for an offset write [[plant.effects]] with name = "sensor_offset", output = '
+        f'"{output.name}" and {name.rpartition(".")[2]} = {{ value = {value}, free = true }}'
+    )
+
+
+def _gain(evidence: Evidence, before: Fit, after: Fit) -> float:
+    """Return by how much twice the log likelihood rises, in independent samples of what the better fit leaves."""
+    left = remainders(replace(evidence, fit=after))
+    gain = 0.0
+    for k, signal in enumerate(before.plant.outputs):
+        samples = independent([part.residual[:, k] for part in left])
+        old, new = before.noise[signal.name], max(after.noise[signal.name], 1e-300)
+        gain += 2.0 * samples * math.log(max(old, 1e-300) / new)
+    return gain
+
+
+def _with_level(plant: Plant, unit: str) -> Plant:
+    """Give a lag its level of rest."""
+    nominal = plant.parameters[: plant.rate.numel_in(2)]
+    level = Parameter(OUTPUT, unit, 0.0, True, -math.inf, math.inf, None)
+    (output,) = plant.outputs
+    bare = kinds()[plant.kind].build(plant.inputs[0], (output,), (*nominal, level))
+    return with_effects(bare, _uses(plant)) if plant.effects else bare
+
+
+def _with_offset(plant: Plant, output: str, name: str) -> Plant:
+    """Give a reading an offset."""
+    short = name.rpartition(".")[2]
+    return with_effects(plant, [*_uses(plant), EffectUse("sensor_offset", output, {short: 0.0}, (short,))])
+
+
+def _uses(plant: Plant) -> list[EffectUse]:
+    return [replace(use, values=values_of(plant, use)) for use in plant.effects]
+
+
+CHECK = Check("rest", look, ("drift", "structure", "excitation"), True)

@@ -1,0 +1,70 @@
+"""A reading that is a fixed factor off what the plant as given does: a unit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
+from firmloop.identify.plants.kinds import kinds
+
+_ALIKE = 0.8  # correlation from which a reading follows the plant
+_NEAR = 0.3  # natural logarithm: how far off nominal parameters may be where a unit is the reason
+_FAR = math.log(5.0)  # factors beyond it are no inaccuracy of nominal parameters
+_HUGE = math.log(200.0)  # a factor beyond it is no doubt of nominal values, which need not fit so well either
+_NEAR_HUGE = 1.1
+_PLACEHOLDER = 1.0  # a free gain of exactly this is no claim
+
+FACTORS = {
+    "in thousandths of the unit (mA, mV, mm)": 1000.0,
+    "in revolutions per minute": 60.0 / (2.0 * math.pi),
+    "in degrees": 180.0 / math.pi,
+    "per minute": 60.0,
+    "in turns": 1.0 / (2.0 * math.pi),
+    "in thousands of the unit": 1e-3,
+    "in millionths of the unit": 1e6,
+}
+
+
+def unit_of_factor(factor: float, near: float) -> str | None:
+    """Return which unit makes a reading `factor` times as large, within a natural logarithm of `near`."""
+    away = {says: abs(math.log(factor / known)) for says, known in FACTORS.items()}
+    says = min(away, key=lambda each: away[each])
+    return says if away[says] < near else None
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Compare every output with the plant as given; a black box whose gain is only a start claims nothing."""
+    plant = evidence.given
+    scale = kinds()[plant.kind].scale if plant.kind in kinds() else None
+    claimed = [parameter for parameter in plant.parameters if parameter.name == scale and parameter.free]
+    if claimed and claimed[0].value == _PLACEHOLDER:
+        return ()
+    factors: dict[str, list[float]] = {}
+    for recording in evidence.recordings:
+        run = run_as_given(plant, recording)
+        if run is None:
+            return ()
+        for signal, pair in zip(plant.outputs, compared(evidence, recording, run), strict=True):
+            correlation, factor = alike(*pair)
+            if factor > 0.0 and correlation > (_ALIKE if abs(math.log(factor)) < _HUGE else _ALIKE / 2.0):
+                factors.setdefault(signal.name, []).append(factor)
+    found = []
+    for name, seen in factors.items():
+        factor = float(np.median(seen))
+        unit = unit_of_factor(factor, _NEAR if abs(math.log(factor)) < _HUGE else _NEAR_HUGE)
+        if abs(math.log(factor)) < _FAR and (unit is None or abs(math.log(factor)) < 1.5):
+            continue
+        if claimed and unit is None:
+            continue
+        reason = f"it looks {unit}" if unit is not None else "a unit or a nominal value is wrong"
+        found.append(
+            f"{name} is {factor:.4g} times what the plant as given does: {reason}; give the column its unit in "
+            f"[recordings.rename], or correct [plant.parameters] if the column is right"
+        )
+    return tuple(found)
+
+
+CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)

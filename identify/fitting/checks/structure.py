@@ -1,0 +1,93 @@
+"""A residual that is not noise: what the input and the motion still explain of it, the equations lack.
+
+Colour alone is no fault: intervals are widened for it. The residual is regressed on the past input and on functions of
+the simulated outputs, and the share explained is held against that of surrogates, residuals with the same spectrum and
+random phases (Theiler and others, Physica D 58 (1992) 77-94).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence, remainders, run_as_given
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_LAGS = 10  # of the past input, spaced by powers
+_SURROGATES = 100
+_BEYOND = 4.5  # deviations of the logarithm of what surrogates leave unexplained
+_SHARE = 0.15  # of the residual's variance, beyond what surrogates have
+_SMALL = 1e-3  # of the output's spread: a residual below it harms nobody
+_SEED = 20240229  # any; fixed, so that a check repeats
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Ask each output of each recording."""
+    assert evidence.fit is not None
+    plant = evidence.fit.plant
+    found = []
+    for k, output in enumerate(plant.outputs):
+        worst, where = 0.0, ""
+        for part, recording, score in zip(remainders(evidence), evidence.recordings, evidence.fit.train, strict=True):
+            residual = part.residual[:, k]
+            spread = float(np.std(recording.columns[output.name]))
+            if len(residual) != len(recording.time) or np.std(residual) < _SMALL * spread:
+                continue
+            share = explained_share(residual, features(evidence.fit.plant, recording, score.simulated))
+            worst, where = max((worst, where), (share, part.source))
+        if worst > _SHARE:
+            found.append(
+                f"what {plant.kind} leaves of {output.name} in {where} is no noise: the input still explains "
+                f"{100.0 * worst:.0f} % of it, so that the intervals do not hold; ask firmloop diagnose what is "
+                "missing, or choose another plant.kind"
+            )
+    return tuple(found)
+
+
+def features(plant: Plant, recording: Recording, outputs: Array) -> Array:
+    """Return what the input alone decides (n, f).
+
+    Its past; bent functions of the simulated outputs (n, r); and what the plant makes of a bent input.
+    """
+    drive = recording.columns[plant.inputs[0].name]
+    rows = len(drive)
+    lags = np.unique(np.round(np.geomspace(1.0, max(rows / 4.0, 2.0), _LAGS)).astype(int))
+    past = [np.concatenate([np.full(lag, drive[0]), drive[:-lag]]) for lag in lags]
+    bent = []
+    for column in outputs.T:
+        size = float(np.max(np.abs(column))) or 1.0
+        bent += [column, np.abs(column), np.tanh(20.0 * column / size), column**3]
+    for turned in (drive * np.abs(drive), np.abs(drive), np.tanh(20.0 * drive / (float(np.max(np.abs(drive))) or 1.0))):
+        run = run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: turned}))
+        bent += [] if run is None else list(run.T)
+    every = np.column_stack([*past, *bent])
+    return np.asarray(every - every.mean(axis=0))
+
+
+def explained_share(residual: Array, given: Array) -> float:
+    """Return which share of a residual (n,) the features (n, f) explain beyond chance; 0 where chance is enough."""
+    away = residual - residual.mean()
+    power = float(away @ away)
+    if power == 0.0:
+        return 0.0
+    sizes = np.linalg.norm(given, axis=0)
+    basis, strengths, _ = np.linalg.svd(given[:, sizes > 0.0] / sizes[sizes > 0.0], full_matrices=False)
+    span = basis[:, strengths > 1e-6 * strengths.max(initial=1.0)]
+    share = float(np.sum((span.T @ away) ** 2)) / power
+    random = np.random.default_rng(_SEED)
+    spectrum = np.abs(np.fft.rfft(away))
+    phases = np.exp(2j * np.pi * random.random((_SURROGATES, len(spectrum))))
+    drawn = np.fft.irfft(spectrum * phases, len(away))
+    by_chance = np.sum((drawn @ span) ** 2, axis=1) / np.sum(drawn**2, axis=1)
+    unexplained = np.log(np.maximum(1.0 - by_chance, 1e-12))
+    far = (float(np.mean(unexplained)) - np.log(max(1.0 - share, 1e-12))) / max(float(np.std(unexplained)), 1e-12)
+    return share - float(np.mean(by_chance)) if far > _BEYOND else 0.0
+
+
+CHECK = Check("structure", look, (), True)

@@ -1,0 +1,172 @@
+"""What a plant, its recordings and a fit say together: the evidence that every check looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.experiment import Experiment, conditioned, experiments, misfit
+from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import Conditioning
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """`given` is the plant as the project has it, `fit` what became of it; None before a fit."""
+
+    given: Plant
+    recordings: tuple[Recording, ...]
+    conditioning: Conditioning
+    fit: Fit | None
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """What a fit leaves of one recording: residuals (q, r) at `time` (q,), and the slopes (q, r, k) it was led by.
+
+    `slopes` are those of the free parameters; `own` (q r, m), orthonormal, what the initial states can do.
+    """
+
+    source: str
+    time: Array
+    residual: Array
+    slopes: Array
+    own: Array
+
+
+def run_as_given(plant: Plant, recording: Recording) -> Array | None:
+    """Return the outputs (n, r) of the plant as given, from rest; None without values, or where it grows and grows."""
+    constants = np.array([parameter.value for parameter in plant.parameters])
+    if np.any(np.isnan(constants)):
+        return None
+    outputs = simulator(plant, recording.hold).run(course_of(plant, recording), constants, rest_start(plant, recording))
+    return outputs if np.all(np.isfinite(outputs)) else None
+
+
+def alike(real: Array, model: Array) -> tuple[float, float]:
+    """Return the correlation of two signals (n,), and how many times as large the real one is where they agree."""
+    one, other = real - np.mean(real), model - np.mean(model)
+    sizes = float(np.linalg.norm(one)), float(np.linalg.norm(other))
+    if min(sizes) == 0.0:
+        return 0.0, 1.0
+    shared = float(one @ other)
+    return shared / (sizes[0] * sizes[1]), abs(shared) / sizes[1] ** 2
+
+
+def compared(evidence: Evidence, recording: Recording, outputs: Array) -> list[tuple[Array, Array]]:
+    """Return what to compare of each output, measured and simulated: a position by how it moves, the rest as it is."""
+    pairs = []
+    blocks = max(len(recording.time) // _PIECES, 1)
+    real = measured(evidence.given, recording)
+    for k, signal in enumerate(evidence.given.outputs):
+        one, other = real[:, k], outputs[:, k]
+        if signal.name.startswith("position_"):
+            one, other = one[blocks:] - one[:-blocks], other[blocks:] - other[:-blocks]
+        pairs.append((one, other))
+    return pairs
+
+
+_PIECES = 100  # of a recording, over which a position is seen to move
+
+
+def remainders(evidence: Evidence) -> tuple[Remainder, ...]:
+    """Return what the fit leaves of every train recording."""
+    fit = evidence.fit
+    assert fit is not None
+    plant = fit.plant
+    engine = simulator(plant, evidence.recordings[0].hold)
+    constants = np.array([parameter.value for parameter in plant.parameters])
+    free = [index for index, parameter in enumerate(plant.parameters) if parameter.name in fit.free]
+    found = []
+    for recording, score in zip(evidence.recordings, fit.train, strict=True):
+        parts = [replace(made, lags=score.lags) for made in experiments(plant, recording, evidence.conditioning)]
+        each = [misfit(made, engine, constants, start, free) for made, start in zip(parts, score.starts, strict=True)]
+        residual = np.concatenate([one for one, _ in each])
+        slopes = np.concatenate([slope[..., : len(free)] for _, slope in each])
+        own = _block_diagonal([slope[..., len(free) :].reshape(-1, len(plant.states)) for _, slope in each])
+        found.append(Remainder(score.source, np.concatenate([_times(made) for made in parts]), residual, slopes, own))
+    return tuple(found)
+
+
+def _times(made: Experiment) -> Array:
+    moments = made.course.time[made.course.first : made.course.end]
+    rows = len(conditioned(made, np.zeros((len(moments), len(made.names)))))
+    return moments if rows == len(moments) else np.linspace(moments[0], moments[-1], rows)
+
+
+def _block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Return an orthonormal basis of what the initial states of all windows can do."""
+    rows = sum(len(block) for block in blocks)
+    spans, at = [], 0
+    for block in blocks:
+        sizes = np.linalg.norm(block, axis=0)
+        basis, weights, _ = np.linalg.svd(block / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
+        kept = basis[:, weights > 1e-9 * max(float(weights.max(initial=0.0)), 1e-300)]
+        whole = np.zeros((rows, kept.shape[1]))
+        whole[at : at + len(block)] = kept
+        spans.append(whole)
+        at += len(block)
+    return np.concatenate(spans, axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What a column explains of what is left, `share`; how often it is in there, `size`; and what is then `left`."""
+
+    share: float
+    size: float
+    left: tuple[Array, ...]  # (q, r) of each recording, in units of the noise
+
+
+def explained(parts: Sequence[Remainder], weights: Array, columns: Sequence[Array]) -> Explanation:
+    """Look for a column (q, r) of each recording in what is left.
+
+    Only what the parameters and the initial states cannot do as well counts. `weights` (r,) are 1 / noise.
+    """
+    tall, left, tried = [], [], []
+    for part, column in zip(parts, columns, strict=True):
+        scale = np.tile(weights, len(part.residual))
+        own, _ = np.linalg.qr(part.own * scale[:, None])
+
+        def cleaned(values: Array, scale: Array = scale, own: Array = own) -> Array:
+            flat = (values.reshape(len(scale), -1) * scale[:, None]) if values.ndim > 1 else values * scale
+            return np.asarray(flat - own @ (own.T @ flat))
+
+        tall.append(cleaned(part.slopes.reshape(len(scale), -1)))
+        left.append(cleaned(part.residual.reshape(-1)))
+        tried.append(cleaned(column.reshape(-1)))
+    slopes, residual, column = np.concatenate(tall), np.concatenate(left), np.concatenate(tried)
+    sizes = np.linalg.norm(slopes, axis=0)
+    basis, strengths, _ = np.linalg.svd(slopes / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
+    span = basis[:, strengths > 1e-9]
+    residual, bare = residual - span @ (span.T @ residual), column - span @ (span.T @ column)
+    power, size = float(residual @ residual), float(bare @ bare)
+    edges = np.cumsum([part.residual.size for part in parts])[:-1]
+    shared = float(bare @ residual) / size if size > 1e-12 * float(column @ column) else 0.0
+    flat = np.split(residual - shared * bare, edges)
+    rest = tuple(each.reshape(part.residual.shape) for each, part in zip(flat, parts, strict=True))
+    return Explanation(shared**2 * size / power if power > 0.0 else 0.0, shared, rest)
+
+
+def independent(residuals: Sequence[Array]) -> float:
+    """Return how many independent samples residuals (q,) of several recordings hold: q / (1 + 2 sum rho)."""
+    count = 0.0
+    for part in residuals:
+        away = part - part.mean()
+        power = np.abs(np.fft.rfft(away, 2 * len(away))) ** 2
+        rho = np.fft.irfft(power, 2 * len(away))[: max(len(away) // 2, 1)]
+        if rho[0] <= 0.0:
+            continue
+        rho = rho / rho[0]
+        below = np.flatnonzero(rho <= 0.0)
+        kept = rho[1 : below[0]] if len(below) else rho[1:]
+        count += len(away) / (1.0 + 2.0 * float(np.sum(kept)))
+    return count

@@ -1,0 +1,169 @@
+"""`identify` says what is missing and the key that mends it; following what it says gives the right plant."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+from bench.host.identify_faults import MOTOR, changed, closed_loop, faulty, heater, motor, sound, stage, swing
+from firmloop.cli import main
+from firmloop.identify.fitting.checks import checks
+
+
+def seeded(seed: int) -> np.random.Generator:
+    return np.random.default_rng([7, seed])
+
+
+def written(folder, made, *more: str, effects: str = ""):
+    """Write a project and its recording; `more` are lines of [plant.parameters]."""
+    table, time, columns = made
+    folder.mkdir()
+    names = ["time_s", *columns]
+    values = np.column_stack([time, *columns.values()])
+    np.savetxt(folder / "log.csv", values, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+    parameters = [
+        f"{name} = {{ value = {given['value']!r}, free = {str(given['free']).lower()} }}"
+        if isinstance(given, dict)
+        else f"{name} = {given!r}"
+        for name, given in table["parameters"].items()
+    ]
+    text = [
+        'schema = 1\nname = "bench"\n[recordings]\ntrain = ["log.csv"]\n[plant]',
+        f'kind = "{table["kind"]}"\ninput = "{table["input"]}"\noutputs = {json.dumps(table["outputs"])}',
+        "[plant.parameters]",
+        *parameters,
+        *more,
+        effects,
+    ]
+    (folder / "project.toml").write_text("\n".join(text) + "\n")
+    return folder
+
+
+def identified(folder, capsys) -> tuple[list[str], dict[str, float]]:
+    """Return what `identify` warns of, and the fitted values."""
+    assert main(["identify", str(folder / "project.toml"), "--out", str(folder / "out"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    fit = document["plant"]
+    with (folder / "out" / "project.toml").open("rb") as file:
+        assert set(tomllib.load(file)["plant"]["parameters"]) == {n for n in fit["parameters"] if "." not in n}
+    return fit["warnings"], {name: entry["value"] for name, entry in fit["parameters"].items()}
+
+
+WARM = {
+    "heater": (lambda: changed(heater(seeded(1)), temperature_C=lambda v: v + 23.4), "temperature_C", 23.4, 0.62),
+    "cooler": (lambda: changed(heater(seeded(2)), temperature_C=lambda v: v - 8.0), "temperature_C", -8.0, 0.62),
+    "swing": (lambda: changed(swing(seeded(3)), level=lambda v: v + 1.5), "level", 1.5, 2.0),
+    "lazy": (lambda: changed(heater(seeded(4), lag=300.0), temperature_C=lambda v: v + 9), "temperature_C", 9.0, 0.62),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WARM)
+def test_an_output_that_rests_elsewhere_is_told_with_the_line_that_mends_it(name, tmp_path, capsys):
+    make, output, level, gain = WARM[name]
+    made = make()
+    says, _ = identified(written(tmp_path / "plain", made), capsys)
+    assert len(says) == 1 and says[0].startswith(f"{output} rests at ")
+    assert "write output_at_rest = { value = " in says[0]
+    line = says[0].partition("write ")[2].partition(" in [")[0]
+    says, found = identified(written(tmp_path / "mended", made, line), capsys)
+    assert says == []
+    assert found["output_at_rest"] == pytest.approx(level, abs=0.1)
+    assert found["gain"] == pytest.approx(gain, rel=0.02)
+
+
+TURNED = {
+    "encoder": lambda: changed(motor(seeded(1)), speed_rad_s=np.negative),
+    "shunt": lambda: changed(motor(seeded(2)), current_A=np.negative),
+    "position": lambda: changed(stage(seeded(3)), position_m=np.negative),
+    "heater": lambda: changed(heater(seeded(4)), temperature_C=np.negative),
+}
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_a_reading_that_runs_backwards_is_told_and_nothing_that_follows_from_it(name, tmp_path, capsys):
+    says, _ = identified(written(tmp_path / name, TURNED[name]()), capsys)
+    assert len(says) == 1 and "runs against" in says[0] and "turn the sign" in says[0]
+
+
+@pytest.mark.parametrize("gear", [4.0, 20.0, 0.25, 51.0])
+def test_a_gear_is_told_and_its_key_gives_the_motor_back(gear, tmp_path, capsys):
+    made = motor(seeded(5), gear=gear)
+    says, _ = identified(written(tmp_path / "plain", made), capsys)
+    assert len(says) == 1 and says[0].startswith("ke / kt is ")
+    line = says[0].partition("write ")[2].partition(" in [")[0]
+    says, found = identified(written(tmp_path / "mended", made, line), capsys)
+    assert says == []
+    assert found["gear_ratio"] == pytest.approx(gear, rel=0.01)
+    assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.02)
+    assert found["J_kg_m2"] == pytest.approx(MOTOR["J_kg_m2"], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"speed_rad_s": lambda v: v * 60.0 / (2.0 * np.pi)}, "the speed looks in revolutions per minute"),
+        ({"speed_rad_s": np.degrees}, "the speed looks in degrees"),
+        ({"current_A": lambda v: 1e3 * v}, "current_A is .* times .* in thousandths of the unit"),
+    ],
+)
+def test_a_unit_is_told_by_name(change, says, tmp_path, capsys):
+    found, _ = identified(written(tmp_path / "unit", changed(motor(seeded(6)), **change)), capsys)
+    assert len(found) == 1 and "[recordings.rename]" in found[0]
+    assert re.search(says, found[0])
+
+
+def test_time_in_milliseconds_is_told(tmp_path, capsys):
+    table, time, columns = motor(seeded(7))
+    says, _ = identified(written(tmp_path / "ms", (table, 1e3 * time, columns)), capsys)
+    assert says[0].startswith("time_s of ") and "looks like milliseconds" in says[0]
+
+
+def test_an_offset_of_a_current_is_told_as_an_effect_that_mends_it(tmp_path, capsys):
+    made = changed(motor(seeded(8)), current_A=lambda v: v + 0.4)
+    says, _ = identified(written(tmp_path / "plain", made), capsys)
+    assert len(says) == 1 and "current_A reads 0.4" in says[0] and 'name = "sensor_offset"' in says[0]
+    effect = '[[plant.effects]]\nname = "sensor_offset"\noutput = "current_A"\noffset_A = { value = 0.4, free = true }'
+    says, found = identified(written(tmp_path / "mended", made, effects=effect), capsys)
+    assert says == []
+    assert found["sensor_offset.current_A.offset_A"] == pytest.approx(0.4, abs=0.01)
+
+
+LEFT = ("dry friction 0", "an order is missing 1", "one sine 0", "input never moves 0", "drifts 1", "warms up 0")
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_what_is_left_or_not_excited_is_told(name, tmp_path, capsys):
+    scene = next(each for each in faulty() if each.name == name)
+    says, _ = identified(written(tmp_path / "run", (scene.table, scene.time, scene.columns)), capsys)
+    marks = {"structure": "is no noise", "excitation": "record", "drift": "drifts by", "rest": "more than the plant"}
+    assert any(marks[check] in said for check in scene.expected for said in says), says
+
+
+SOUND = (
+    "motor, coloured noise 0",
+    "heater, slow noise 1",
+    "heater, few rows 0",
+    "closed loop, coloured noise 0",
+    "slow plant 0",
+)
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_sound_recordings_are_not_complained_of(name, tmp_path, capsys):
+    scene = next(each for each in sound() if each.name == name)
+    assert identified(written(tmp_path / "run", (scene.table, scene.time, scene.columns)), capsys)[0] == []
+
+
+def test_a_loop_that_is_closed_is_no_fault(tmp_path, capsys):
+    assert identified(written(tmp_path / "run", closed_loop(seeded(9))), capsys)[0] == []
+
+
+def test_every_check_is_found_and_silences_checks_there_are():
+    names = [check.name for check in checks()]
+    assert len(names) == len(set(names)) >= 8
+    for check in checks():
+        assert set(check.silences) <= set(names), check.name

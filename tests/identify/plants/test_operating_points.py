@@ -1,0 +1,150 @@
+"""Levels of rest, gears and actuators without memory: simulated as their formulas say, and found again by a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy
+
+from firmloop.design.design import Request
+from firmloop.design.law import DesignError
+from firmloop.design.models.model import model_of
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.fit import fit
+from firmloop.identify.plants.attach import EffectUse, with_effects
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.stepped import SteppedPlant
+
+TIME = np.arange(900.0)
+HEATER = np.select([TIME < 100, TIME < 450], [30.0, 60.0], 20.0)
+LAGS = {
+    "first_order": {"time_constant_s": 40.0},
+    "second_order": {"natural_frequency_rad_s": 0.05, "damping_ratio": 0.8},
+    "process": {"time_constant_s": 40.0, "second_time_constant_s": 10.0, "zero_time_constant_s": 3.0},
+}
+MOTOR = {"R_ohm": 2.5, "L_H": 1e-3, "ke_V_s_rad": 0.037, "kt_N_m_A": 0.037, "J_kg_m2": 1.2e-5, "b_N_m_s_rad": 4e-6}
+
+
+def lag(kind: str, **given: object):
+    table = {"gain": 0.6, "delay_s": 14.0, **LAGS[kind], **given}
+    return make_plant(kind, "heater_percent", ["temperature_C"], table)
+
+
+def heated(**columns: np.ndarray):
+    return make_recording(TIME, {"heater_percent": HEATER, **columns}, "run.csv", "")
+
+
+@pytest.mark.parametrize("kind", LAGS)
+def test_a_lag_with_levels_of_rest_is_the_lag_of_the_deviations(kind):
+    levels = {"output_at_rest": 23.4, "input_at_rest": 30.0}
+    found = simulate(lag(kind, **levels), heated(), None)[:, 0]
+    away = make_recording(TIME, {"heater_percent": HEATER - 30.0}, "away", "")
+    assert found == pytest.approx(23.4 + simulate(lag(kind), away, None)[:, 0], abs=1e-6)
+    assert np.all(np.abs(found[:114] - 23.4) < 1e-9)  # nothing moves before the first step has come through
+
+
+@pytest.mark.parametrize("kind", LAGS)
+def test_levels_of_rest_change_nothing_of_the_linear_plant(kind):
+    bare, moved = linearize(lag(kind)), linearize(lag(kind, output_at_rest=23.4, input_at_rest=30.0))
+    for name in ("a", "b", "c", "d", "delay"):
+        assert np.array_equal(getattr(bare, name), getattr(moved, name))
+
+
+@pytest.mark.parametrize("kind", LAGS)
+def test_the_level_of_rest_is_found_with_the_rest(kind):
+    random = np.random.default_rng(3)
+    truth = lag(kind, output_at_rest=23.4)
+    level = simulate(truth, heated(), None)[:, 0] + random.normal(0, 0.05, len(TIME))
+    start = lag(kind, output_at_rest=0.0, gain=1.0, delay_s=8.0)
+    found = fit(start, [heated(temperature_C=level)], [], NONE)
+    for true, parameter in zip(truth.parameters, found.plant.parameters, strict=True):
+        low, high = parameter.interval_95
+        assert abs(parameter.value - true.value) < 0.75 * (high - low), parameter.name
+
+
+def test_an_input_at_rest_can_be_what_is_fitted():
+    truth = lag("first_order", output_at_rest={"value": 23.4, "free": False}, input_at_rest=30.0)
+    level = simulate(truth, heated(), None)[:, 0] + np.random.default_rng(4).normal(0, 0.02, len(TIME))
+    start = lag("first_order", output_at_rest={"value": 23.4, "free": False}, input_at_rest=25.0)
+    found = {p.name: p for p in fit(start, [heated(temperature_C=level)], [], NONE).plant.parameters}
+    assert found["input_at_rest"].value == pytest.approx(30.0, abs=0.05)
+    assert found["delay_s"].value == pytest.approx(14.0, abs=0.2)
+
+
+def test_a_plant_driven_step_by_step_begins_at_rest():
+    stepped = SteppedPlant(lag("first_order", output_at_rest=23.4, input_at_rest=30.0), 1.0)
+    seen = []
+    for _ in range(40):
+        seen.append(float(stepped.read()[0]))
+        stepped.apply(np.array([30.0]))
+    assert seen == pytest.approx([23.4] * 40)
+
+
+def test_a_law_that_feeds_back_deviations_refuses_a_level():
+    request = Request("state_feedback", {}, 1.0, (), ("heater_percent",), lag("first_order", output_at_rest=23.4))
+    with pytest.raises(DesignError, match=r"output_at_rest is 23\.4 degC"):
+        model_of(request)
+
+
+def test_a_geared_motor_is_its_equations_at_the_motor():
+    plant = make_plant(
+        "dc_motor", "voltage_V", ["speed_rad_s", "position_rad", "current_A"], {**MOTOR, "gear_ratio": 20.0}
+    )
+    time = np.arange(400) * 1e-3
+    recording = make_recording(time, {"voltage_V": np.full(400, 12.0)}, "step", "")
+    r, inductance, ke, kt, inertia, b = MOTOR.values()
+    at_motor = scipy.signal.StateSpace(
+        [[-r / inductance, -ke / inductance, 0], [kt / inertia, -b / inertia, 0], [0, 1, 0]],
+        [[1 / inductance], [0], [0]], [[0, 1 / 20, 0], [0, 0, 1 / 20], [1, 0, 0]], np.zeros((3, 1)),
+    )  # fmt: skip
+    _, expected = scipy.signal.step(at_motor, T=time)
+    assert simulate(plant, recording, None) == pytest.approx(12.0 * np.asarray(expected), rel=1e-6, abs=1e-9)
+
+
+def test_friction_of_a_geared_motor_is_met_at_the_output():
+    """A Coulomb torque at the output is a twentieth of it at the motor."""
+    time = np.arange(400) * 1e-3
+    recording = make_recording(time, {"voltage_V": np.full(400, 12.0)}, "step", "")
+    geared = make_plant("dc_motor", "voltage_V", ["speed_rad_s"], {**MOTOR, "gear_ratio": 20.0})
+    direct = make_plant("dc_motor", "voltage_V", ["speed_rad_s"], MOTOR)
+    one = simulate(with_effects(geared, [EffectUse("coulomb_friction", None, {"torque_N_m": 0.04})]), recording, None)
+    two = simulate(with_effects(direct, [EffectUse("coulomb_friction", None, {"torque_N_m": 0.002})]), recording, None)
+    assert 20.0 * one == pytest.approx(two, rel=1e-6, abs=1e-6)
+
+
+def test_an_actuator_without_memory_is_found_and_takes_effects():
+    random = np.random.default_rng(5)
+    duty = random.uniform(-10.0, 10.0, 300)
+    force = np.concatenate([[0.0], 2.0 * duty[:-1]]) - 3.0 + random.normal(0, 0.1, 300)
+    recording = make_recording(np.arange(300) * 0.1, {"duty": duty, "force_N": force}, "run", "")
+    found = fit(make_plant("static", "duty", ["force_N"], {}), [recording], [], NONE).plant
+    assert [p.value for p in found.parameters] == pytest.approx([2.0, -3.0], abs=0.03)
+    plant = plant_from_table(
+        {
+            "kind": "static", "input": "duty", "outputs": ["force_N"], "parameters": {"gain": 2.0, "offset": -3.0},
+            "effects": [{"name": "dead_zone", "half_width": 4.0}, {"name": "sensor_saturation", "limit_N": 8.0}],
+        }
+    )  # fmt: skip
+    inside = np.sign(duty) * np.maximum(np.abs(duty) - 4.0, 0.0)
+    expected = np.clip(2.0 * np.concatenate([[0.0], inside[:-1]]) - 3.0, -8.0, 8.0)
+    assert simulate(plant, recording, None)[:, 0] == pytest.approx(expected)
+    assert linearize(plant).d == pytest.approx(np.array([[2.0]]))
+
+
+def test_what_an_expression_adds_to_an_output_stays_with_effects():
+    table = {
+        "kind": "ode", "states": ["x"], "inputs": ["u"], "outputs": {"y_V": "2*x + 5"}, "derivatives": {"x": "u - x"},
+        "effects": [{"name": "sensor_gain", "gain": 3.0}, {"name": "sensor_lag", "time_constant_s": 1e-4}],
+    }  # fmt: skip
+    recording = make_recording(np.arange(100) * 0.1, {"u": np.zeros(100)}, "still", "")
+    assert simulate(plant_from_table(table), recording, None)[:, 0] == pytest.approx(15.0)
+
+
+def test_a_key_of_another_kind_is_refused_with_those_there_are():
+    with pytest.raises(IdentifyError, match=r"dc_motor has no such parameter; it has .*gear_ratio"):
+        make_plant("dc_motor", "voltage_V", ["speed_rad_s"], {**MOTOR, "output_at_rest": 1.0})
