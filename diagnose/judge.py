@@ -27,10 +27,9 @@ from firmloop.diagnose.shape import Shape, best_shape, outweighs
 from firmloop.diagnose.usual import untold
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.attach import label_of, parameters_of, values_of, with_effects
+from firmloop.identify.plants.attach import parameters_of
 from firmloop.identify.plants.effect import EffectParameter
 from firmloop.identify.plants.effects import find_effect
-from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 
 Array = NDArray[np.float64]
 
@@ -351,52 +350,3 @@ def _unseen_here(search: Search, shown: Rival) -> dict[str, str]:
         for name, left in best.items()
         if left < 0.02 and name not in named
     }
-
-
-def improved_plant(search: Search, shown: Rival) -> Plant:
-    """Return the plant with the parameters and effects of an explanation, beside those it had."""
-    values, spread = shown.fitted.point.values, deviations(shown.fitted)
-    bare = tuple(_improved(p, values, spread) for p in search.scene.plant.parameters)
-    given = replace(search.scene.plant, parameters=bare)
-    named = {(cause.effect.name, cause.output) for cause in shown.fitted.causes}
-    uses = [
-        replace(use, values=values_of(given, use))
-        for use in given.effects
-        if (use.name, use.output) not in named and (use.name, None) not in named
-    ]
-    uses += [
-        EffectUse(
-            cause.effect.name,
-            cause.output,
-            {each.name: values.get(key, each.neutral) for key, each in zip(cause.keys, cause.parameters, strict=True)},
-            tuple(each.name for each in cause.parameters),
-        )
-        for cause in shown.fitted.causes
-    ]
-    known_spread = dict(spread)
-    for each in directs(search):
-        known = parameters_of(search.scene.plant, each.effect, each.output)
-        read = {parameter.name: value for parameter, value in zip(known, each.values, strict=True)}
-        uses.append(EffectUse(each.effect, each.output, read))
-        label = label_of(search.scene.plant, uses[-1])
-        known_spread |= {f"{label}.{k.name}": size for k, size in zip(known, each.deviations, strict=True)}
-    if not uses:
-        return given
-    made = with_effects(given, uses)
-    count = given.rate.numel_in(2)
-    own = [replace(p, deviation=_finite(known_spread.get(p.name, math.nan))) for p in made.parameters[count:]]
-    return replace(made, parameters=(*made.parameters[:count], *own))
-
-
-def _improved(parameter: Parameter, values: Mapping[str, float], spread: Mapping[str, float]) -> Parameter:
-    if not parameter.free:
-        return parameter
-    return replace(
-        parameter,
-        value=float(values.get(parameter.name, parameter.value)),
-        deviation=_finite(spread.get(parameter.name, math.nan)),
-    )
-
-
-def _finite(deviation: float) -> float | None:
-    return float(deviation) if math.isfinite(deviation) else None

@@ -10,7 +10,8 @@ from firmloop.diagnose.further import completed
 from firmloop.diagnose.harmless import by_simulation_error, harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.held import HOLD_WORTH
 from firmloop.diagnose.hypothesis import make_scene
-from firmloop.diagnose.judge import improved_plant, judge, spoiled
+from firmloop.diagnose.improved import improved_plant
+from firmloop.diagnose.judge import judge, spoiled
 from firmloop.diagnose.plain import independent
 from firmloop.diagnose.preflight import Preflight, preflight
 from firmloop.diagnose.prepare import prepared
