@@ -46,7 +46,10 @@ class Conditioning:
 NONE = Conditioning()
 
 _LISTS = ("remove_offset", "detrend", "align")
-_WHOLE = ("savgol_window", "savgol_order", "line_harmonics")
+# A filter of more rows or orders loses all its digits, and harmonics beyond these are noise.
+MOST = {"savgol_window": 100_001, "savgol_order": 20, "line_harmonics": 100}
+MOST_PARTS = 1_000_000  # that a recording is resampled to, or cut into
+_WHOLE = tuple(MOST)
 _SECONDS = ("resample_s", "align_max_lag_s", "window_s", "line_Hz")
 
 
@@ -62,8 +65,10 @@ def conditioning_from_table(table: Mapping[str, object]) -> Conditioning:
                 raise IdentifyError(f"{where}.{key} is {value!r}; it must be a list of signal names")
             lists[key] = tuple(value)
         elif key in _WHOLE:
-            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-                raise IdentifyError(f"{where}.{key} is {value!r}; it must be a whole number of rows or orders")
+            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST[key]:
+                raise IdentifyError(
+                    f"{where}.{key} is {value!r}; it must be a whole number of rows or orders, at most {MOST[key]}"
+                )
             whole[key] = value
         elif key in _SECONDS:
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < float("inf"):
@@ -174,6 +179,14 @@ def check_conditioning(conditioning: Conditioning, names: tuple[str, ...], sourc
         for name in getattr(conditioning, key):
             if name not in names:
                 raise IdentifyError(f"{where}.{key}: {name} is no signal of the plant, which has {', '.join(names)}")
+    duration = float(time[-1] - time[0])
+    for key in ("resample_s", "window_s"):
+        length = getattr(conditioning, key)
+        if length and duration / length > MOST_PARTS:
+            raise IdentifyError(
+                f"{where}.{key} is {length:g}: cuts the {duration:g} s of {source} into {duration / length:.3g} parts; "
+                f"at most {MOST_PARTS:,}: make it longer"
+            )
     grid = compared_time(conditioning, time)
     rows = len(grid)
     if conditioning.line_Hz:

@@ -20,7 +20,7 @@ high = 6
 period_s = 0.01
 duration_s = 2
 """
-VERBS = ("excite",)  # bench/host/power_loss.py goes through every verb that writes
+VERBS = ("excite",)  # the quickest that writes documents beside other files; all go through firmloop/output.py
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectError
 from firmloop.quantize.program import Program
-from firmloop.stages.board.course import Course
+from firmloop.stages.board.watching import Watching
 from firmloop.stages.making import design, generate
 from firmloop.stages.plant import command_of, plant_of
 from firmloop.stages.progress import Stage
@@ -83,7 +83,7 @@ def stream(
         set_from.append(link.set(waiting[0].name, waiting.pop(0).value))
     link.watch(tuple(names), every)
     parts: list[Samples] = []
-    course = Course(link.period, every, time.monotonic())
+    course = Watching(link.period, every, time.monotonic())
     while course.passed < max(1, steps - every):
         for part in link.samples(WAIT):
             if len(part.rows):

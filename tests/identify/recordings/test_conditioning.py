@@ -12,6 +12,7 @@ from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import (
     NONE,
     Conditioning,
+    check_conditioning,
     compared_time,
     condition_output,
     conditioning_from_table,
@@ -184,3 +185,15 @@ def test_an_aligned_clock_moves_no_parameter_and_widens_its_interval() -> None:
     assert abs(np.mean(off)) < 0.9 and np.max(np.abs(off)) < 2.5, off
     assert abs(np.mean(lags)) < 4e-4, lags
     assert np.min(known) > 1.1
+
+
+@pytest.mark.parametrize("key", ["resample_s", "window_s"])
+def test_a_grid_beyond_all_measure_is_refused(key: str) -> None:
+    with pytest.raises(IdentifyError, match=rf"{key} is 1e-12: .* at most 1,000,000"):
+        check_conditioning(Conditioning(**{key: 1e-12}), ("y",), "r.csv", np.linspace(0.0, 1.0, 50))
+
+
+@pytest.mark.parametrize("key", ["savgol_window", "savgol_order", "line_harmonics"])
+def test_a_size_beyond_all_measure_is_refused(key: str) -> None:
+    with pytest.raises(IdentifyError, match=f"{key} is 1000000001; .* at most"):
+        conditioning_from_table({key: 1_000_000_001})

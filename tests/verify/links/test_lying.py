@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from firmloop.quantize.lower.lower import lower
-from firmloop.stages.board import course, monitoring
-from firmloop.stages.board.course import Course
+from firmloop.stages.board import monitoring, watching
+from firmloop.stages.board.watching import Watching
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import HELLO, PROTOCOL_VERSION, STACK, binding, seal, unseal
 from firmloop.verify.links.framed import FramedLink
@@ -119,10 +119,10 @@ def test_steps_may_begin_anew_at_the_end_of_their_32_bits() -> None:
 
 
 def test_a_silent_or_slow_one_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(course, "SILENCE", 0.05)
+    monkeypatch.setattr(watching, "SILENCE", 0.05)
     with pytest.raises(LinkError, match="sends no samples any more"):
         watched([5, 6], 100)
     monkeypatch.undo()
-    slow = Course(0.001, 1, 0.0).after(np.array([5], np.uint32), 0.0).after(np.array([6], np.uint32), 61.9)
+    slow = Watching(0.001, 1, 0.0).after(np.array([5], np.uint32), 0.0).after(np.array([6], np.uint32), 61.9)
     with pytest.raises(LinkError, match="1 of 100 steps in 62 s"):
         slow.check(100, 62.01)

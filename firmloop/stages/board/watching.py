@@ -17,7 +17,7 @@ MINUTE = 60.0  # s
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class Watching:
     """What has come of one watch: every so many steps of `period` s, since `begun_at` by our clock.
 
     `last` is the latest step as the image counts, in 32 bits; `passed` are the steps since the first one.
@@ -35,8 +35,8 @@ class Course:
         """Tell whether a sample has come."""
         return self.last >= 0
 
-    def after(self, steps: NDArray[np.uint32], now: float) -> Course:
-        """Return the course after more samples, whose steps these are.
+    def after(self, steps: NDArray[np.uint32], now: float) -> Watching:
+        """Return what is known after more samples, whose steps these are.
 
         Raises
         ------
