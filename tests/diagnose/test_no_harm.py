@@ -14,7 +14,8 @@ from firmloop.diagnose.refit import Fitted, fit
 from firmloop.diagnose.rival import believable, on_bound
 from firmloop.identify.fitting.noise import white
 from firmloop.project.project import read_project
-from firmloop.stages.pipeline import plant_of, read_data
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import concealed, diagnosis, scene_of
 
 
