@@ -63,13 +63,3 @@ def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
     ended = {**inside.values, cause.keys[0]: cause.parameters[0].low}
     assert not on_bound(fitted, cause)
     assert not believable(replace(fitted, point=replace(inside, values=ended)))
-
-
-def test_steps_of_simulation_are_counted_alike_in_two_runs(tmp_path: Path) -> None:
-    project = concealed(tmp_path, "", 1.0, False)
-    counted = []
-    for _ in range(2):
-        scene = scene_of(project)
-        _alone(scene)
-        counted.append(scene.engine.steps)
-    assert counted[0] == counted[1] > 0.0
