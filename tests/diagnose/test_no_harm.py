@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from firmloop.stages.pipeline import plant_of, read_data
 
 from firmloop.diagnose.harmless import by_simulation_error, harmless
 from firmloop.diagnose.hypothesis import Scene, first_point
@@ -15,6 +14,8 @@ from firmloop.diagnose.refit import Fitted, fit
 from firmloop.diagnose.rival import believable, on_bound
 from firmloop.identify.fitting.noise import white
 from firmloop.project.project import read_project
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import concealed, diagnosis, scene_of
 
 
@@ -62,13 +63,3 @@ def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
     ended = {**inside.values, cause.keys[0]: cause.parameters[0].low}
     assert not on_bound(fitted, cause)
     assert not believable(replace(fitted, point=replace(inside, values=ended)))
-
-
-def test_steps_of_simulation_are_counted_alike_in_two_runs(tmp_path: Path) -> None:
-    project = concealed(tmp_path, "", 1.0, False)
-    counted = []
-    for _ in range(2):
-        scene = scene_of(project)
-        _alone(scene)
-        counted.append(scene.engine.steps)
-    assert counted[0] == counted[1] > 0.0

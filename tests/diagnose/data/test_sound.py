@@ -112,9 +112,7 @@ def test_a_plant_that_only_its_controller_holds_is_not_said_to_match(
 
 
 @pytest.mark.slow
-def test_a_test_recording_of_another_motor_is_said_and_chooses_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_test_recording_of_another_motor_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def other(columns: Columns) -> None:
         columns["speed_rad_s"] *= 0.6  # its constants are others
         columns["current_A"] = np.roll(columns["current_A"], 40)
