@@ -36,7 +36,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         }
         write_files(files, folder)
     console.lines(about_model(found))
-    console.lines([f"  note: {note}" for note in found.notes])
     console.result("model", document)
     written(console, arguments.out, files)
     return 0

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 # The planet's mass is 6e24 kg and an electron's 9e-31: what lies beyond is a slip of the exponent.
 LARGEST, SMALLEST = 1e30, 1e-30
+# A polynomial's coefficient is a product of as many roots as its order: no quantity, so only a double's range bounds it.
+COEFFICIENTS, LARGEST_COEFFICIENT, SMALLEST_COEFFICIENT = ("numerator", "denominator", "sections"), 1e250, 1e-250
 WIDEST = 1e12  # of a signal: a counter of 32 bits, a pressure of 10,000 bar in Pa and a clock in Hz are less
 LONGEST_TEXT = 4096  # bytes of a text, as many as of a path
 LONGEST_NAME = 255  # bytes of a key, or of a file's name: no common file system keeps a longer one
@@ -53,6 +55,10 @@ def _number_fault(value: float, place: Place) -> str:
     size = abs(value)
     if len(place) == 3 and place[0] == "signals" and place[2] in WIRE_ENDS and size > WIDEST:
         return f"holds {value:g}; a signal reaches at most {WIDEST:g}: give the range that the wire can carry"
-    if not SMALLEST <= size <= LARGEST:
-        return f"holds {value:g}; a quantity is 0 or from {SMALLEST:g} to {LARGEST:g}: check its exponent and its unit"
+    if place[-1] in COEFFICIENTS:
+        low, high, what = SMALLEST_COEFFICIENT, LARGEST_COEFFICIENT, "coefficient"
+    else:
+        low, high, what = SMALLEST, LARGEST, "quantity"
+    if not low <= size <= high:
+        return f"holds {value:g}; a {what} is 0 or from {low:g} to {high:g}: check its exponent and its unit"
     return ""

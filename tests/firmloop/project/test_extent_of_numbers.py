@@ -1,0 +1,44 @@
+"""A quantity beyond all that is measured is refused; a coefficient of a high order, which is no quantity, is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import scipy.signal
+
+from firmloop.cli import main
+
+FILTER = """schema = 1
+name = "bw"
+[controller]
+kind = "transfer_function"
+period_s = 1e-5
+domain = "s"
+discretize = "tustin"
+numerator = {numerator}
+denominator = {denominator}
+[signals]
+reference = {{ unit = "V", low = -1, high = 1 }}
+measurement = {{ unit = "V", low = -1, high = 1 }}
+output = {{ unit = "V", low = -1, high = 1 }}
+[arithmetic]
+number = "float64"
+"""
+
+
+def test_a_filter_of_order_10_at_4_khz_designs_though_its_coefficients_reach_1e44(tmp_path: Path) -> None:
+    numerator, denominator = scipy.signal.butter(10, 25132.0, analog=True)
+    assert float(denominator[-1]) > 1e43
+    text = FILTER.format(numerator=[float(x) for x in numerator], denominator=[float(x) for x in denominator])
+    (tmp_path / "p.toml").write_text(text)
+    assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
+
+
+@pytest.mark.parametrize("value", ["1e251", "1e-251", "nan"])
+def test_a_coefficient_that_no_double_can_compute_with_is_refused(
+    value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "p.toml").write_text(FILTER.format(numerator=f"[{value}]", denominator="[1.0, 1.0]"))
+    assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert "numerator" in capsys.readouterr().err
