@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 # The planet's mass is 6e24 kg and an electron's 9e-31: what lies beyond is a slip of the exponent.
 LARGEST, SMALLEST = 1e30, 1e-30
-# A polynomial's coefficient is a product of as many roots as its order: no quantity, so only a double's range bounds it.
+# A polynomial's coefficient is a product of as many roots as its order: only the range of a double bounds it.
 COEFFICIENTS, LARGEST_COEFFICIENT, SMALLEST_COEFFICIENT = ("numerator", "denominator", "sections"), 1e250, 1e-250
 WIDEST = 1e12  # of a signal: a counter of 32 bits, a pressure of 10,000 bar in Pa and a clock in Hz are less
 LONGEST_TEXT = 4096  # bytes of a text, as many as of a path
