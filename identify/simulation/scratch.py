@@ -71,7 +71,7 @@ def scratch_folder(parent: Path, stem: str) -> Iterator[Path]:
 
 def sweep(parent: Path, stem: str) -> None:
     """Take away the folders `stem`.random of ours in `parent` whose owner is gone."""
-    if fcntl is None or not parent.is_dir():
+    if fcntl is None or not hasattr(os, "getuid") or not parent.is_dir():
         return
     random = re.compile(rf"{re.escape(stem)}\.[0-9a-f]{{{2 * _RANDOM}}}")
     with suppress(OSError), os.scandir(parent) as entries:

@@ -80,7 +80,8 @@ def test_in_every_region_the_law_is_the_optimum(case: str) -> None:
 def test_c_is_the_program_and_the_program_near_the_law(hard: Law, arithmetic: str) -> None:
     program = lower(hard, arithmetic)
     wrong, words = differences(program, 1500)
-    assert wrong == 0 and words == {0, 1}
+    not_a_number = set() if arithmetic.startswith("fixed") else {2}
+    assert wrong == 0 and words == {0, 1} | not_a_number
     blocks = stimuli(program, [], 300, 3)
     (rounded,) = measure_rounding(hard, program, blocks, [run(program, block.inputs) for block in blocks])
     assert rounded.worst < (1e-3 if arithmetic == "fixed16" else 1e-4)

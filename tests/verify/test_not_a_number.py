@@ -199,7 +199,7 @@ def test_an_mpc_project_says_its_bit_and_safe_output(tmp_path: Path) -> None:
     ("line", "words"),
     [
         ("safe_output = 5.0", "outside of signals.force"),
-        ("safe_output = nan", "not finite"),
+        ("safe_output = nan", "holds nan"),
         ('safe_output = "off"', "safe_output"),
         ("safe_output = { torque = 0.0 }", "no output of the controller; its outputs: force"),
         ("safe_output = { force = -4.5 }", "controller.safe_output.force = -4.5 is outside"),

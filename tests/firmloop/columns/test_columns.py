@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.firmloop.plain_file import HEADER, HEAT, PLAIN, ROWS, TIME, VOLT, alike, rows_of
+from tests.firmloop.columns.plain_file import HEADER, HEAT, PLAIN, ROWS, TIME, VOLT, alike, rows_of
 
 
 def pasted(said: str) -> str:

@@ -13,7 +13,7 @@ import pytest
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.columns import Column
 from firmloop.identify.recordings.recording import read_recording
-from tests.firmloop.plain_file import HEADER, HEAT, PLAIN, ROWS, TIME, VOLT, alike, rows_of
+from tests.firmloop.columns.plain_file import HEADER, HEAT, PLAIN, ROWS, TIME, VOLT, alike, rows_of
 
 
 def comma(text: str) -> str:
