@@ -28,7 +28,7 @@ WHY = "set from outside, refused beyond its declared range; a step leaves it alo
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class TunableParameter:
     """A parameter with its declared range, and what it is at the start."""
 
     signal: Signal
@@ -37,7 +37,7 @@ class Parameter:
 
 def read_parameters(
     table: Mapping[str, object], defaults: Mapping[str, tuple[str, float]], owner: str
-) -> tuple[Parameter, ...]:
+) -> tuple[TunableParameter, ...]:
     """Read `tunable` and `ranges`; `defaults` gives unit and value of each parameter that `owner` can leave open."""
     listed = table.get("tunable", [])
     ranges = table.get("ranges", {})
@@ -64,7 +64,7 @@ def read_parameters(
     return tuple(_parameter(ranges, name, *defaults[name]) for name in names)
 
 
-def _parameter(ranges: Mapping[str, object], name: str, unit: str, default: float) -> Parameter:
+def _parameter(ranges: Mapping[str, object], name: str, unit: str, default: float) -> TunableParameter:
     if name not in ranges:
         raise DesignError(
             f"controller.ranges.{name} is missing; what can be tuned needs the range it is proven for, "
@@ -81,15 +81,15 @@ def _parameter(ranges: Mapping[str, object], name: str, unit: str, default: floa
             f"controller.ranges.{name} = [{low:g}, {high:g}] does not hold the value at the start, {default:g}; "
             "widen the range or correct the value"
         )
-    return Parameter(Signal(name, unit, low, high), default)
+    return TunableParameter(Signal(name, unit, low, high), default)
 
 
-def with_parameters(request: Request, parameters: Sequence[Parameter]) -> Request:
+def with_parameters(request: Request, parameters: Sequence[TunableParameter]) -> Request:
     """Return the request with each parameter as a further input."""
     return replace(request, inputs=request.inputs + tuple(parameter.signal for parameter in parameters))
 
 
-def held(law: Law, parameters: Sequence[Parameter]) -> Law:
+def held(law: Law, parameters: Sequence[TunableParameter]) -> Law:
     """Turn the last inputs of `law`, its parameters, into state that keeps itself."""
     count, order = len(law.inputs) - len(parameters), len(law.state)
     scalar = law.last

@@ -89,9 +89,7 @@ LONGEST_FILE = 400
 LARGEST_FOLDER = 20
 # Nouns of two places that have one name as yet; an entry only ever goes.
 REPEATED = {
-    "Parameter",  # design
     *("Coordinate", "Loop", "Term"),  # diagnose, which has no rooms yet
-    "Table",  # firmloop
 }
 # Libraries that take a tenth of a second or more, or 40 MB, and that most commands do without: imported where used.
 HEAVY = {

@@ -15,7 +15,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion, is_unit
 from firmloop.identify.signal import Signal
 from firmloop.project.recordings_part import Recordings, read_recordings_part
-from firmloop.project.table import ProjectError, Table, read_table
+from firmloop.project.table import ProjectError, ProjectTable, read_table
 from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.word_length import Allowed
 
@@ -38,7 +38,7 @@ FURTHER = ("tuning", "datasheet", "standard_tests", "experiment", "model")  # ta
 class PlantPart:
     """What `[plant]` says; `firmloop.identify.plants.kinds.make_plant` turns it into a Plant."""
 
-    table: Table
+    table: ProjectTable
     kind: str
     input: str
     outputs: tuple[str, ...]
@@ -49,7 +49,7 @@ class PlantPart:
 class ControllerPart:
     """What `[controller]` says; `settings` is everything that only its kind understands."""
 
-    table: Table
+    table: ProjectTable
     kind: str
     period: float  # s
     outputs: tuple[str, ...]
@@ -61,7 +61,7 @@ class Project:
     """The whole file; a part that it does not have is None or empty."""
 
     path: Path
-    document: Table
+    document: ProjectTable
     name: str
     recordings: Recordings | None
     plant: PlantPart | None
@@ -223,7 +223,7 @@ def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> 
             )
 
 
-def _plant(table: Table) -> PlantPart:
+def _plant(table: ProjectTable) -> PlantPart:
     effects = table.values.get("effects", [])
     if not isinstance(effects, list) or not all(isinstance(entry, dict) for entry in effects):
         raise table.wrong("effects", "must be tables: [[plant.effects]]")
@@ -239,7 +239,7 @@ def _plant(table: Table) -> PlantPart:
     )
 
 
-def _ode(table: Table) -> PlantPart:
+def _ode(table: ProjectTable) -> PlantPart:
     """Check the outline of a plant given as text; `firmloop.identify.plants.ode` reads the expressions."""
     table.only(("kind", "states", "inputs", "outputs", "derivatives", "balances", "parameters", "effects"))
     inputs = table.texts("inputs", 'inputs = ["force_N"]')
@@ -251,7 +251,7 @@ def _ode(table: Table) -> PlantPart:
     return PlantPart(table, "ode", inputs[0], outputs, _parameters(table))
 
 
-def _parameters(table: Table) -> Mapping[str, Mapping[str, object] | float]:
+def _parameters(table: ProjectTable) -> Mapping[str, Mapping[str, object] | float]:
     parameters: dict[str, Mapping[str, object] | float] = {}
     for name, entry in table.table("parameters").values.items():
         if not isinstance(entry, dict | int | float):
@@ -260,7 +260,7 @@ def _parameters(table: Table) -> Mapping[str, Mapping[str, object] | float]:
     return parameters
 
 
-def _controller(table: Table) -> ControllerPart:
+def _controller(table: ProjectTable) -> ControllerPart:
     period = table.number("period_s", "period_s = 0.001")
     if not 0 < period <= LONGEST_PERIOD:
         raise table.wrong("period_s", f"must be more than 0 and at most {LONGEST_PERIOD:g} seconds, such as 0.001")
@@ -270,7 +270,7 @@ def _controller(table: Table) -> ControllerPart:
     )
 
 
-def _signals(table: Table) -> tuple[Signal, ...]:
+def _signals(table: ProjectTable) -> tuple[Signal, ...]:
     signals: list[Signal] = []
     for name in table.values:
         _identifier(table, name, name, "signal")
@@ -298,7 +298,7 @@ def _outputs_are_signals(controller: ControllerPart, signals: tuple[Signal, ...]
             )
 
 
-def _arithmetic(table: Table) -> str:
+def _arithmetic(table: ProjectTable) -> str:
     """`bits` only says something about fixed point (contract, section 2); with floats it may stand there idle."""
     errors = [key for key in table.values if key.startswith(MAX_ERROR)]
     table.only(("number", "bits", "rounding", *errors))
@@ -313,7 +313,7 @@ def _arithmetic(table: Table) -> str:
     return f"fixed{bits}" if number == "fixed" else number
 
 
-def _rounds(table: Table) -> str:
+def _rounds(table: ProjectTable) -> str:
     """Read what fixed point does with the places that it drops."""
     rounds = str(table.values.get("rounding", "nearest"))
     if rounds not in ROUNDINGS:
@@ -323,7 +323,7 @@ def _rounds(table: Table) -> str:
     return rounds
 
 
-def _allowed(table: Table, outputs: tuple[Signal, ...]) -> tuple[Allowed, ...]:
+def _allowed(table: ProjectTable, outputs: tuple[Signal, ...]) -> tuple[Allowed, ...]:
     """Read max_error_V and its like: the unit of one or more outputs ends the name."""
     found = []
     for key in table.values:
@@ -340,7 +340,7 @@ def _allowed(table: Table, outputs: tuple[Signal, ...]) -> tuple[Allowed, ...]:
     return tuple(found)
 
 
-def _targets(table: Table) -> tuple[str, ...]:
+def _targets(table: ProjectTable) -> tuple[str, ...]:
     table.only(("names",))
     names = table.texts("names", 'names = ["host"]')
     if not names:
@@ -356,7 +356,7 @@ def _unknown_target(name: str) -> str:
     return f"no target is called {name!r}; known: {known}, or the path of a target's .toml file"
 
 
-def _identifier(table: Table, key: str, name: str, what: str) -> None:
+def _identifier(table: ProjectTable, key: str, name: str, what: str) -> None:
     try:
         check_identifier(name, what)
     except CodegenError as error:

@@ -12,7 +12,7 @@ from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.columns import Column, RowClock, unit_left_out
 from firmloop.identify.recordings.hold import HOLDS
 from firmloop.identify.units import unit_of
-from firmloop.project.table import Table
+from firmloop.project.table import ProjectTable
 
 _LONGEST_PERIOD = 86400.0  # s
 
@@ -24,12 +24,12 @@ class Recordings:
     train: tuple[Path, ...]
     test: tuple[Path, ...]
     rename: Mapping[str, Column]  # by a file's column name
-    conditioning: Table
+    conditioning: ProjectTable
     hold: str = HOLDS[0]  # what an input does between rows
     clock: RowClock | None = None  # in place of a time column
 
 
-def read_recordings_part(table: Table) -> Recordings:
+def read_recordings_part(table: ProjectTable) -> Recordings:
     """Check `[recordings]` of a project.
 
     Raises
@@ -50,7 +50,7 @@ def read_recordings_part(table: Table) -> Recordings:
     return Recordings(train, test, _rename(table.table("rename")), table.table("conditioning"), hold, _clock(table))
 
 
-def _rename(table: Table) -> Mapping[str, Column]:
+def _rename(table: ProjectTable) -> Mapping[str, Column]:
     columns: dict[str, Column] = {}
     for key, value in table.values.items():
         column = _column(table.table(key)) if isinstance(value, dict) else _plain(table, key)
@@ -61,7 +61,7 @@ def _rename(table: Table) -> Mapping[str, Column]:
     return columns
 
 
-def _plain(table: Table, key: str) -> Column:
+def _plain(table: ProjectTable, key: str) -> Column:
     name = table.text(key, f'{key} = "speed_rad_s"')
     line = unit_left_out(key, name)
     if line:
@@ -70,7 +70,7 @@ def _plain(table: Table, key: str) -> Column:
     return Column(name)
 
 
-def _column(table: Table) -> Column:
+def _column(table: ProjectTable) -> Column:
     table.only(("name", "unit", "scale", "offset", "wraps"))
     name = table.text("name", 'name = "speed_rad_s"')
     unit = table.text("unit", 'unit = "rpm"') if "unit" in table.values else ""
@@ -101,7 +101,7 @@ def _column(table: Table) -> Column:
     return Column(name, unit, numbers.get("scale", 1.0), numbers.get("offset", 0.0), numbers.get("wraps", 0.0))
 
 
-def _clock(table: Table) -> RowClock | None:
+def _clock(table: ProjectTable) -> RowClock | None:
     if "period_s" not in table.values:
         if "start_s" in table.values:
             raise table.wrong("start_s", "is the time of the first row where period_s is given; add period_s = 50e-6")

@@ -20,7 +20,7 @@ class ProjectError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ProjectTable:
     """One table of a TOML file: its place in the file, its values, and the line of every key."""
 
     file: Path
@@ -93,12 +93,12 @@ class Table:
                 raise self.wrong(key, f"is already the value of '{seen[value]}'")
             seen[value] = key
 
-    def table(self, key: str) -> Table:
+    def table(self, key: str) -> ProjectTable:
         """Return the table under `key`; an empty one where there is none."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             raise self.wrong(key, f"must be a table: [{'.'.join((*self.place, key))}]")
-        return Table(self.file, (*self.place, key), value, self.lines)
+        return ProjectTable(self.file, (*self.place, key), value, self.lines)
 
     def without(self, *keys: str) -> Mapping[str, object]:
         """Return the values whose keys are not among `keys`, in file order."""
@@ -112,7 +112,7 @@ class Table:
         return f"[{'.'.join(self.place)}] " if self.place else ""
 
 
-def read_table(file: Path) -> Table:
+def read_table(file: Path) -> ProjectTable:
     """Read a whole TOML file.
 
     Raises
@@ -144,8 +144,8 @@ def read_table(file: Path) -> Table:
     lines = key_lines(text)
     for place, rule in faults(values, ()):
         *above, key = place or ("",)
-        raise Table(file, tuple(above), {}, lines).remark(key, f"{key or 'the file'} {rule}")
-    return Table(file, (), values, lines)
+        raise ProjectTable(file, tuple(above), {}, lines).remark(key, f"{key or 'the file'} {rule}")
+    return ProjectTable(file, (), values, lines)
 
 
 def _toml_complaint(file: Path, text: str, message: str) -> str:

@@ -23,7 +23,7 @@ from firmloop.design.kinds.pid.ranges import Pid
 from firmloop.design.law import DesignError, Law
 from firmloop.design.models.anti_windup import tracking_modes
 from firmloop.design.models.feedforward import Feedforward
-from firmloop.design.tunable import Parameter, held, read_parameters, with_parameters
+from firmloop.design.tunable import TunableParameter, held, read_parameters, with_parameters
 from firmloop.identify.signal import Signal
 
 LIMITS = ("u_min", "u_max")
@@ -31,7 +31,7 @@ LIMITS = ("u_min", "u_max")
 
 def pid_parameters(
     table: Mapping[str, object], pid: Pid, units: Mapping[str, str], output: Signal, plain_gains: bool
-) -> tuple[Parameter, ...]:
+) -> tuple[TunableParameter, ...]:
     """Read what of `pid` can be tuned; `plain_gains` where the form takes kp, ki and kd as they are."""
     defaults = {name: (units.get(name, "1"), float(getattr(pid, name))) for name in ("kp", "ki", "kd", "b", "c")}
     defaults |= {name: (output.unit, float(getattr(pid, name))) for name in LIMITS}
@@ -91,7 +91,12 @@ def _check_limits(names: Mapping[str, Signal], pid: Pid, output: Signal) -> None
 
 
 def tunable_law(
-    request: Request, says: str, pid: Pid, parameters: Sequence[Parameter], wires: Wires, ahead: Feedforward | None
+    request: Request,
+    says: str,
+    pid: Pid,
+    parameters: Sequence[TunableParameter],
+    wires: Wires,
+    ahead: Feedforward | None,
 ) -> Law:
     """Write the law over the whole range of its parameters."""
     names = [parameter.signal.name for parameter in parameters]

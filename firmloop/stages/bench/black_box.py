@@ -30,7 +30,7 @@ from firmloop.identify.recordings.conditioning import NONE, condition_input, con
 from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.simulation.simulate import simulate
 from firmloop.project.project import Project, require
-from firmloop.project.table import Table
+from firmloop.project.table import ProjectTable
 from firmloop.stages.data import conditioning_of, read_data
 from firmloop.stages.plant import located
 from firmloop.stages.progress import Stage
@@ -42,7 +42,7 @@ PULLED = 1.03  # times the mean square error of an output-error model: more is n
 WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
 
 
-def _whole(part: Table, key: str, default: int, low: int, high: int) -> int:
+def _whole(part: ProjectTable, key: str, default: int, low: int, high: int) -> int:
     value = part.values.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         raise part.wrong(key, f"must be a whole number from {low} to {high}")

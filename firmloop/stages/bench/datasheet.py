@@ -23,7 +23,7 @@ from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project
-from firmloop.project.table import ProjectError, Table
+from firmloop.project.table import ProjectError, ProjectTable
 from firmloop.stages.data import read_as_named
 from firmloop.stages.plant import located
 
@@ -75,7 +75,7 @@ def _parameters(project: Project, sheet: Sheet, reading: Reading) -> dict[str, F
     return found
 
 
-def _test(name: str, part: Table, found: Mapping[str, Found], project: Project) -> Mapping[str, Measured]:
+def _test(name: str, part: ProjectTable, found: Mapping[str, Found], project: Project) -> Mapping[str, Measured]:
     """Run one standard test on its readings."""
     part.only(TESTS[name])
     if name in ("coast_down", "step"):
@@ -110,7 +110,7 @@ def _needed(test: str, found: Mapping[str, Found], name: str) -> float:
     return found[name].value
 
 
-def _readings(part: Table, key: str) -> list[float]:
+def _readings(part: ProjectTable, key: str) -> list[float]:
     """Read one list of readings, or a single one, in any unit of its dimension."""
     value = part.values.get(key)
     values = value if isinstance(value, list) else [value]
