@@ -19,6 +19,7 @@ from firmloop.quantize.lower.graph import FLOATING_ONLY, Node, needed, with_own_
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
 from firmloop.quantize.lower.q_formats import Formats, choose_formats
+from firmloop.quantize.lower.reciprocals import with_reciprocals
 from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.sums import Sum, gather, is_linear
 from firmloop.quantize.lower.sweep_formats import Planned, fixed_sweeps, float_sweeps
@@ -74,7 +75,7 @@ def _bare(law: Law, arithmetic: str, rounds: str) -> Program:
                 "a number of the law is beyond all numbers; a range or a key of the controller is too small or too "
                 "large: correct it"
             )
-    found = replace(found, graph=with_own_constants(found.graph))
+    found = replace(found, graph=with_own_constants(with_reciprocals(found.graph)))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
     builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds])
