@@ -276,6 +276,7 @@ def _law(request: Request, loop: CurrentLoop) -> Law:
         why=(WHY, WHY),
         flags=(Flag("saturated", "the voltage stands at its limit"),),
         stages=(Scalar(stage, tuple(Signal(name, unit, -math.inf, math.inf) for name, (unit, _) in named.items())),),
+        paired=False,
     )
 
 
