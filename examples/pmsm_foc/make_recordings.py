@@ -62,7 +62,8 @@ def main() -> None:
     steps = np.column_stack(
         [held([0, 1, -1, 0, 0, 1, -1, 0, 1, 0, -1, 0], 160), held([0, 0, 0, 4, 7, 7, 2, -5, -5, -8, 3, 0], 160)]
     )
-    switched = np.column_stack([held(list(rng.choice([-1.0, 1.0], 40)), 40), held(list(rng.choice([-5.0, 7.0], 40)), 40)])
+    along, across = (held(list(rng.choice(levels, 40)), 40) for levels in ([-1.0, 1.0], [-5.0, 7.0]))
+    switched = np.column_stack([along, across])
     wave = np.concatenate([np.linspace(0, 8, 30), np.linspace(8, -8, 60)])
     triangle = np.column_stack([held(list(np.round(0.5 * np.cos(wave), 2)), 20), held(list(np.round(wave, 2)), 20)])
     for name, voltages in (("steps", steps), ("switched", switched), ("triangle", triangle)):

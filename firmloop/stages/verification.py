@@ -78,12 +78,12 @@ def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
 
     A controller that is given the plant's states and no reference brings them where it wants them. None where there is
-    no plant, or none that can be moved step by step, or no reference to follow.
+    no plant, or none that can be moved step by step, or no one reference to follow.
     """
     if project.plant is None:
         return None
     plant, law = plant_of(project), designed.law
-    if len(law.inputs) < 2:
+    if len(law.inputs) < 2 or not law.paired:
         return None
     names = [law.inputs[k].name for k in law.states]
     reference, measurement = reference_and_measurement(law.inputs)
