@@ -212,11 +212,11 @@ def _law(request: Request, loop: CurrentLoop) -> Law:
     e_d, e_q = z["reference_d_A"] - i_d, z["reference_q_A"] - i_q
     v_d, v_q = loop.d.kp * e_d + held_d, loop.q.kp * e_q + held_q
     if loop.flux:
-        v_d = v_d - z["speed_rad_s"] * (loop.d.coupled * i_q)
-        v_q = v_q + z["speed_rad_s"] * (loop.q.coupled * i_d + loop.flux)
+        v_d = v_d - (loop.d.coupled * z["speed_rad_s"]) * i_q
+        v_q = v_q + (loop.q.coupled * z["speed_rad_s"]) * i_d + loop.flux * z["speed_rad_s"]
     most = (loop.modulation / ROOT_3) * supply
     u_d = ca.fmin(ca.fmax(v_d, -most), most)
-    left = ca.sqrt(ca.fmax(most * most - u_d * u_d, 0.0))
+    left = ca.sqrt(ca.fmax((most - u_d) * (most + u_d), 0.0))
     u_q = ca.fmin(ca.fmax(v_q, -left), left)
     after = [
         held + (axis.ki * loop.period) * error + loop.tracking * (limited - free)
@@ -225,16 +225,12 @@ def _law(request: Request, loop: CurrentLoop) -> Law:
             (held_q, loop.q, e_q, u_q, v_q),
         )
     ]
-    alpha, beta = cosine * u_d - sine * u_q, sine * u_d + cosine * u_q
-    phases = {
-        "duty_a": alpha,
-        "duty_b": (-0.5) * alpha + (ROOT_3 / 2.0) * beta,
-        "duty_c": (-0.5) * alpha - (ROOT_3 / 2.0) * beta,
-    }
-    v_a, v_b, v_c = phases.values()
-    common = 0.5 * (ca.fmax(ca.fmax(v_a, v_b), v_c) + ca.fmin(ca.fmin(v_a, v_b), v_c))
-    share = 1.0 / supply
-    duties = [ca.fmin(ca.fmax((phases[w.name] - common) * share + 0.5, 0.0), 1.0) for w in request.outputs]
+    # From here on in halves of the supply's share: then the common part is a sum, and nothing is halved.
+    alpha, beta = (0.5 * (cosine * u_d - sine * u_q)) / supply, (0.5 * (sine * u_d + cosine * u_q)) / supply
+    a, b, c = alpha, (ROOT_3 / 2.0) * beta - 0.5 * alpha, (-ROOT_3 / 2.0) * beta - 0.5 * alpha
+    lowered = ca.fmax(ca.fmax(a, b), c) + ca.fmin(ca.fmin(a, b), c) - 0.5
+    halves = dict(zip(OUTPUTS, (a, b, c), strict=True))
+    duties = [ca.fmin(ca.fmax(2.0 * halves[w.name] - lowered, 0.0), 1.0) for w in request.outputs]
     named = {
         "cosine": ("1", cosine),
         "sine": ("1", sine),
@@ -245,9 +241,9 @@ def _law(request: Request, loop: CurrentLoop) -> Law:
         "voltage_q": ("V", v_q),
         "voltage_d_limited": ("V", u_d),
         "voltage_q_limited": ("V", u_q),
-        "voltage_alpha": ("V", alpha),
-        "voltage_beta": ("V", beta),
-        "voltage_common": ("V", common),
+        "half_alpha": ("1", alpha),
+        "half_beta": ("1", beta),
+        "common_less_half": ("1", lowered),
     }
     check_names(request, ["integral_d", "integral_q", *named])
     stage = ca.Function(

@@ -6,11 +6,12 @@ Each is computed at the fraction its twin gives, and brought to the one that the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Protocol
 
 from firmloop.quantize.lower.builder import Builder, Term
+from firmloop.quantize.lower.rounds import Dropping
 from firmloop.quantize.program import TOO_FAR, Number, QuantizeError
 from firmloop.quantize.twins.curved import (
     INVERSE_ROUNDING,
@@ -27,6 +28,7 @@ class Emitter(Protocol):
     """What the lowering of one value needs of a builder."""
 
     ops: Builder
+    rounding: Dropping
 
     def widened(self, a: Term, q: int) -> Term:
         """Return a value at fraction `q`."""
@@ -47,6 +49,30 @@ def wave(function: str, emitter: Emitter, angle: Term, q: int) -> Term:
     emitter.ops.wish = wish
     found = emitter.ops.emit(function, (share,), Number("fixed", 32, SINE_PLACES), min(error + SINE_ERROR, 2.0))
     return emitter.widened(found, q)
+
+
+def rotated(emitter: Emitter, products: Sequence[tuple[float, Term, Term]], q: int) -> Term | None:
+    """Return the sum of weight times wave times value, rounded once; None where that takes more than one shift."""
+    wish, emitter.ops.wish = emitter.ops.wish, ("", "")
+    coarse = min(value.number.fraction for _, _, value in products)
+    values = [emitter.widened(value, coarse) for _, _, value in products]
+    share, power = math.frexp(abs(products[0][0]))  # 0.5 where the weight is a power of two
+    shift = SINE_PLACES + coarse - q - (power - 1)
+    alike = all(abs(weight) == abs(products[0][0]) for weight, _, _ in products) and share == 0.5
+    fits = alike and 1 <= shift <= 62 and all(wave.number.fraction == SINE_PLACES for _, wave, _ in products)
+    total: Term | None = None
+    error = emitter.rounding.error * 2.0**-q
+    for (weight, wave, _), value in zip(products if fits else (), values, strict=fits):
+        size = max(-value.low, value.high) * 2.0**-coarse
+        error += abs(weight) * (value.error * (1.0 + wave.error) + size * wave.error)
+        turned = wave if weight > 0 else emitter.ops.emit("neg", (wave,), wave.number, wave.error)
+        start = () if total is None else (total,)
+        wide = Number("fixed", 64, SINE_PLACES + coarse)
+        total = emitter.ops.emit("wide" if total is None else "mac", (*start, turned, value), wide, 0.0)
+    emitter.ops.wish = wish
+    return (
+        None if total is None else emitter.ops.emit(emitter.rounding.end, (total, shift), Number("fixed", 32, q), error)
+    )
 
 
 def root(emitter: Emitter, a: Term, q: int) -> Term:

@@ -163,6 +163,23 @@ def test_a_law_of_curves_keeps_its_distance(arithmetic: str) -> None:
             assert rounded.bound < 4.0 * close, rounded
 
 
+@pytest.mark.parametrize("weight", [1.0, 0.5, 0.3])
+def test_a_rotation_is_rounded_once(weight: float) -> None:
+    """Where its weight is a shift: then there is one rounding, of a sum of two products."""
+    z = ca.SX.sym("z", 3)
+    out = weight * (ca.cos(z[0]) * z[1] - ca.sin(z[0]) * z[2])
+    function = ca.Function("law", [ca.SX.sym("x", 0), z], [ca.SX(0, 1), out, ca.SX(0, 1), ca.SX(0, 1)])
+    law = replace(
+        curves(), outputs=(Signal("turned", "V", -6.0, 6.0),), stages=(Scalar(function, ()),),
+    )  # fmt: skip
+    program = lower(law, "fixed32")
+    made = [op.function for op in program.body]
+    assert (made.count("high"), made.count("mul_shift")) == ((1, 0) if weight != 0.3 else (1, 2))
+    blocks = stimuli(program, [], 10_000, 7)
+    for rounded in measure_rounding(law, program, blocks, run_blocks(program, blocks)):
+        assert rounded.worst <= rounded.bound < 2e-7
+
+
 def test_a_quotient_by_what_can_be_zero_is_refused() -> None:
     z = ca.SX.sym("z", 1)
     function = ca.Function("law", [ca.SX.sym("x", 0), z], [ca.SX(0, 1), 1.0 / z, ca.SX(0, 1), ca.SX(0, 1)])
