@@ -13,6 +13,9 @@ on phase a.
 The input is vd and vq, or the duties 0..1 of three half bridges on `supply_V`. Those, averaged over a period of the
 pulses, are turned into the rotor's frame by `angle_rad`, the electrical angle that was measured. The machine has its
 star point, so what the three have in common moves no current.
+
+The effect dead_time takes V sign(i) from each phase. It needs the angle, so a phase current or the position has to be
+among the outputs. Where |i| is below some 0.1 V/R the sign is a steep line, as the capacitances of a bridge make it.
 """
 
 from __future__ import annotations
@@ -23,13 +26,16 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
-from firmloop.identify.plants.plant import Balance, Parameter, Plant
+from firmloop.identify.plants.plant import Balance, Inside, Parameter, Plant
 from firmloop.identify.signal import Signal
 
 _STATES = (("current_d_A", "A"), ("current_q_A", "A"), ("speed_rad_s", "rad/s"))
 _POSITION = Signal("position_rad", "rad", -math.inf, math.inf)
 _OF_ANGLE = ("current_a_A", "current_b_A", "position_rad")  # outputs for which the angle is a state
 _VOLTAGES = ("voltage_d_V", "voltage_q_V")
+_TINY = 1e-24  # A^2: no phase without current divides by 0
+_SOFT = 0.1  # of V/R: where a phase current changes its sign
+_PHASES = (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
 _DUTIES = ("duty_a", "duty_b", "duty_c", "supply_V", "angle_rad")
 
 
@@ -43,25 +49,43 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
     voltage_d, voltage_q = ca.vertsplit(u) if len(inputs) == len(_VOLTAGES) else _turned(*ca.vertsplit(u))
     electric = pairs * speed
     torque = 1.5 * pairs * (flux + (along - across) * current_d) * current_q
-    rates = (
-        (voltage_d - resistance * current_d + electric * across * current_q) / along,
-        (voltage_q - resistance * current_q - electric * (along * current_d + flux)) / across,
-        (torque - friction * speed) / inertia,
-        speed,
-    )
+
+    def rates(lost_d: ca.SX | float, lost_q: ca.SX | float) -> ca.SX:
+        return ca.vertcat(
+            (voltage_d - lost_d - resistance * current_d + electric * across * current_q) / along,
+            (voltage_q - lost_q - resistance * current_q - electric * (along * current_d + flux)) / across,
+            (torque - friction * speed) / inertia,
+            *([speed] if turning else []),
+        )
+
     known = dict(zip((signal.name for signal in states), ca.vertsplit(x), strict=True))
+    angles = [pairs * known[_POSITION.name] + ahead for ahead in _PHASES] if turning else []
+    currents = [ca.cos(angle) * current_d - ca.sin(angle) * current_q for angle in angles]
+    known |= dict(zip(_OF_ANGLE, currents[:2], strict=False))
+    reading = ca.vertcat(*(known[output.name] for output in outputs))
+    inside: Inside | None = None
+    bridge: tuple[Balance, ...] = ()
     if turning:
-        for name, ahead in (("current_a_A", 0.0), ("current_b_A", -2.0 * math.pi / 3.0)):
-            angle = pairs * known[_POSITION.name] + ahead
-            known[name] = ca.cos(angle) * current_d - ca.sin(angle) * current_q
+        dead = ca.SX.sym("z", 1)
+        soft = (_SOFT * dead / resistance) ** 2 + _TINY
+        lost = [dead * current / ca.sqrt(current**2 + soft) for current in currents]
+        lost_d = sum((ca.cos(angle) * one for angle, one in zip(angles, lost, strict=True)), start=ca.SX(0.0))
+        lost_q = sum((-ca.sin(angle) * one for angle, one in zip(angles, lost, strict=True)), start=ca.SX(0.0))
+        inside = Inside(
+            rate=ca.Function("rate", [x, u, p, dead], [ca.densify(rates(lost_d / 1.5, lost_q / 1.5))]),
+            reading=ca.Function("reading", [x, u, p, dead], [ca.densify(reading)]),
+            effort=ca.Function("effort", [x, u, p, dead], [torque]),
+            neutral=(0.0,),
+        )
+        bridge = (Balance(kind="bridge", state=-1, per=ca.Function("per", [p], [0.0]), inside=(0,)),)
     return Plant(
         kind=KIND.name,
         states=states,
         inputs=inputs,
         outputs=outputs,
         parameters=parameters,
-        rate=equations("rate", x, u, p, ca.vertcat(*rates[: len(states)])),
-        reading=equations("reading", x, u, p, ca.vertcat(*(known[output.name] for output in outputs))),
+        rate=equations("rate", x, u, p, rates(0.0, 0.0)),
+        reading=equations("reading", x, u, p, reading),
         delay=None,
         balances=(
             Balance(
@@ -71,7 +95,9 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
                 position=3 if turning else -1,
                 effort=equations("effort", x, u, p, torque),
             ),
+            *bridge,
         ),
+        inside=inside,
     )
 
 
