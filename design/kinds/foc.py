@@ -39,10 +39,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from firmloop.design.design import Design, Kind, Request
+from firmloop.design.design import Bench, Design, Kind, Request
 from firmloop.design.law import DesignError, Flag, Law, Scalar
 from firmloop.design.linear.linear_law import check_names, symbols
 from firmloop.design.table import check_keys, choice, positive, real, truth
+from firmloop.identify.plants.bridges import on_bridges
 from firmloop.identify.signal import Signal
 
 MACHINE = ("R_ohm", "Ld_H", "Lq_H", "flux_Wb")
@@ -109,7 +110,15 @@ def design(request: Request) -> Design:
     if tuned_by:
         bandwidth = positive(table, "bandwidth_rad_s", None)
         figures |= {"bandwidth_rad_s": bandwidth, "phase_margin_deg": math.degrees(_margin(bandwidth, request.period))}
-    return Design(_law(request, loop), figures, tuned_by, gains)
+    return Design(_law(request, loop), figures, tuned_by, gains, bench=_bench(request))
+
+
+def _bench(request: Request) -> Bench | None:
+    """Return the plant on bridges, at the middle of the supply; None where there is no such plant."""
+    if request.plant is None or request.plant.kind != "pmsm" or tuple(w.name for w in request.outputs) != OUTPUTS:
+        return None
+    supply = next(wire for wire in request.inputs if wire.name == "supply_V")
+    return Bench(on_bridges(request.plant, (supply.low + supply.high) / 2.0), "reference_q_A")
 
 
 def _check_wires(request: Request) -> None:

@@ -25,6 +25,7 @@ from firmloop.quantize.program import Program
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import record_type
 from firmloop.verify.links.library import LibraryLink
+from firmloop.verify.proofs.closed_loop import PlantLoop, close_loop
 from firmloop.verify.reference import element_type
 from firmloop.verify.scaling import to_physical, to_raw
 
@@ -194,6 +195,28 @@ def test_a_wire_that_is_wrong_is_named(case: str) -> None:
     with pytest.raises(DesignError) as refused:
         kinds()["foc"].design(replace(made, inputs=inputs))
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize("arithmetic", ["float32", "fixed32", "fixed16"])
+def test_its_bench_closes_the_loop_around_the_plant(arithmetic: str) -> None:
+    """As `verify` does on a target: duties to the plant, phase currents, angle and speed back, from rest."""
+    machine = {name: value for name, value in TABLE.items() if name != "tune"}
+    values = {**machine, "pole_pairs": PAIRS, "J_kg_m2": 2e-5, "b_N_m_s_rad": 1e-5}
+    plant = make_plant("pmsm", ("voltage_d_V", "voltage_q_V"), ["speed_rad_s"], values)
+    made = kinds()["foc"].design(replace(request(bandwidth_rad_s=2 * math.pi * 2000.0), plant=plant))
+    assert made.bench is not None
+    shown = [signal.name for signal in made.bench.plant.outputs]
+    others = tuple((name, k) for k, name in enumerate(shown) if name in RANGES)
+    course = np.repeat([2.0, -1.0], 200)
+    program = lower(made.law, arithmetic)
+    link = LibraryLink(build_host(emit(program, "firmloop generate test.toml"), HOST), program)
+    run = close_loop(program, PlantLoop(made.bench.plant, course, (made.bench.told, ""), others), link)
+    assert shown[0] == "current_q_A"
+    current = run.measurement
+    assert np.argmax(current > 0.9 * 2.0) <= 3 and np.max(current) < 2.0 * 1.05
+    assert np.argmax(current[200:] < 2.0 - 0.9 * 3.0) <= 3 and np.min(current) > -1.0 - 3.0 * 0.05
+    np.testing.assert_allclose(current[100:200], 2.0, atol=0.02)
+    np.testing.assert_allclose(current[300:], -1.0, atol=0.02)
 
 
 def test_the_machine_is_taken_from_the_plant() -> None:
