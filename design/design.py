@@ -51,6 +51,7 @@ class Design:
     """A law and the figures it was made from; `tuned_by` names the tuning rule, None where the gains were given.
 
     `settings` are the keys of [controller] that the design answers, for a project that keeps it; None: the gains.
+    `asked` are those that it answers them to: the rule and its own keys.
     """
 
     law: Law
@@ -59,6 +60,7 @@ class Design:
     settings: Mapping[str, object] | None = None
     not_met: Mapping[str, str] = field(default_factory=dict)  # effects that its feedforward leaves alone, and why
     operating: tuple[Operating, ...] = ()
+    asked: tuple[str, ...] = ()
     bench: Bench | None = None  # where more than one reference and one measurement close its loop
 
 

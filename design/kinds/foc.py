@@ -110,7 +110,8 @@ def design(request: Request) -> Design:
     if tuned_by:
         bandwidth = positive(table, "bandwidth_rad_s", None)
         figures |= {"bandwidth_rad_s": bandwidth, "phase_margin_deg": math.degrees(_margin(bandwidth, request.period))}
-    return Design(_law(request, loop), figures, tuned_by, gains, bench=_bench(request))
+    asked = ("tune", "bandwidth_rad_s") if tuned_by else ()
+    return Design(_law(request, loop), figures, tuned_by, gains, asked=asked, bench=_bench(request))
 
 
 def _bench(request: Request) -> Bench | None:

@@ -36,6 +36,20 @@ def test_its_machine_is_found_and_its_c_agrees(tmp_path: Path, monkeypatch: pyte
         assert abs(entry["value"] - truth) < high - low, name
 
 
+def test_the_gains_it_was_tuned_to_can_be_kept(tmp_path: Path) -> None:
+    """What `design` writes is a project of its own: gains for the rule, and the same law."""
+    shutil.copytree(FOLDER, tmp_path, dirs_exist_ok=True)
+    first, second = tmp_path / "first", tmp_path / "second"
+    for name in ("steps", "switched", "triangle"):
+        (tmp_path / f"{name}.csv").write_text("time_s\n")
+    assert main(["design", str(tmp_path / "spindle.toml"), "--out", str(first)]) == 0
+    kept = tomllib.loads((first / "project.toml").read_text())["controller"]
+    assert "tune" not in kept and "bandwidth_rad_s" not in kept and kept["kp_q"] > 0
+    assert main(["design", str(first / "project.toml"), "--out", str(second)]) == 0
+    again = tomllib.loads((second / "project.toml").read_text())["controller"]
+    assert again == kept
+
+
 @pytest.mark.qemu
 def test_and_on_an_emulated_microcontroller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran(tmp_path, monkeypatch)

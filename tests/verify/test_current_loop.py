@@ -226,5 +226,5 @@ def test_the_machine_is_taken_from_the_plant() -> None:
     given = request(bandwidth_rad_s=6000.0)
     short = replace(given, table={"tune": "pole_zero", "bandwidth_rad_s": 6000.0}, plant=plant)
     assert kinds()["foc"].design(short).gains == kinds()["foc"].design(given).gains
-    with pytest.raises(DesignError, match="R_ohm is missing; give it, or a .plant. of kind pmsm"):
+    with pytest.raises(DesignError, match=r"R_ohm is missing; give it, or a .plant. of kind pmsm"):
         kinds()["foc"].design(replace(short, plant=None))
