@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from firmloop.codegen.bundle import Bundle, CodegenError
 from firmloop.codegen.environment import render, text_of
 from firmloop.codegen.names import check_identifier
-from firmloop.codegen.view import c_type, physical, program_view, setter_name
+from firmloop.codegen.view import c_type, physical, program_view, setter_name, supports_of
 from firmloop.quantize.program import Program, Value
 
 
@@ -26,7 +26,7 @@ def emit(program: Program, command: str) -> Bundle:
     """
     _check_names(program)
     view = program_view(program, _version(), command)
-    supports = with_included((str(view["support"]), *(table.support for table in program.tables)))
+    supports = with_included((*supports_of(program), *(table.support for table in program.tables)))
     files = {
         f"{program.name}.h": render("controller.h.j2", view),
         f"{program.name}.c": render("controller.c.j2", view),

@@ -80,7 +80,7 @@ def program_view(program: Program, version: str, command: str) -> View:
         "period": repr(program.period),
         "number_says": NUMBER_SAYS[program.arithmetic].format(rounds=ROUNDS_SAYS[program.rounds]),
         "input_says": INPUT_SAYS["float" if floating else "fixed"],
-        "support": "fl_float.h" if floating else "fl_fixed.h",
+        "supports": supports_of(program),
         "rounding": [
             {"output": r.output, "bound": f"{r.bound:.3g}", "unit": r.unit}
             for r in program.rounding
@@ -110,6 +110,13 @@ def program_view(program: Program, version: str, command: str) -> View:
         "ignored": [] if program.state else ["self"],
         "status_expression": " | ".join(_status_term(b.source, b.bit) for b in _open_bits(program)) or "0U",
     }
+
+
+def supports_of(program: Program) -> list[str]:
+    """Return the headers with the C of a program's operations, each once, that of every program first."""
+    bodies = [op for each in (program, *program.routines) for op in each.body]
+    own = sorted({EVERY[op.function].support for op in bodies} - {""})
+    return ["fl_float.h" if program.arithmetic.startswith("float") else "fl_fixed.h", *own]
 
 
 def setter_name(program: Program, parameter: Value) -> str:

@@ -36,10 +36,22 @@ class Operating:
 
 
 @dataclass(frozen=True, slots=True)
+class Bench:
+    """A plant as a controller meets it: driven by its outputs in their order, seen by its inputs of the same names.
+
+    `told` is the input whose steps a closed loop follows; the plant's first output is what follows them.
+    """
+
+    plant: Plant
+    told: str
+
+
+@dataclass(frozen=True, slots=True)
 class Design:
     """A law and the figures it was made from; `tuned_by` names the tuning rule, None where the gains were given.
 
     `settings` are the keys of [controller] that the design answers, for a project that keeps it; None: the gains.
+    `asked` are those that it answers them to: the rule and its own keys.
     """
 
     law: Law
@@ -48,6 +60,8 @@ class Design:
     settings: Mapping[str, object] | None = None
     not_met: Mapping[str, str] = field(default_factory=dict)  # effects that its feedforward leaves alone, and why
     operating: tuple[Operating, ...] = ()
+    asked: tuple[str, ...] = ()
+    bench: Bench | None = None  # where more than one reference and one measurement close its loop
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,6 +50,14 @@ def real(
     return number
 
 
+def truth(table: Mapping[str, object], key: str, default: bool) -> bool:
+    """Read `key` as true or false; `default` where it is absent."""
+    value = table.get(key, default)
+    if not isinstance(value, bool):
+        raise DesignError(f"controller.{key} = {value!r} is not a truth value; write true or false")
+    return value
+
+
 def positive(table: Mapping[str, object], key: str, default: float | None) -> float:
     """Read `key` as a finite float above zero."""
     number = real(table, key, default)

@@ -63,16 +63,16 @@ def plants_page() -> str:
     ]
     for name, kind in sorted(plant_kinds.kinds().items()):
         module = importlib.import_module(f"{plant_kinds.__name__}.{name}")
-        drive = " or ".join(f"`{each}`" for each in kind.inputs) or "any one column"
+        drive = " or ".join(_names(each) for each in kind.inputs) or "any one column"
         answers = _names(kind.outputs) or "any one column"
         if kind.per_unit:
             drive += f", or any drive signal with `{kind.per_unit}`"
         rows = "\n".join(
             f"| `{each.name}` | {each.unit or 'output per input'} | {_range(each.low, each.high, each.open_low)} | "
-            f"{'may be left out' if each.guessable else 'must be given'} |"
+            f"{'may be left out' if each.guessable else 'must be given'}{', a whole number' * each.counted} |"
             for each in kind.constants
         )
-        rows += "".join(f"\n| `{each.name}` | {LEFT_OUT[each.name]} |" for each in kind.optional("", ("",)))
+        rows += "".join(f"\n| `{each.name}` | {LEFT_OUT[each.name]} |" for each in kind.optional(("",), ("",)))
         parts.append(
             f"## {name}\n\n{prose(module.__doc__)}\n\nInput: {drive}. Outputs: {answers}.\n\n"
             f"| parameter | unit | range | |\n|---|---|---|---|\n{rows}"

@@ -75,6 +75,7 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
     "[plant]": {
         "kind": "one of the [plant kinds](plants.md)",
         "input": "the column that drives the plant",
+        "inputs": "instead of `input`, the columns of a plant that several drive together: see its kind",
         "outputs": "the columns that it answers with",
         "parameters": "table, see below",
         "effects": "array of tables, see below",

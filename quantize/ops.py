@@ -22,7 +22,7 @@ from firmloop.design.outcome import CAPPED, INFEASIBLE
 from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.formats.rti import course_from
 from firmloop.quantize.program import Table
-from firmloop.quantize.twins import sweeps, trees
+from firmloop.quantize.twins import curved, sweeps, trees
 from firmloop.quantize.twins.elementary import (
     BEYOND_ONE,
     cosine,
@@ -34,6 +34,7 @@ from firmloop.quantize.twins.elementary import (
     sine,
 )
 from firmloop.quantize.twins.qp import Rows, solve
+from firmloop.quantize.twins.root import root, root_bound
 from firmloop.quantize.twins.rti import Model, improve
 from firmloop.quantize.twins.rti_course import RtiCourse
 
@@ -57,6 +58,7 @@ class Operation:
     whole: tuple[int, ...] = ()  # which arguments are literal integers in any arithmetic
     record: str = ""  # C type of a result that is several numbers
     table: Callable[[Table, np.dtype[Any]], Any] | None = None  # makes the first argument ready for `run`
+    support: str = ""  # header with its C, where that is not the one of every program
 
 
 def _both(text: str, f32: str = "", f64: str = "") -> dict[str, str]:
@@ -110,6 +112,8 @@ def _absolute(a: Interval) -> Interval:
     return (0 if low <= 0 <= high else min(abs(low), abs(high))), max(abs(low), abs(high))
 
 
+CURVED = "fl_curved_i32.h"
+
 # Operations between two limits, given as numbers.
 LIMITS = ("clamp", "outside", "beyond")
 
@@ -122,6 +126,51 @@ OPERATIONS: dict[str, Operation] = {
     "cos": _function("cosine", "cos", cosine, lambda a: (-BEYOND_ONE, BEYOND_ONE)),
     "exp": _function("exponential function", "exp", exponential, exponential_bound),
     "tanh": _function("hyperbolic tangent", "tanh", hyperbolic_tangent, lambda a: (-BEYOND_ONE, BEYOND_ONE)),
+    "sqrt": Operation(
+        "square root",
+        root,
+        root_bound,
+        {"float32": "fl_sqrt_f32({0})", "float64": "fl_sqrt_f64({0})"},
+        support="fl_root.h",
+    ),
+    "turn": Operation(
+        "an angle as share of a whole turn of 2**32",
+        curved.turn,
+        curved.turn_bound,
+        {"fixed": "fl_turn_i32({0}, {1}, {2}U)"},
+        whole=(1, 2),
+        support=CURVED,
+    ),
+    "turn_sine": Operation(
+        "sine of a share of a turn",
+        curved.turn_sine,
+        curved.sine_bound,
+        {"fixed": "fl_turn_sine_i32({0})"},
+        support=CURVED,
+    ),
+    "turn_cosine": Operation(
+        "cosine of a share of a turn",
+        curved.turn_cosine,
+        curved.sine_bound,
+        {"fixed": "fl_turn_cosine_i32({0})"},
+        support=CURVED,
+    ),
+    "whole_root": Operation(
+        "square root of a value times a power of two",
+        curved.whole_root,
+        curved.root_bound,
+        {"fixed": "fl_whole_root_i32({0}, {1}U)"},
+        whole=(1,),
+        support=CURVED,
+    ),
+    "inverse": Operation(
+        "a power of two over a value above 0",
+        curved.inverse,
+        curved.inverse_bound,
+        {"fixed": "fl_inverse_i32({0}, {1}U, {2}U)"},
+        whole=(1, 2),
+        support=CURVED,
+    ),
     "copy": Operation("the same", lambda a: a, lambda a: a, _both("{0}")),
     "neg": Operation("negation", lambda a: -a, lambda a: (-a[1], -a[0]), _both("-{0}")),
     "mul_shift": Operation(

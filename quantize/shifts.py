@@ -17,6 +17,9 @@ COUNTS: Mapping[str, tuple[int, int, int]] = {  # the argument that counts, the 
     "high_down": (1, 1, 62),
     "mul_shift": (2, 1, 62),
     "mul_down": (2, 1, 62),
+    "turn": (2, 1, 32),
+    "whole_root": (1, 1, 31),
+    "inverse": (1, 0, 15),  # its other count has the same limits: where it is too large, the value does not fit
 }
 SIZES = ("FL_SHIFT_", 1, 62)  # how a table names its counts, all behind sums of 64 bits
 

@@ -251,6 +251,7 @@ FORMULAS: dict[str, Callable[[Request, np.ndarray], np.ndarray]] = {
     "mpc": mpc,
     "nmpc": nmpc,
     "pid": pid,
+    "foc": motor_formulas.foc,
     "fuzzy_pid": motor_formulas.fuzzy_pid,
     "self_tuning": motor_formulas.self_tuning,
     "sensorless_speed": motor_formulas.sensorless_speed,

@@ -119,3 +119,35 @@ def start_monitor(request: Request, rows: np.ndarray) -> np.ndarray:
         last = i
         found.append([n, spread, z])
     return np.array(found)
+
+
+def foc(request: Request, rows: np.ndarray) -> np.ndarray:
+    """In complex numbers: d along the real axis."""
+    table, h = request.table, request.period
+    wires = {wire.name: k for k, wire in enumerate(request.inputs)}
+    tuned, wc, i = "tune" in table, table.get("bandwidth_rad_s", 0.0), 0j
+    kp = [table[f"L{a}_H"] * wc if tuned else table[f"kp_{a}"] for a in "dq"]
+    ki = [table["R_ohm"] * wc if tuned else table[f"ki_{a}"] for a in "dq"]
+    tt = table.get("tt_s", max([h, *(p / k for p, k in zip(kp, ki, strict=True))]))
+    supply_range = request.inputs[wires["supply_V"]]
+    found = []
+    for row in rows:
+        rd, rq, ia, ib, th, w, supply = (row[wires[name]] for name in (
+            "reference_d_A", "reference_q_A", "current_a_A", "current_b_A", "angle_rad", "speed_rad_s", "supply_V"
+        ))  # fmt: skip
+        turn, supply = np.exp(1j * th), min(max(supply, supply_range.low), supply_range.high)
+        seen = (ia + 1j * (ia + 2 * ib) / math.sqrt(3)) / turn
+        e = rd + 1j * rq - seen
+        free = kp[0] * e.real + 1j * kp[1] * e.imag + i
+        if table.get("decoupling", True):
+            free += 1j * w * (table["Ld_H"] * seen.real + table["flux_Wb"]) - w * table["Lq_H"] * seen.imag
+        most = table.get("modulation", 1.0) * supply / math.sqrt(3)
+        vd = float(np.clip(free.real, -most, most))
+        left = math.sqrt(max(most**2 - vd**2, 0.0))
+        v = vd + 1j * float(np.clip(free.imag, -left, left))
+        i += h * (ki[0] * e.real + 1j * ki[1] * e.imag) + (h / tt) * (v - free)
+        phases = [(v * turn * np.exp(-2j * math.pi * k / 3)).real for k in range(3)]
+        middle = (max(phases) + min(phases)) / 2
+        duties = {f"duty_{a}": 0.5 + (x - middle) / supply for a, x in zip("abc", phases, strict=True)}
+        found.append([min(max(duties[wire.name], 0.0), 1.0) for wire in request.outputs])
+    return np.array(found)

@@ -37,7 +37,7 @@ from firmloop.design.law import DesignError, Flag, Horizon, Law, Scalar, Solve
 from firmloop.design.linear.linear_law import check_names, symbols
 from firmloop.design.models.model import weights
 from firmloop.design.models.smooth import Smooth, parts_of, sampled, smooth_rate
-from firmloop.design.table import check_keys, each, limits, numbers, positive
+from firmloop.design.table import check_keys, each, limits, numbers, positive, truth
 from firmloop.identify.plants.ode import make_ode
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.signal import Signal
@@ -122,7 +122,7 @@ def _setup(request: Request) -> NmpcSetup:
         whole(table, "iterations", 1, 1, 20), whole(table, "budget", changes, 1, 10_000),
     )  # fmt: skip
     led = _led(plant) if reference is not None else 0
-    return NmpcSetup(smooth, wires, reference, led, target, horizon, _flag(table))
+    return NmpcSetup(smooth, wires, reference, led, target, horizon, truth(table, "warm_start", True))
 
 
 def _wires(request: Request, plant: Plant) -> tuple[int | None, tuple[int, ...]]:
@@ -198,14 +198,6 @@ def _terminal(model: Law, target: Array, rest: Array, q: Array, r: Array) -> Arr
     except (np.linalg.LinAlgError, ValueError):
         return q
     return np.asarray((found + found.T) / 2)
-
-
-def _flag(table: object) -> bool:
-    assert hasattr(table, "get")
-    value = table.get("warm_start", True)
-    if not isinstance(value, bool):
-        raise DesignError(f"controller.warm_start = {value!r} is not a truth value; write true or false")
-    return value
 
 
 def _law(request: Request, setup: NmpcSetup) -> Law:

@@ -199,17 +199,20 @@ def unit_times(one: str, other: str) -> float | None:
     return float(f"{made.factor:.12g}") if made.offset == 0.0 else None
 
 
-def check_units(project: Project, plant_input: Signal, plant_output: Signal) -> None:
+def check_units(project: Project, plant_inputs: Sequence[Signal], plant_output: Signal) -> None:
     """Check that the controller and the plant speak the same units where their wires meet.
 
     Raises
     ------
     ProjectError
-        when the plant's input is not in the unit of the controller's first output, or the measurement or the
-        reference is not in the unit of the plant's first output.
+        when the plant's one input is not in the unit of the controller's first output, one of several not in that of
+        the output of its name, or the measurement or the reference not in that of the plant's first output.
     """
     table = project.document.table("signals")
-    meets = [(signal, plant_input) for signal in project.controller_outputs[:1]]
+    if len(plant_inputs) == 1:
+        meets = [(signal, plant_inputs[0]) for signal in project.controller_outputs[:1]]
+    else:
+        meets = [(s, wire) for s in project.controller_outputs for wire in plant_inputs if s.name == wire.name]
     meets += [
         (signal, plant_output) for signal in project.controller_inputs if signal.name in ("measurement", "reference")
     ]
@@ -229,14 +232,16 @@ def _plant(table: ProjectTable) -> PlantPart:
         raise table.wrong("effects", "must be tables: [[plant.effects]]")
     if table.values.get("kind") == "ode":
         return _ode(table)
-    table.only(("kind", "input", "outputs", "parameters", "effects", "force_per_unit", "torque_per_unit"))
+    table.only(("kind", "input", "inputs", "outputs", "parameters", "effects", "force_per_unit", "torque_per_unit"))
+    several = table.texts("inputs", 'inputs = ["voltage_d_V", "voltage_q_V"]')
+    if several and "input" in table.values:
+        raise table.wrong("inputs", "stands beside input; give one of them")
+    drive = several[0] if several else table.text("input", 'input = "voltage_V"')
     outputs = table.texts("outputs", 'outputs = ["speed_rad_s"]')
     if not outputs:
         raise table.missing("outputs", 'outputs = ["speed_rad_s"]')
     parameters = _parameters(table)
-    return PlantPart(
-        table, table.text("kind", 'kind = "dc_motor"'), table.text("input", 'input = "voltage_V"'), outputs, parameters
-    )
+    return PlantPart(table, table.text("kind", 'kind = "dc_motor"'), drive, outputs, parameters)
 
 
 def _ode(table: ProjectTable) -> PlantPart:

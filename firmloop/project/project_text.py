@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from firmloop.design.design import Design
-from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.plants.plant_table import effects_table
 from firmloop.project.project import Project
@@ -73,8 +72,7 @@ def designed_text(project: Project, design: Design, folder: Path) -> str:
 
 def settled(table: Mapping[str, object], design: Design) -> dict[str, object]:
     """Return a [controller] table with the gains of `design` instead of the rule that found them."""
-    rule = ("tune", *rules()[design.tuned_by].keys) if design.tuned_by else ()
-    told = {key: value for key, value in table.items() if key not in rule}
+    told = {key: value for key, value in table.items() if key not in design.asked}
     return {**told, **(design.gains if design.settings is None else design.settings)}
 
 

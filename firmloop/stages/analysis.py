@@ -44,10 +44,14 @@ class Loop:
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
     """Close the loop on paper: margins, and a step of the reference.
 
-    None where the controller has no reference, or follows the plant's own equations, which are not linear.
+    None where the controller has no single reference, or follows the plant's own equations, which are not linear.
     """
     solve = designed.law.solve
-    if len(designed.law.inputs) < 2 or (solve is not None and isinstance(solve.problem, Horizon)):
+    if (
+        len(designed.law.inputs) < 2
+        or not designed.law.paired
+        or (solve is not None and isinstance(solve.problem, Horizon))
+    ):
         return None
     with located(project):
         linear = linearize(plant)

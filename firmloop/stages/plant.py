@@ -23,7 +23,7 @@ def plant_of(project: Project) -> Plant:
     assert part is not None, "require() has seen to it"
     with located(project):
         plant = plant_from_table(part.table.values)
-    check_units(project, plant.inputs[0], plant.outputs[0])
+    check_units(project, plant.inputs, plant.outputs[0])
     return plant
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.codegen.target import load_target
-from firmloop.design.design import Design
+from firmloop.design.design import Bench, Design
 from firmloop.design.law import Law
 from firmloop.design.models.feedforward import position_of
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.identify.simulation.stepped import SteppedPlant, with_place, with_states
 from firmloop.project.project import Campaign, Project
@@ -78,23 +79,23 @@ def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
 
     A controller that is given the plant's states and no reference brings them where it wants them. None where there is
-    no plant, or none that can be moved step by step, or no reference to follow.
+    no plant, or none that can be moved step by step, or no one reference to follow.
     """
     if project.plant is None:
         return None
     plant, law = plant_of(project), designed.law
-    if len(law.inputs) < 2:
+    if designed.bench is not None:
+        return _on_bench(law, designed.bench)
+    if len(law.inputs) < 2 or not law.paired:
         return None
     names = [law.inputs[k].name for k in law.states]
     reference, measurement = reference_and_measurement(law.inputs)
     if len(law.states) == len(law.inputs) == len(plant.states):
         return _stepped(law, _with_states(plant, np.full(LOOP_STEPS, math.nan), ("", ""), names))
     told = law.inputs[reference]
-    middle, span = (told.low + told.high) / 2.0, told.high - told.low
-    if not math.isfinite(span):
+    if not math.isfinite(told.high - told.low):
         return None
-    course = np.full(LOOP_STEPS, middle + span / 8.0)
-    course[LOOP_STEPS // 2 :] = middle - span / 8.0
+    course = _steps(told)
     assert project.controller is not None, "there is a design"
     position = position_of(project.controller.settings)
     roles = (told.name, law.inputs[measurement].name)
@@ -107,6 +108,21 @@ def loop_of(project: Project, designed: Design) -> PlantLoop | None:
     if len(names) == len(plant.states):
         return _stepped(law, _with_states(plant, course, (told.name, ""), names))
     return _stepped(law, PlantLoop(plant, course, roles))
+
+
+def _steps(told: Signal) -> Array:
+    """Return a step up and one down, a quarter of the range apart around its middle."""
+    middle, span = (told.low + told.high) / 2.0, told.high - told.low
+    course = np.full(LOOP_STEPS, middle + span / 8.0)
+    course[LOOP_STEPS // 2 :] = middle - span / 8.0
+    return course
+
+
+def _on_bench(law: Law, bench: Bench) -> PlantLoop | None:
+    """Return the loop of a controller whose inputs carry what its bench shows by their names."""
+    wires = {wire.name: wire for wire in law.inputs}
+    others = tuple((signal.name, k) for k, signal in enumerate(bench.plant.outputs) if signal.name in wires)
+    return _stepped(law, PlantLoop(bench.plant, _steps(wires[bench.told]), (bench.told, ""), others))
 
 
 def _with_states(plant: Plant, course: Array, roles: tuple[str, str], names: Sequence[str]) -> PlantLoop:

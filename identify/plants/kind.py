@@ -19,7 +19,8 @@ class PlantConstant:
     """One parameter of a kind: physical range `low`..`high` in `unit`.
 
     `guessable`: may be left out of a project, because `Kind.shapes` proposes values for it. `open_low`: the value
-    `low` itself is impossible (a time constant of zero), so that the fit works with the logarithm.
+    `low` itself is impossible (a time constant of zero), so that the fit works with the logarithm. `counted`: a whole
+    number, which no fit may change.
     """
 
     name: str
@@ -28,27 +29,28 @@ class PlantConstant:
     high: float
     open_low: bool
     guessable: bool
+    counted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class PlantKind:
-    """`build(input, outputs, parameters)` writes the equations.
+    """`build(inputs, outputs, parameters)` writes the equations.
 
     `shapes(step, span)` proposes starting values of every guessable constant but `scale`, for a recording of typical
     sample time `step` and length `span`, both in s; `scale` names the constant the output is proportional to, which
-    then follows from the data by linear least squares. `optional(input, outputs)` are the constants that are there only
-    where the project gives them; they stand behind the others.
+    then follows from the data by linear least squares. `optional(inputs, outputs)` are the constants that are there
+    only where the project gives them; they stand behind the others.
     """
 
     name: str
     constants: tuple[PlantConstant, ...]
-    inputs: tuple[str, ...]  # names it insists on, empty: any one
+    inputs: tuple[tuple[str, ...], ...]  # what may drive it, names that go together; empty: any one
     outputs: tuple[str, ...]  # names it insists on, empty: any one
-    build: Callable[[Signal, tuple[Signal, ...], tuple[Parameter, ...]], Plant]
+    build: Callable[[tuple[Signal, ...], tuple[Signal, ...], tuple[Parameter, ...]], Plant]
     shapes: Callable[[float, float], tuple[Mapping[str, float], ...]]
     scale: str | None
     per_unit: str | None = None  # the constant that turns a named drive signal into the input it insists on
-    optional: Callable[[str, Sequence[str]], tuple[PlantConstant, ...]] = lambda input, outputs: ()
+    optional: Callable[[Sequence[str], Sequence[str]], tuple[PlantConstant, ...]] = lambda inputs, outputs: ()
 
 
 def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:

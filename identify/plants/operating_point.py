@@ -15,9 +15,9 @@ from firmloop.identify.units import unit_of
 OUTPUT, INPUT = "output_at_rest", "input_at_rest"
 
 
-def rest_constants(input: str, outputs: Sequence[str]) -> tuple[PlantConstant, ...]:
+def rest_constants(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[PlantConstant, ...]:
     """Return the two levels, each in the unit of its signal; a level that is not given is zero."""
-    levels = ((OUTPUT, unit_of(outputs[0])), (INPUT, unit_of(input)))
+    levels = ((OUTPUT, unit_of(outputs[0])), (INPUT, unit_of(inputs[0])))
     return tuple(
         PlantConstant(name, unit, -math.inf, math.inf, open_low=False, guessable=False) for name, unit in levels
     )

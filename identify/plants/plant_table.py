@@ -23,10 +23,11 @@ def plant_from_table(table: Mapping[str, object]) -> Plant:
         plant = make_ode(table)
     else:
         outputs, parameters = table.get("outputs", ()), table.get("parameters", {})
-        assert isinstance(outputs, Sequence) and isinstance(parameters, Mapping)
+        inputs = table.get("inputs", table.get("input"))
+        assert isinstance(inputs, Sequence) and isinstance(outputs, Sequence) and isinstance(parameters, Mapping)
         per_unit = {key: value for key, value in table.items() if key in ("force_per_unit", "torque_per_unit")}
         fixed = {key: {"value": value, "free": False} for key, value in per_unit.items()}
-        plant = make_plant(str(table["kind"]), str(table["input"]), list(outputs), {**fixed, **parameters})
+        plant = make_plant(str(table["kind"]), inputs, list(outputs), {**fixed, **parameters})
     entries = table.get("effects", ())
     assert isinstance(entries, Sequence)
     if not entries:

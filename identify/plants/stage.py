@@ -16,7 +16,7 @@ def stage_kind(
 ) -> PlantKind:
     """Return a kind driven by `effort` whose position is a state only where it is an output."""
 
-    def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+    def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
         states = (speed, position) if position.name in {o.name for o in outputs} else (speed,)
         state, command, constants = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
         mass, damping, *per_unit = ca.vertsplit(constants)
@@ -26,7 +26,7 @@ def stage_kind(
         return Plant(
             kind=name,
             states=states,
-            inputs=(drive,),
+            inputs=inputs,
             outputs=outputs,
             parameters=parameters,
             rate=equations("rate", state, command, constants, ca.vertcat(*(rates[s.name] for s in states))),
@@ -46,7 +46,7 @@ def stage_kind(
     return PlantKind(
         name=name,
         constants=(inertia, friction),
-        inputs=(effort,),
+        inputs=((effort,),),
         outputs=(position.name, speed.name),
         build=build,
         shapes=lambda step, span: (),

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 # -ffp-contract=off: the same sums on every machine, so that a fit can be repeated to the last digit.
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-Wl,-Bsymbolic")
+# Whose steps must follow how fast the equations change where the plant is: at rest they tell nothing of that.
+_QUICKER_MOVING = ("ode", "pmsm")
 _LONGEST_SUBSTEP = 0.25  # over the fastest eigenvalue's magnitude; a decay is then right to 3e-5
 
 
@@ -189,9 +191,8 @@ def simulator(plant: Plant, hold: str = "zero_order") -> Engine:
     """Return the compiled equations of a plant; built once per set of equations, whatever the parameter values."""
     if plant.effects or hold != "zero_order" or not plant.states or plant.input_at_rest is not None:
         return effect_simulator(plant)
-    if plant.kind == "ode":
+    if plant.kind in _QUICKER_MOVING:
         engine = effect_simulator(plant)
-        # Its steps follow how fast the equations change where the plant is; those below only how fast at rest.
         if engine.equations is not None:
             return engine
     names = [parameter.name for parameter in plant.parameters]

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from firmloop.quantize.lower.builder import Builder, Constant, Operand, Term
+from firmloop.quantize.lower.curves import CURVES
 from firmloop.quantize.lower.places import (
     HIGH,
     WORD,
@@ -253,9 +254,11 @@ class FixedBuilder:
     # -- operations of the law ------------------------------------------------------------------------------------
 
     def binary(self, function: str, a: Operand, b: Operand, q: int) -> Operand:
-        """Mul of two values, min, max, lt, le, eq, ne of a law."""
+        """Mul of two values, div, min, max, lt, le, eq, ne of a law."""
         if function == "mul":
             return self._product(a, b, q)
+        if function == "div":
+            return self.unary(function, b, q)  # of 1 over a value: see reciprocals.py
         fraction = next(t.number.fraction for t in (a, b) if isinstance(t, Term))
         toward = {"min": _down, "max": _up}.get(function, near)  # a limit is rounded to its inner side
         (x, x_error), (y, y_error) = (_operand(operand, fraction, toward) for operand in (a, b))
@@ -263,10 +266,12 @@ class FixedBuilder:
         return self.ops.emit(function, (x, y), _number(fraction), error)
 
     def unary(self, function: str, a: Operand, q: int) -> Operand:
-        """abs, square, not of a law."""
+        """abs, square, not, sin, cos, sqrt of a law."""
         assert isinstance(a, Term)
         if function == "square":
             return self._product(a, a, q)
+        if function in CURVES:
+            return CURVES[function](self, a, q)
         return self.ops.emit(function, (a,), a.number, a.error)
 
     def truth(self, function: str, a: Operand, b: Operand) -> Operand:

@@ -22,6 +22,7 @@ import numpy as np
 from firmloop.quantize.lower.builder import Builder, Constant, Operand, Term
 from firmloop.quantize.program import Number, QuantizeError, Value
 from firmloop.quantize.twins.elementary import BEYOND_ONE, EXP_ERROR, SIN_ERROR, exponential_bound
+from firmloop.quantize.twins.root import ROOT_ERROR, SMALLEST
 
 LAW = {32: 2.0**-53, 64: 2.0**-64}  # rounding of the law's own evaluation, in float64 and in long double
 
@@ -132,6 +133,12 @@ class FloatBuilder:
         if function in ("sin", "cos", "tanh"):
             own = self._unit * (SIN_ERROR + (_size(a) if function != "tanh" else 0.0))
             return self.ops.emit(function, (a,), a.number, min(a.error + own, 2 * BEYOND_ONE))
+        if function == "sqrt":
+            # Near 0 the root is steeper than any line: what is e apart there is the root of e apart.
+            inside = a.low - a.error
+            brought = a.error / (2.0 * math.sqrt(inside)) if inside > a.error else math.sqrt(a.error)
+            own = self._unit * ROOT_ERROR * math.sqrt(a.high + a.error) + math.sqrt(SMALLEST["f4"])
+            return self.ops.emit(function, (a,), a.number, brought + own)
         if function == "exp":
             top = exponential_bound((a.low, a.high + a.error))[1]
             return self.ops.emit(function, (a,), a.number, top * (a.error + self._unit * (EXP_ERROR + _size(a))))

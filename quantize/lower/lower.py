@@ -12,6 +12,7 @@ from firmloop.quantize.formats.quadratic import table_of
 from firmloop.quantize.formats.rti import table_of as course_table
 from firmloop.quantize.lower.budget import budget_of
 from firmloop.quantize.lower.builder import Builder, Constant, Operand, Term
+from firmloop.quantize.lower.curves import rotated
 from firmloop.quantize.lower.first_sample import in_one_branch
 from firmloop.quantize.lower.fixed import FixedBuilder
 from firmloop.quantize.lower.floating import FloatBuilder
@@ -19,6 +20,7 @@ from firmloop.quantize.lower.graph import FLOATING_ONLY, Node, needed, with_own_
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
 from firmloop.quantize.lower.q_formats import Formats, choose_formats
+from firmloop.quantize.lower.reciprocals import with_reciprocals
 from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.sums import Sum, gather, is_linear
 from firmloop.quantize.lower.sweep_formats import Planned, fixed_sweeps, float_sweeps
@@ -74,7 +76,7 @@ def _bare(law: Law, arithmetic: str, rounds: str) -> Program:
                 "a number of the law is beyond all numbers; a range or a key of the controller is too small or too "
                 "large: correct it"
             )
-    found = replace(found, graph=with_own_constants(found.graph))
+    found = replace(found, graph=with_own_constants(with_reciprocals(found.graph)))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
     builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds])
@@ -207,12 +209,29 @@ class _Lowering:
             return Constant(node.value, grids.get(k))
         if node.function == "argument":
             return arguments[node.place[0]][node.place[1]]
+        turned = self._turned(k, nodes) if k in self.sums else None
+        if turned is not None:
+            return turned
         if k in self.sums:
             parts = [(weight, _term(nodes[a])) for a, weight in self.sums[k].terms.items()]
             return self.builder.total(parts, self.sums[k].constant, self.formats.nodes[k])
         if not computed or (self.sums and is_linear(self.graph, k)):
             return Constant(0.0)  # multiplied out, or nobody asks for it
         return self._node(node, [self._operand(nodes, a) for a in node.arguments], self.formats.nodes[k])
+
+    def _turned(self, k: int, nodes: list[Operand]) -> Operand | None:
+        """Return a sum of two values, each times a sine or cosine, as one sum of products; None where it is another."""
+        total, products = self.sums[k], []
+        for a, weight in total.terms.items():
+            node = self.graph.nodes[a]
+            wave = next((b for b in node.arguments if self.graph.nodes[b].function in ("sin", "cos")), None)
+            if node.function != "mul" or wave is None:
+                return None
+            other = next((b for b in node.arguments if b != wave), wave)
+            products.append((float(weight), _term(nodes[wave]), _term(self._operand(nodes, other))))
+        if len(products) != 2 or total.constant or isinstance(self.builder, FloatBuilder):
+            return None
+        return rotated(self.builder, products, self.formats.nodes[k])
 
     def _fed(self, k: int) -> str:
         """Name the outputs and state variables that a node is computed for, in this step or a later one."""

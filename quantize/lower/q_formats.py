@@ -241,6 +241,15 @@ def _product(a: Span, b: Span) -> Span:
     return min(corners), max(corners)
 
 
+def _reciprocal(b: Span) -> Span:
+    if b[0] <= 0.0:
+        raise QuantizeError(
+            f"it divides by a value from {b[0]:g} to {b[1]:g}, which has no fixed-point form: limit that to what is "
+            'above 0, or use arithmetic.number = "float32"'
+        )
+    return 1.0 / b[1], 1.0 / b[0]
+
+
 def _magnitude(a: Span) -> Span:
     return (0.0 if a[0] <= 0.0 <= a[1] else min(abs(a[0]), abs(a[1]))), max(abs(a[0]), abs(a[1]))
 
@@ -251,6 +260,10 @@ _RULES: Mapping[str, Callable[..., Span]] = {
     "min": lambda a, b: (min(a[0], b[0]), min(a[1], b[1])),
     "max": lambda a, b: (max(a[0], b[0]), max(a[1], b[1])),
     "abs": _magnitude,
+    "div": lambda one, b: _reciprocal(b),
+    "sin": lambda a: (-1.0, 1.0),
+    "cos": lambda a: (-1.0, 1.0),
+    "sqrt": lambda a: (math.sqrt(max(a[0], 0.0)), math.sqrt(max(a[1], 0.0))),
     "if": lambda c, a: (min(a[0], 0.0), max(a[1], 0.0)),
     "choose": lambda c, a, b: (min(a[0], b[0]), max(a[1], b[1])),
 }

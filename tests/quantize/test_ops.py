@@ -18,10 +18,12 @@ STYLES = {"fixed": Number("fixed", 32, 0), "float32": Number("float", 32, 0), "f
 KINDS = {"fixed": "i8", "float32": "f4", "float64": "f8"}
 SHIFTED = {"shr", "asr", "shl", "mul_shift", "mul_down"}
 WIDE = {"wide", "mac", "high", "high_down"}  # of 64-bit sums
+CURVED = {name for name, operation in OPERATIONS.items() if operation.support == "fl_curved_i32.h"}  # test_curved.py
 TRUTHS = {"and", "or", "not"}
 LOGIC_OK = {
     style: {name for name, operation in OPERATIONS.items() if style in operation.c}
     - WIDE
+    - CURVED
     - (SHIFTED if style != "fixed" else set())
     for style in STYLES
 }
@@ -48,7 +50,8 @@ def arity(name: str) -> int:
 @pytest.fixture(scope="module")
 def library() -> ctypes.CDLL:
     """One C function per operation and number type, over arrays; shifts are arrays too."""
-    text = ['#include "fl_fixed.h"', '#include "fl_float.h"']
+    headers = ("fl_fixed.h", "fl_float.h", *sorted({each.support for each in OPERATIONS.values()} - {""}))
+    text = [f'#include "{header}"' for header in headers]
     for style, number in STYLES.items():
         kind = c_type(number)
         for name in sorted(LOGIC_OK[style]):
@@ -69,11 +72,7 @@ def library() -> ctypes.CDLL:
             body = f"for (uint32_t i = 0; i < n; i++) {{ out[i] = {form.format(*values)}; }}"
             text.append(f"{head};\n{head}\n{{\n{body}\n}}")
     text.append(WIDE_SUM)
-    files = {
-        "ops.c": "\n".join(text) + "\n",
-        "fl_fixed.h": text_of("support/fl_fixed.h"),
-        "fl_float.h": text_of("support/fl_float.h"),
-    }
+    files = {"ops.c": "\n".join(text) + "\n", **{header: text_of(f"support/{header}") for header in headers}}
     flags = [f for f in FLAGS if f != "-Wsign-conversion"]  # shifts come from arrays here, not from literals
     return ctypes.CDLL(str(shared_library(files, ["ops.c"], flags)))
 

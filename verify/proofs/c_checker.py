@@ -35,7 +35,7 @@ def check_header(claims: Claims, text: str) -> int:
 
 def support_files(claims: Claims) -> tuple[str, ...]:
     """Return the names of the files that the .c file includes besides its own header."""
-    return (Writer(claims).support, *(str(table["support"]) for table in claims.tables))
+    return (*Writer(claims).supports, *(str(table["support"]) for table in claims.tables))
 
 
 def _compare(name: str, statements: Iterable[Statement], text: str) -> int:

@@ -84,7 +84,8 @@ def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
     sent = np.zeros(1, dtype=row)
     for parameter, default in zip(program.parameters, start_parameters(program), strict=True):
         sent[parameter.name] = default
-    first = program.outputs[0]
+    driving = program.outputs[: len(loop.plant.inputs)]
+    first = driving[0]
     link.reset()
     for k in range(steps):
         seen = model.read()
@@ -95,7 +96,8 @@ def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
             sent[value.name] = to_raw(value, seen[output : output + 1])
         answers[k] = np.frombuffer(link.step(sent.tobytes(), 1), kind)[0]
         try:
-            model.apply(to_physical(first, answers[f"out_{first.name}"][k : k + 1]))
+            drives = [to_physical(value, answers[f"out_{value.name}"][k : k + 1]) for value in driving]
+            model.apply(np.concatenate(drives))
         except IdentifyError:
             reference, measurement, answers = reference[: k + 1], measurement[: k + 1], answers[: k + 1]
             break

@@ -264,4 +264,32 @@ def _rules() -> Iterator[tuple[str, IntervalRule]]:
     yield "not", IntervalRule("t", lambda a: (1 - a[1], 1 - a[0]))
 
 
-RULES: dict[str, IntervalRule] = dict(_rules())
+def _curved_rules() -> Iterator[tuple[str, IntervalRule]]:
+    """Say what fl_curved_i32.h gives; its own intermediates fit for every argument that is allowed."""
+    one = (1 << 30) + 8  # of a sine in Q30, and what the polynomial may pass it by
+    yield "turn", IntervalRule("vvs", lambda a, factor, s: (LEAST, -LEAST - 1), counts=(1, 32))
+    yield "turn_sine", IntervalRule("v", lambda a: (-one, one))
+    yield "turn_cosine", IntervalRule("v", lambda a: (-one, one))
+    yield "whole_root", IntervalRule("vs", _root, counts=(1, 31))
+    yield "inverse", IntervalRule("vss", _inverse, counts=(0, 30))
+
+
+def _root(a: Interval, s: Interval) -> Interval:
+    if a[0] < 0 or s[0] % 2 == 0:
+        raise ProofError(f"a root of {a[0]} times 2^{s[0]}; it takes what is not below 0, and an odd power")
+    low, high = (math.isqrt(end << s[0]) for end in a)
+    return max(0, low - 2 - (low >> 25)), high + 2 + (high >> 25)
+
+
+def _inverse(x: Interval, k: Interval, j: Interval) -> Interval:
+    half = 1 << k[0] >> 1
+    least, most = (x[0] + half) >> k[0], (x[1] + half) >> k[0]
+    if not 8 <= least <= most < 1 << 17:
+        raise ProofError(f"a reciprocal of {x[0]} to {x[1]} over 2^{k[0]}, which is {least} to {most}, not 8 to 2^17")
+    # e^2 for the error e of the short division, which rounds its divisor and its result.
+    share = (0.5 / least * (k[0] > 0) + most / 2**31) ** 2 * (1 + 1 / least)
+    ends = [2.0 ** (31 + k[0] + j[0]) / end for end in (x[1], x[0])]
+    return math.floor(ends[0] * (1 - share)) - 4, math.ceil(ends[1] * (1 + share)) + 4
+
+
+RULES: dict[str, IntervalRule] = {**dict(_rules()), **dict(_curved_rules())}

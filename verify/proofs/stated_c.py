@@ -17,18 +17,33 @@ TRUTHS = ("and", "or", "not")
 WHOLE = ("move",)  # their literal arguments are whole in any arithmetic
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 COMPARED = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
-CALLS = {  # function: C name, and whether the last argument is a shift count
-    "mul_shift": ("fl_mul_shift_i32", True),
-    "wide": ("fl_wide_i64", False),
-    "mac": ("fl_mac_i64", False),
-    "high": ("fl_high_i32", True),
-    "mul_down": ("fl_mul_down_i32", True),
-    "high_down": ("fl_down_i32", True),
-    "asr": ("fl_asr_i32", True),
-    "shr": ("fl_shr_i32", True),
-    "shl": ("fl_shl_i32", True),
+CURVED = {
+    "turn": ("fl_turn_i32", 1),
+    "turn_sine": ("fl_turn_sine_i32", 0),
+    "turn_cosine": ("fl_turn_cosine_i32", 0),
+    "whole_root": ("fl_whole_root_i32", 1),
+    "inverse": ("fl_inverse_i32", 2),
 }
-TYPED = ("min", "max", "clamp", "abs", "outside", "beyond", "none", "unordered", "lost", "sin", "cos", "exp", "tanh")
+CALLS = {  # function: C name, and how many counts its arguments end with
+    "mul_shift": ("fl_mul_shift_i32", 1),
+    "wide": ("fl_wide_i64", 0),
+    "mac": ("fl_mac_i64", 0),
+    "high": ("fl_high_i32", 1),
+    "mul_down": ("fl_mul_down_i32", 1),
+    "high_down": ("fl_down_i32", 1),
+    "asr": ("fl_asr_i32", 1),
+    "shr": ("fl_shr_i32", 1),
+    "shl": ("fl_shl_i32", 1),
+    **CURVED,
+}
+TYPED = (
+    *("min", "max", "clamp", "abs", "outside", "beyond", "none", "unordered", "lost"),
+    *("sin", "cos", "exp", "tanh", "sqrt"),
+)
+FURTHER = {
+    "sqrt": "fl_root.h",
+    **dict.fromkeys(CURVED, "fl_curved_i32.h"),
+}  # headers of functions that few programs need
 PLANNED = {"solve": "fl_qp", "sweeps": "fl_sweeps", "tree": "fl_tree"}
 
 
@@ -46,7 +61,9 @@ class Writer:
         self.claims = claims
         self.end = "i32" if claims.fixed else f"f{claims.arithmetic[5:]}"
         self.real = "int32_t" if claims.fixed else ("float" if claims.arithmetic == "float32" else "double")
-        self.support = "fl_fixed.h" if claims.fixed else "fl_float.h"
+        operations = [*claims.operations, *(op for routine in claims.routines for op in routine.operations)]
+        own = sorted({FURTHER[op.function] for op in operations if op.function in FURTHER})
+        self.supports = ["fl_fixed.h" if claims.fixed else "fl_float.h", *own]
 
     def literal(self, value: int | float | None) -> str:
         """Return a constant of this arithmetic; None is no number."""
@@ -61,7 +78,7 @@ class Writer:
         """Give every statement of the .c file, in its order."""
         claims = self.claims
         name = claims.name
-        yield "the includes", f'#include "{name}.h"\n#include "{self.support}"\n'
+        yield "the includes", f'#include "{name}.h"\n' + "".join(f'#include "{support}"\n' for support in self.supports)
         for table in claims.tables:
             yield from self._table(table)
         for routine in claims.routines:
@@ -169,9 +186,9 @@ class Writer:
             if function in COMPARED:
                 return f"({a[0]} {COMPARED[function]} {a[1]}) ? 1 : 0"
             if function in CALLS:
-                call, shifts = CALLS[function]
-                last = f"{op.arguments[-1]}U" if shifts else a[-1]
-                return f"{call}({', '.join([*a[:-1], last])})"
+                call, counts = CALLS[function]
+                plain = len(a) - counts
+                return f"{call}({', '.join([*a[:plain], *(f'{count}U' for count in op.arguments[plain:])])})"
             if function in TYPED:
                 return self._called(function, a)
             if function in PLANNED:

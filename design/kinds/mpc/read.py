@@ -15,7 +15,7 @@ from firmloop.design.linear.reach import ON_CIRCLE
 from firmloop.design.models.model import Model, model_of, weights
 from firmloop.design.models.regulator import kalman, luenberger
 from firmloop.design.quadratic.condense import Constraints
-from firmloop.design.table import choice, each, limits, matrix, numbers, real
+from firmloop.design.table import choice, each, limits, matrix, numbers, real, truth
 
 Array = npt.NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def setup_of(request: Request) -> MpcSetup:
         others = _places(names, table["states"], "states")
     _check_apart(names, reference, known, others)
     observer = choice(table, "observer", "none", OBSERVERS)
-    disturbed = _flag(table, "offset_free")
+    disturbed = truth(table, "offset_free", False)
     if len(model.a) != model.order:
         raise DesignError(
             "controller.kind = 'mpc' takes a plant without a delay of its own; set it to 0 and give "
@@ -238,13 +238,6 @@ def whole(table: Mapping[str, object], key: str, default: int | None, low: int, 
         raise DesignError(
             f"controller.{key} = {value!r} is out of range; it must be a whole number from {low} to {high}"
         )
-    return value
-
-
-def _flag(table: Mapping[str, object], key: str) -> bool:
-    value = table.get(key, False)
-    if not isinstance(value, bool):
-        raise DesignError(f"controller.{key} = {value!r} is not a truth value; write true or false")
     return value
 
 

@@ -98,7 +98,8 @@ def design(request: Request) -> Design:
     else:
         law = write(request, says, pid, factors(pid), z, wires, ranges, {}, ahead)
     settings: dict[str, object] | None = {} if form_of(request.table).times else None
-    return Design(law, figures, tuned_by, settings, ahead.missed if ahead else {})
+    asked = ("tune", *rules()[tuned_by].keys) if tuned_by else ()
+    return Design(law, figures, tuned_by, settings, ahead.missed if ahead else {}, asked=asked)
 
 
 def find_wires(request: Request) -> Wires:

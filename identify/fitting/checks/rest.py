@@ -96,7 +96,7 @@ def _with_level(plant: Plant, unit: str) -> Plant:
     nominal = plant.parameters[: plant.rate.numel_in(2)]
     level = Parameter(OUTPUT, unit, 0.0, True, -math.inf, math.inf, None)
     (output,) = plant.outputs
-    bare = kinds()[plant.kind].build(plant.inputs[0], (output,), (*nominal, level))
+    bare = kinds()[plant.kind].build(plant.inputs, (output,), (*nominal, level))
     return with_effects(bare, _uses(plant)) if plant.effects else bare
 
 

@@ -33,37 +33,49 @@ def find_kind(name: str) -> PlantKind:
 
 
 def make_plant(
-    kind: str, input: str, outputs: Sequence[str], parameters: Mapping[str, Mapping[str, object] | float]
+    kind: str,
+    inputs: str | Sequence[str],
+    outputs: Sequence[str],
+    parameters: Mapping[str, Mapping[str, object] | float],
 ) -> Plant:
-    """Build the equations of `kind` between named signals.
+    """Build the equations of `kind` between named signals; one input may be given by its name alone.
 
     A parameter is `{value, free, low, high, ci95}` (only `value` is needed, `free` defaults to true; `ci95` is what
     an earlier fit wrote) or a bare number. One that is left out and that the kind can guess gets the value NaN:
     it has to be fitted before the plant can be simulated.
     """
     found = find_kind(kind)
-    if found.inputs and input not in found.inputs and (found.per_unit is None or found.per_unit not in parameters):
+    drives = (inputs,) if isinstance(inputs, str) else tuple(inputs)
+    scaled = len(drives) == 1 and found.per_unit is not None and found.per_unit in parameters
+    if found.inputs and drives not in found.inputs and not scaled:
         scale = f", or give {found.per_unit} in [plant.parameters]" if found.per_unit else ""
+        key, given = ("input", repr(drives[0])) if len(drives) == 1 else ("inputs", str(list(drives)))
         raise IdentifyError(
-            f"plant.input {input!r}: {kind} is driven by {' or '.join(found.inputs)}; "
-            f"map your column in [recordings.rename]{scale}"
+            f"plant.{key} {given}: {kind} is driven by {' or '.join(map(_together, found.inputs))}; "
+            f"map your {'column' if len(drives) == 1 else 'columns'} in [recordings.rename]{scale}"
         )
+    if not found.inputs and len(drives) != 1:
+        raise IdentifyError(f"plant.inputs {list(drives)}: {kind} has one input, of any name")
     _check_outputs(found, outputs)
     constants = found.constants
-    if found.per_unit is not None and input not in found.inputs:
-        unit = unit_of(input)
+    if found.per_unit is not None and drives not in found.inputs:
+        unit = unit_of(drives[0])
         constants = (
             *constants,
             PlantConstant(found.per_unit, f"per {unit}" if unit else "", -math.inf, math.inf, False, False),
         )
-    optional = found.optional(input, outputs)
+    optional = found.optional(drives, outputs)
     known = [constant.name for constant in (*constants, *optional)]
     for name in parameters:
         if name not in known:
             raise IdentifyError(f"plant.parameters.{name}: {kind} has no such parameter; it has {', '.join(known)}")
     constants = (*constants, *(constant for constant in optional if constant.name in parameters))
     made = tuple(read_parameter(kind, constant, parameters) for constant in constants)
-    return found.build(_signal(input), tuple(_signal(name) for name in outputs), made)
+    return found.build(tuple(map(_signal, drives)), tuple(map(_signal, outputs)), made)
+
+
+def _together(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"inputs = [{', '.join(names)}]"
 
 
 def _signal(name: str) -> Signal:
@@ -97,7 +109,9 @@ def read_parameter(kind: str, constant: PlantConstant, parameters: Mapping[str, 
             raise IdentifyError(f"{key}.{name} is unknown; a parameter has {', '.join(_ENTRY_KEYS)}")
     if "value" not in entry:
         raise IdentifyError(f"{key}.value is missing; write {constant.name} = {{ value = ..., free = true }}")
-    free = entry.get("free", True)
+    free = entry.get("free", not constant.counted)
+    if free is True and constant.counted:
+        raise IdentifyError(f"{key}.free is true, but {constant.name} is counted; set free = false, or leave it out")
     if not isinstance(free, bool):
         raise IdentifyError(f"{key}.free is {free!r}; it is true (the fit may change it) or false")
     low = max(_number(f"{key}.low", entry.get("low", constant.low)), constant.low)
@@ -105,6 +119,8 @@ def read_parameter(kind: str, constant: PlantConstant, parameters: Mapping[str, 
     value = _number(f"{key}.value", entry["value"])
     if not low <= value <= high or math.isinf(value):
         raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must lie within {low:g} and {high:g}")
+    if constant.counted and not value.is_integer():
+        raise IdentifyError(f"{key}.value is {value:g}; it must be a whole number")
     if constant.open_low and value <= constant.low:
         raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must be above {constant.low:g}")
     deviation = deviation_of(key, entry.get("ci95"))

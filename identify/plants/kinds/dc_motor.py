@@ -22,7 +22,7 @@ _SPEED = Signal("speed_rad_s", "rad/s", -math.inf, math.inf)
 _POSITION = Signal("position_rad", "rad", -math.inf, math.inf)
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equations with as few states as the outputs need.
 
     L = 0 is the motor whose current follows its voltage at once, i = (u - ke w) / R: then the current is no state.
@@ -56,7 +56,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     return Plant(
         kind=KIND.name,
         states=states,
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, voltage, constants, ca.vertcat(*(rates[s.name] for s in states))),
@@ -97,10 +97,10 @@ KIND = PlantKind(
         PlantConstant("J_kg_m2", "kg*m^2", 0.0, math.inf, open_low=True, guessable=False),
         PlantConstant("b_N_m_s_rad", "N*m*s/rad", 0.0, math.inf, open_low=False, guessable=False),
     ),
-    inputs=("voltage_V",),
+    inputs=(("voltage_V",),),
     outputs=("speed_rad_s", "position_rad", "current_A"),
     build=build,
     shapes=shapes,
     scale=None,
-    optional=lambda input, outputs: (PlantConstant(GEAR, "", 0.0, math.inf, open_low=True, guessable=False),),
+    optional=lambda inputs, outputs: (PlantConstant(GEAR, "", 0.0, math.inf, open_low=True, guessable=False),),
 )

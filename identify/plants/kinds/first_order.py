@@ -14,7 +14,7 @@ from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equations; `gain` is in output units per input unit.
 
     A speed that lags is a torque balance, T dx/dt = gain u - x - (friction, drag, load), all in output units.
@@ -28,7 +28,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     return Plant(
         kind=KIND.name,
         states=(deviating(outputs[0], levels),),
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, command, constants, (drives - state) / lag),

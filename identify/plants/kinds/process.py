@@ -20,7 +20,7 @@ from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the lags one behind the other, in the output's unit: T1 x1' = K u - x1, T2 x2' = x1 - x2.
 
     The output is then x2 + Tz x2' = (Tz/T2) x1 + (1 - Tz/T2) x2, and with one lag x1 + Tz x1'.
@@ -49,7 +49,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     return Plant(
         kind=KIND.name,
         states=tuple(Signal(name, output.unit, -math.inf, math.inf) for name in names),
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, command, constants, ca.vertcat(*rates)),

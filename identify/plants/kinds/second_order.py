@@ -17,7 +17,7 @@ from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equations as two states, the output and its slope; `gain` is in output units per input unit.
 
     A position that lags is a torque balance, x'' / wn^2 = gain u - x - 2 zeta x' / wn - (friction, springs, load), all
@@ -36,7 +36,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     return Plant(
         kind=KIND.name,
         states=(deviating(output, levels), Signal(f"{output.name}_slope", unit, -math.inf, math.inf)),
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, command, constants, ca.vertcat(slope, bend)),

@@ -55,9 +55,9 @@ _SPEED = 5
 _PHASE = Signal("phase_rad", "rad", -math.inf, math.inf)
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equations; a state for the phase only where the input is an rms value."""
-    sine = drive.name == "voltage_rms_V"
+    sine = inputs[0].name == "voltage_rms_V"
     frequency = next(parameter for parameter in parameters if parameter.name == "frequency_Hz")
     if not sine and frequency.free:
         raise IdentifyError(
@@ -77,7 +77,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     return Plant(
         kind=KIND.name,
         states=states,
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
@@ -207,7 +207,7 @@ KIND = PlantKind(
         _positive("heating_time_s", "s"),
         _positive("frequency_Hz", "Hz"),
     ),
-    inputs=("voltage_rms_V", "voltage_V"),
+    inputs=(("voltage_rms_V",), ("voltage_V",)),
     outputs=(
         "speed_rad_s",
         "main_current_A",

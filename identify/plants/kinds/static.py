@@ -12,14 +12,14 @@ from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equation; there is no state."""
     state, command, constants = ca.SX.sym("x", 0), ca.SX.sym("u"), ca.SX.sym("p", len(parameters))
     gain, offset = ca.vertsplit(constants)
     return Plant(
         kind=KIND.name,
         states=(),
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", state, command, constants, ca.SX(0, 1)),

@@ -36,7 +36,7 @@ _STATES = (
 HELD = 20.0  # 1/s; by which the oscillator returns to its circle
 
 
-def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
+def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: tuple[Parameter, ...]) -> Plant:
     """Write the equations."""
     states = tuple(Signal(name, unit, -math.inf, math.inf) for name, unit in _STATES)
     x, u, p, z = ca.SX.sym("x", len(states)), ca.SX.sym("u"), ca.SX.sym("p", len(parameters)), ca.SX.sym("z", 1)
@@ -47,7 +47,7 @@ def build(drive: Signal, outputs: tuple[Signal, ...], parameters: tuple[Paramete
     return Plant(
         kind=KIND.name,
         states=states,
-        inputs=(drive,),
+        inputs=inputs,
         outputs=outputs,
         parameters=parameters,
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
@@ -127,7 +127,7 @@ KIND = PlantKind(
             ("frequency_Hz", "Hz"),
         )
     ),
-    inputs=("voltage_rms_V",),
+    inputs=(("voltage_rms_V",),),
     outputs=("speed_rad_s", "phase_current_A", "torque_N_m"),
     build=build,
     shapes=shapes,

@@ -30,15 +30,17 @@ def test_every_kind_builds_and_names_its_parameters() -> None:
     assert set(kinds()) >= {"first_order", "second_order", "dc_motor"}
     for kind in kinds().values():
         outputs = kind.outputs or ("level_V",)
-        values = {constant.name: 0.5 for constant in kind.constants}
-        plant = make_plant(kind.name, (kind.inputs or ("anything",))[0], outputs, values)
+        values = {constant.name: 2.0 if constant.counted else 0.5 for constant in kind.constants}
+        plant = make_plant(kind.name, (kind.inputs or (("anything",),))[0], outputs, values)
+        assert [signal.name for signal in plant.inputs] == list((kind.inputs or (("anything",),))[0])
         assert [p.name for p in plant.parameters] == [constant.name for constant in kind.constants]
         assert [p.unit for p in plant.parameters] == [
             unit_of(constant.name) if constant.unit else "" for constant in kind.constants
         ]
         assert plant.rate.numel_out(0) == len(plant.states)
         assert plant.reading.numel_out(0) == len(plant.outputs)
-        assert all(p.free and p.deviation is None for p in plant.parameters)
+        assert [p.free for p in plant.parameters] == [not constant.counted for constant in kind.constants]
+        assert all(p.deviation is None for p in plant.parameters)
 
 
 def test_parameters_carry_value_freedom_and_interval() -> None:
