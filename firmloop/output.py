@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -137,3 +137,30 @@ def save_over(files: Mapping[str, str], folder: Path, stale: Sequence[str]) -> N
     """Write files by their name into `folder`, all or none; what matches `stale` and is not among them goes."""
     with results_folder(folder, stale) as partial:
         write_files(files, partial)
+
+
+@contextmanager
+def new_file(file: Path) -> Iterator[Callable[[str], None]]:
+    """Give a function that writes the text of `file`, which must not be there yet; nothing is left after an error.
+
+    Raises
+    ------
+    ProjectError
+        when something of that name is there, or it cannot be written.
+    """
+    taken = f"--out {file}: is there already and is not overwritten; name another file: --out FILE.toml"
+    if file.exists() or file.is_symlink():
+        raise ProjectError(taken)
+
+    def write(text: str) -> None:
+        place = Path(os.path.abspath(file))
+        with _beside(place, file):
+            try:
+                stream = place.open("x", encoding="utf-8", newline="\n")  # unlike a rename, it replaces nothing
+            except FileExistsError:
+                raise ProjectError(taken) from None
+            with stream:
+                stream.write(text)
+            _settle(place)
+
+    yield write
