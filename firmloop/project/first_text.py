@@ -10,6 +10,7 @@ from pathlib import Path
 
 from firmloop.identify.recordings.columns import Column, RowClock, rename_line
 from firmloop.identify.signal import Signal
+from firmloop.project.schema import schema_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +51,9 @@ def first_text(first: FirstProject, folder: Path) -> str:
     """Return the project as it may stand in `folder`."""
     return "\n".join(
         [
+            f"#:schema {schema_file().as_uri()}",
             f"# Guessed by: firmloop init {' '.join(path.name for path in (*first.train, *first.test))}",
-            "# Check the lines with a comment.",
+            "# Check the lines with a comment. What a key means: firmloop explain KEY",
             "schema = 1",
             f"name = {json.dumps(first.name)}  # of the C functions: {first.name}_init, {first.name}_step",
             "",
@@ -94,7 +96,7 @@ def _recordings(first: FirstProject, folder: Path) -> Iterator[str]:
 
 def _plant(first: FirstProject) -> Iterator[str]:
     yield "[plant]"
-    yield f"kind = {json.dumps(first.kind)}  # guessed by the columns"
+    yield f"kind = {json.dumps(first.kind)}  # guessed by the columns; firmloop explain {first.kind}"
     yield f"input = {json.dumps(first.input)}"
     outputs = ", ".join(map(json.dumps, first.outputs))
     yield f"outputs = [{outputs}]" + ("  # the first is controlled" if len(first.outputs) > 1 else "")

@@ -136,7 +136,7 @@ def _loop(recordings: Sequence[Recording], drive: str, output: str) -> tuple[Sig
     return (
         Signal("reference", unit_of(output), low, high),
         Signal("measurement", unit_of(output), low, high),
-        Signal("output", unit_of(drive), float(f"{sent[0]:.3g}"), float(f"{sent[1]:.3g}")),
+        Signal("output", unit_of(drive), min(float(f"{sent[0]:.3g}"), 0.0), max(float(f"{sent[1]:.3g}"), 0.0)),
     )
 
 
