@@ -50,16 +50,17 @@ def with_included(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:
-    """Return manifest.json: what was generated and how its structs are laid out."""
+    """Return manifest.json: what was generated, below the folder that it lies in, and how the structs are laid out."""
+    folder = f"{program.name}/src"
     return {
         "schema": 1,
         "name": program.name,
         "program_id": program.id,
         "period_s": program.period,
         "arithmetic": program.arithmetic,
-        "sources": list(bundle.sources),
-        "headers": list(bundle.headers),
-        "include_dirs": ["."],
+        "sources": [f"{folder}/{name}" for name in bundle.sources],
+        "headers": [f"{folder}/{name}" for name in bundle.headers],
+        "include_dirs": [folder],
         "inputs": [_entry(v) for v in program.inputs],
         "outputs": [_entry(v) for v in program.outputs],
         "state": [_entry(v) for v in program.state],
