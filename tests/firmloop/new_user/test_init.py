@@ -115,6 +115,39 @@ def test_two_commands_lead_from_a_file_to_verified_c(
         assert fitted[parameter]["value"] == pytest.approx(value, rel=0.05), fitted
 
 
+def write_mdf(path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed (pip install 'firmloop[mdf4]')")
+    with asammdf.MDF(version="4.10") as file:
+        for name, unit, values in (("Motor Voltage", "V", DRIVE), ("n_Motor Speed", "rpm", SPEED * 30 / np.pi)):
+            file.append(asammdf.Signal(samples=values, timestamps=TIME, name=name, unit=unit))
+        file.save(path)
+
+
+def write_tdms(path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed (pip install 'firmloop[tdms]')")
+    columns = {"Motor Voltage": ("V", DRIVE), "Speed": ("rpm", SPEED * 30 / np.pi)}
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("bench", name, values, {"wf_increment": STEP, "unit_string": unit})
+                for name, (unit, values) in columns.items()
+            ]
+        )
+
+
+@pytest.mark.parametrize(("name", "write"), [("r.mf4", write_mdf), ("r.tdms", write_tdms)])
+def test_two_commands_lead_from_an_instruments_file_to_verified_c(
+    name: str, write: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / name)
+    assert main(["init", name]) == 0
+    assert main(["run", "r.toml", "--out", "out", "--steps", "500"]) == 0
+    fitted = tomllib.loads((tmp_path / "out" / "project.toml").read_text())["plant"]
+    assert fitted["outputs"] == ["speed_rad_s"]
+    assert fitted["parameters"]["gain"]["value"] == pytest.approx(46.1, rel=0.05)
+
+
 def test_the_last_of_several_files_is_only_scored(bench: Callable[[str, str], Path]) -> None:
     content = FILES["an export of a scope"][1]
     for name in ("a.csv", "b.csv", "c.csv"):
