@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ _ANSWERS = frozenset(
     "y output out sensor tacho measured meas measurement response level speed omega rpm position pos angle theta "
     "temperature temp pressure flow".split()
 )
+_GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enable limit max min".split())
 _SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
 _MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
 
@@ -52,8 +53,8 @@ class Guessed:
     """What one column of a file seems to be.
 
     `unit` is what the file says of it, empty where it says nothing; `known` whether `name` is one that firmloop gives a
-    quantity; `reference` a value that was asked for; `drives` how much the name sounds like an input, less than 0 like
-    a reading.
+    quantity; `reference` a value that was asked for; `drives` and `reads` how much the name sounds like what
+    moves the plant and like what is read from it: a supply is neither.
     """
 
     foreign: str
@@ -62,6 +63,13 @@ class Guessed:
     known: bool
     reference: bool
     drives: int
+    reads: int
+    quantity: str = ""  # what firmloop calls its quantity, which another column may be called too
+
+    def alone(self, among: Sequence[Guessed]) -> Guessed:
+        """Return it under the name of its quantity, where no other column has that name."""
+        taken = any(each.name == self.quantity for each in among if each.foreign != self.foreign)
+        return self if taken or not self.quantity else replace(self, name=self.quantity)
 
     @property
     def column(self) -> Column:
@@ -79,7 +87,7 @@ def guess_time(table: RawTable) -> Guessed | None:
         if not (says or TIMES.fullmatch(name)) or (unit and not says) or not _runs(values):
             continue
         sure = 3 if name == "time_s" else 2 if says and TIMES.fullmatch(name) else 1
-        found.append((sure, Guessed(name, "time_s", unit or _tick(values), True, False, 0)))
+        found.append((sure, Guessed(name, "time_s", unit or _tick(values), True, False, 0, 0)))
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
@@ -99,8 +107,10 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         apart = own not in ("", wish) and (not wish or _same(unit_of(own), unit_of(wish)))
         plain = not wish or (len(twins) > 1 and apart)
         name = (own or _slug(foreign, unit)) if plain else wish
-        drives = len(words & _DRIVES) - len(words & _ANSWERS)
-        made.append(Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), drives))
+        leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
+        made.append(
+            Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), leaning - aside, -leaning - aside, wish)
+        )
     return tuple(made)
 
 

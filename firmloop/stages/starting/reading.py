@@ -63,8 +63,9 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
         raise IdentifyError(
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
         )
-    drive = max(moving, key=lambda each: (each.drives, _held(first, each.foreign)))
-    outputs = _outputs(drive, tuple(each for each in moving if each is not drive))
+    pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
+    drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
+    outputs = _outputs(drive, others)
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
     rename, clock = rename_of(used), None if period is None else RowClock(period)
@@ -97,7 +98,7 @@ def _outputs(drive: Guessed, others: tuple[Guessed, ...]) -> tuple[Guessed, ...]
     if moved and drive.name == "voltage_V":
         return (moved, *((by_name["current_A"],) if "current_A" in by_name else ()))
     placed = next((by_name[name] for name in ("position_m", "position_rad") if name in by_name), None)
-    return (placed or max(others, key=lambda each: (-each.drives, each.known)),)
+    return (placed or max(others, key=lambda each: (each.reads, each.known)).alone(others),)
 
 
 def _aside(each: Guessed, still: bool) -> str:

@@ -192,6 +192,15 @@ def test_what_was_asked_for_is_taken(bench: Callable[[str, str], Path]) -> None:
     assert made["recordings"]["rename"]["speed_rpm"] == {"name": "speed_rad_s", "unit": "rpm"}
 
 
+def test_a_supply_and_a_reference_are_no_ends_of_the_plant(bench: Callable[[str, str], Path]) -> None:
+    supply, reference = 12 - 0.1 * np.abs(DRIVE), np.roll(SPEED, -5)
+    header = "time_s,supply_V,speed_ref_rad_s,speed_rad_s,motor_cmd_V,voltage_ff_V"
+    file = bench("a.csv", text(header, TIME, supply, reference, SPEED, DRIVE, supply))
+    assert main(["init", "a.csv"]) == 0
+    plant = tomllib.loads(file.with_suffix(".toml").read_text())["plant"]
+    assert (plant["input"], plant["outputs"]) == ("motor_cmd_V", ["speed_rad_s"])
+
+
 def test_a_project_that_is_there_stays_as_it_is(
     bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
