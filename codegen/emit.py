@@ -25,7 +25,7 @@ def emit(program: Program, command: str) -> Bundle:
         when a name cannot be a C identifier.
     """
     _check_names(program)
-    view = program_view(program, _version(), command)
+    view = program_view(program, tool_version(), command)
     supports = with_included((str(view["support"]), *(table.support for table in program.tables)))
     files = {
         f"{program.name}.h": render("controller.h.j2", view),
@@ -102,7 +102,8 @@ def _check_names(program: Program) -> None:
                 raise CodegenError(f"{kind} {name!r} appears twice: every signal needs its own name")
 
 
-def _version() -> str:
+def tool_version() -> str:
+    """Return which firmloop this is."""
     try:
         return version("firmloop")
     except PackageNotFoundError:  # run from the tree without an installation

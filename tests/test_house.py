@@ -69,7 +69,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("bundle", "toolchain"),
         ("environment", "names", "toml_table", "view"),
         ("delivery", "emit", "host", "target"),
-        ("firmware", "packages"),
+        ("firmware", "fmu", "packages"),
     ),
     "firmloop": (
         ("console", "project"),
