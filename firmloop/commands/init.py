@@ -35,6 +35,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     files = tuple(dict.fromkeys(arguments.recordings))
     stem = files[0].name.split(".")[0]
     out = arguments.out or files[0].with_name(f"{stem}.toml")
+    for path in (*files, out):
+        if not str(path).isprintable():
+            raise ProjectError(f"{str(path)!a}: a project cannot name this file; give it a name of plain signs")
     if out.suffix != ".toml":
         raise ProjectError(f"--out {out}: a project is a file that ends in .toml")
     with new_file(out) as write:

@@ -52,7 +52,7 @@ def first_text(first: FirstProject, folder: Path) -> str:
     return "\n".join(
         [
             f"#:schema {schema_file().as_uri()}",
-            f"# Guessed by: firmloop init {' '.join(path.name for path in (*first.train, *first.test))}",
+            f"# Guessed by: firmloop init {' '.join(_shown(path.name) for path in (*first.train, *first.test))}",
             "# Check the lines with a comment. What a key means: firmloop explain KEY",
             "schema = 1",
             f"name = {json.dumps(first.name)}  # of the C functions: {first.name}_init, {first.name}_step",
@@ -87,7 +87,7 @@ def _recordings(first: FirstProject, folder: Path) -> Iterator[str]:
         yield f"period_s = {first.clock.period!r}  # between two rows, in place of the file's own stamps"
         yield f"start_s = {first.clock.start!r}"
     for aside in first.asides:
-        yield f"# {aside}"
+        yield f"# {_shown(aside)}"
     if first.rename:
         yield "[recordings.rename]  # the file's column = the name firmloop knows"
     for foreign, column in first.rename.items():
@@ -135,6 +135,11 @@ def _line(foreign: str, column: Column) -> str:
         if value != usual
     ]
     return ", ".join([line.removesuffix(" }"), *more]) + " }"
+
+
+def _shown(text: str) -> str:
+    """Return what a comment may hold: a name from a file must not end its line."""
+    return text if text.isprintable() else json.dumps(text)
 
 
 def _paths(paths: Sequence[Path], folder: Path) -> str:

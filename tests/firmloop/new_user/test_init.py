@@ -201,6 +201,26 @@ def test_a_supply_and_a_reference_are_no_ends_of_the_plant(bench: Callable[[str,
     assert (plant["input"], plant["outputs"]) == ("motor_cmd_V", ["speed_rad_s"])
 
 
+def test_names_of_a_file_stay_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    odd = {"u\n[plant]\nkind = 'x'": DRIVE, 'omega "1"': SPEED, "\nname = 'evil'": CURRENT, "t": TIME}
+    np.savez(tmp_path / "a.npz", **odd)
+    assert main(["init", "a.npz"]) == 0
+    made = tomllib.loads((tmp_path / "a.toml").read_text())
+    assert made["name"] == "a" and made["plant"]["outputs"] == ["speed_rad_s"]
+    assert set(made["recordings"]["rename"]) <= set(odd)
+
+
+@pytest.mark.parametrize("name", ["a\nb.csv", "a\udce9.csv", "a\x1b[2J.csv"])
+def test_a_file_that_no_project_can_name_is_refused(
+    name: str, bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench(name, FILES["an export of a scope"][1])
+    assert main(["init", name]) == 2
+    said = capsys.readouterr().err
+    assert "a project cannot name this file" in said and len(said.splitlines()) == 1
+
+
 def test_a_project_that_is_there_stays_as_it_is(
     bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
