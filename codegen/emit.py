@@ -25,7 +25,7 @@ def emit(program: Program, command: str) -> Bundle:
         when a name cannot be a C identifier.
     """
     _check_names(program)
-    view = program_view(program, _version(), command)
+    view = program_view(program, tool_version(), command)
     supports = with_included((*supports_of(program), *(table.support for table in program.tables)))
     files = {
         f"{program.name}.h": render("controller.h.j2", view),
@@ -50,16 +50,17 @@ def with_included(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def manifest(program: Program, bundle: Bundle) -> Mapping[str, object]:
-    """Return manifest.json: what was generated and how its structs are laid out."""
+    """Return manifest.json: what was generated, below the folder that it lies in, and how the structs are laid out."""
+    folder = f"{program.name}/src"
     return {
         "schema": 1,
         "name": program.name,
         "program_id": program.id,
         "period_s": program.period,
         "arithmetic": program.arithmetic,
-        "sources": list(bundle.sources),
-        "headers": list(bundle.headers),
-        "include_dirs": ["."],
+        "sources": [f"{folder}/{name}" for name in bundle.sources],
+        "headers": [f"{folder}/{name}" for name in bundle.headers],
+        "include_dirs": [folder],
         "inputs": [_entry(v) for v in program.inputs],
         "outputs": [_entry(v) for v in program.outputs],
         "state": [_entry(v) for v in program.state],
@@ -101,7 +102,8 @@ def _check_names(program: Program) -> None:
                 raise CodegenError(f"{kind} {name!r} appears twice: every signal needs its own name")
 
 
-def _version() -> str:
+def tool_version() -> str:
+    """Return which firmloop this is."""
     try:
         return version("firmloop")
     except PackageNotFoundError:  # run from the tree without an installation

@@ -166,17 +166,23 @@ def controllers_page() -> str:
 def _controller(name: str, kind: Kind) -> str:
     module = importlib.import_module(kind.design.__module__)
     shown = kind.example
-
-    def read() -> object:
-        table = {**shown.table, NO_KEY: 1}
-        return design(name, shown.name, table, shown.period, shown.inputs, shown.outputs, shown.plant)
-
-    keys = _names(known_keys(read))
+    keys = _names(kind_keys(name, kind))
     bits = ", ".join(f"`{flag.name}` ({flag.says})" for flag in kind.design(shown).law.flags)
     return (
         f"## {name}\n\n{prose(module.__doc__)}\n\nKeys: {keys}.\n\nStatus bits of `step`: {bits or 'none'}.\n\n"
         f"Example:\n\n{_toml(_example(name, shown))}"
     )
+
+
+def kind_keys(name: str, kind: Kind) -> tuple[str, ...]:
+    """Return the keys of [controller] that only this kind has."""
+    shown = kind.example
+
+    def read() -> object:
+        table = {**shown.table, NO_KEY: 1}
+        return design(name, shown.name, table, shown.period, shown.inputs, shown.outputs, shown.plant)
+
+    return known_keys(read)
 
 
 def _example(name: str, shown: Request) -> str:

@@ -11,16 +11,19 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from firmloop.design.tuning import rules
 from firmloop.identify.bench_tests.excitations import excitation, excitations
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import conditioning_from_table
-from firmloop.project.project import read_project
+from firmloop.project.project import Project, read_project
 from firmloop.stages.bench.black_box import black_box
 from firmloop.stages.progress import quietly
+from firmloop.stages.tuning import compare
 
 NO_KEY = "qqqqqqqqqq"  # near no key there is, so that the complaint lists them all
 LISTS = ("known here: ", "known keys: ", "known: ", " has ")
 HEAD = 'schema = 1\nname = "x"\n'
+LOOP = '[controller]\nkind = "pid"\nperiod_s = 0.01\n'
 ENTRY = {
     "value": "in the unit that ends the name",
     "free": "`true`: `identify` and `diagnose` may change it (default)",
@@ -115,6 +118,13 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
         "rounding": '`"nearest"` (default) or `"floor"`, with `fixed`',
     },
     "[target]": {"names": "names from [targets](targets.md), or paths of target files"},
+    "[tuning]": {
+        "rules": "which to compare (default: all)",
+        **{
+            name: f"table: {', '.join(f'`{key}`' for key in rule.keys) or 'it has no keys'}"
+            for name, rule in rules().items()
+        },
+    },
     "[model]": {
         "structure": '`"arx"`, `"oe"` (default) or `"n4sid"`',
         "order": "1 to 12 (default 2)",
@@ -147,8 +157,9 @@ number * scale + offset is a value in `unit`.
 
 Text files may have commas, semicolons or tabs between columns, decimal commas, a line of units, lines before the
 header, a delimiter at every line's end, a byte order mark, or UTF-16. Exports of Tektronix, Rigol, Siglent and Saleae
-and LabVIEW's `.lvm` are read too. What is not plain is told in a note; a file that can be read in two ways is
-refused.""",
+and LabVIEW's `.lvm` are read too. With an extra of the installation: `hdf5` for `.h5` and MATLAB 7.3, `tdms`, `mdf4`
+(`.mf4`), `ulog` (`.ulg`), `parquet`. Of a file with several groups, the one that holds vectors is read. What is not
+plain is told in a note; a file that can be read in two ways is refused.""",
     "[[plant.effects]] PARAMETER = { ... }": """An entry has `name`, the parameters of that
 [effect](effects.md), and where there is a choice the place it acts at: `output` for sensor effects (which reading;
 default: the first), `at` for others (the state of a balance, such as `at = "w2_rad_s"`; a plant with one body needs
@@ -176,7 +187,7 @@ def project_page() -> str:
         "that names the nearest known one. The keys of `[controller]` belong to its kind: see "
         "[controllers](controllers.md).",
     ]
-    found = _known_keys()
+    found = keys_by_table()
     assert set(found) == set(SENTENCES), "docs/project_page.py: each table is asked for its keys and has its sentences"
     for title, keys in found.items():
         says = SENTENCES[title]
@@ -204,7 +215,8 @@ def known_keys(read: Callable[[], object]) -> tuple[str, ...]:
     raise AssertionError(f"a key {NO_KEY!r} was accepted")
 
 
-def _known_keys() -> Mapping[str, tuple[str, ...]]:
+def keys_by_table() -> Mapping[str, tuple[str, ...]]:
+    """Return the keys of each table of a project, as the complaints about a key that does not exist list them."""
     motor = {
         "kind": "dc_motor",
         "input": "voltage_V",
@@ -231,6 +243,7 @@ def _known_keys() -> Mapping[str, tuple[str, ...]]:
         "[signals] NAME = { ... }": lambda: _read(f"[signals]\nreference = {{ {NO_KEY} = 1 }}\n"),
         "[arithmetic]": lambda: _read(f"[arithmetic]\n{spare}"),
         "[target]": lambda: _read(f"[target]\n{spare}"),
+        "[tuning]": lambda: compare(_read(f"{LOOP}[tuning]\n{spare}"), plant_from_table(motor), ()),
         "[model]": _model,
         "[experiment]": lambda: excitation({"signal": _plainest_signal(), NO_KEY: 1}),
     }
@@ -243,7 +256,7 @@ def _plainest_signal() -> str:
     return min(excitations(), key=lambda name: (len(excitations()[name].keys), name))
 
 
-def _read(text: str) -> object:
+def _read(text: str) -> Project:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "project.toml"
         file.write_text(HEAD + text)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from firmloop.identify.simulation.scratch import Scratch, make_scratch, sweep
 from firmloop.project.table import ProjectError
 
 VERDICTS = ("verdict.json", "verdict_*.json", "search_*.svg", "cost.json")  # of an older run, none may stay
+_NO_DATE = (1980, 1, 1, 0, 0, 0)  # the first that the format knows
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # writing fails with these without saying where
 
 
@@ -39,16 +41,16 @@ def results_folder(folder: Path, stale: Sequence[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def results_file(file: Path) -> Iterator[Path]:
+def results_file(file: Path, endings: tuple[str, ...] = (".csv", ".csv.gz")) -> Iterator[Path]:
     """Give a temporary path for `file`, which takes its place if nothing is raised.
 
     Raises
     ------
     ProjectError
-        when `file` is a folder, does not end in .csv or .csv.gz, or cannot be written.
+        when `file` is a folder, does not end as it has to, or cannot be written.
     """
-    if not file.name.endswith((".csv", ".csv.gz")):
-        raise ProjectError(f"--out {file}: must be a file that ends in .csv or .csv.gz")
+    if not file.name.endswith(endings):
+        raise ProjectError(f"--out {file}: must be a file that ends in {' or '.join(endings)}")
     if file.is_dir():
         raise ProjectError(f"--out {file}: is a folder; name a file")
     place = Path(os.path.abspath(file))
@@ -137,3 +139,43 @@ def save_over(files: Mapping[str, str], folder: Path, stale: Sequence[str]) -> N
     """Write files by their name into `folder`, all or none; what matches `stale` and is not among them goes."""
     with results_folder(folder, stale) as partial:
         write_files(files, partial)
+
+
+@contextmanager
+def new_file(file: Path) -> Iterator[Callable[[str], None]]:
+    """Give a function that writes the text of `file`, which must not be there yet; nothing is left after an error.
+
+    Raises
+    ------
+    ProjectError
+        when something of that name is there, or it cannot be written.
+    """
+    taken = f"--out {file}: is there already and is not overwritten; name another file: --out FILE.toml"
+    if file.exists() or file.is_symlink():
+        raise ProjectError(taken)
+
+    def write(text: str) -> None:
+        place = Path(os.path.abspath(file))
+        with _beside(place, file):
+            try:
+                stream = place.open("x", encoding="utf-8", newline="\n")  # unlike a rename, it replaces nothing
+            except FileExistsError:
+                raise ProjectError(taken) from None
+            with stream:
+                stream.write(text)
+            _settle(place)
+
+    yield write
+
+
+def save_archive(files: Mapping[str, str], file: Path, endings: tuple[str, ...]) -> None:
+    """Write files into one archive; the same files give the same bytes.
+
+    Raises
+    ------
+    ProjectError
+        as `results_file` does.
+    """
+    with results_file(file, endings) as place, zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in files.items():
+            archive.writestr(zipfile.ZipInfo(name, _NO_DATE), text, zipfile.ZIP_DEFLATED)

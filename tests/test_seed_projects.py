@@ -36,7 +36,7 @@ def shown(folder: str, name: str) -> list[float]:
 def ran(project: str, out: Path, *more: str) -> dict[str, object]:
     name = project.partition("/")[2]
     assert main(["run", str(EXAMPLES / f"{project}.toml"), "--out", str(out), "--steps", "2000", *more]) == 0
-    assert (out / f"{name}.c").is_file() and (out / "report.html").is_file()
+    assert (out / name / "src" / f"{name}.c").is_file() and (out / "report.html").is_file()
     verdict = json.loads((out / "verdict.json").read_text())
     assert verdict["verdict"] == "agrees" and verdict["differences"] == 0
     return dict(tomllib.loads((out / "project.toml").read_text()))

@@ -20,10 +20,10 @@ def formats() -> Mapping[str, Files]:
 
 
 def package(delivery: Delivery) -> Mapping[str, str]:
-    """Return the files of every format."""
-    found: dict[str, str] = {}
+    """Return the folder to copy: the C below src/, and the files of every format."""
+    found = {f"src/{name}": text for name, text in delivery.bundle.files.items()}
     for name, files in formats().items():
         made = files(delivery)
         assert not made.keys() & found.keys(), f"{name} prints a file that another format prints"
         found.update(made)
-    return found
+    return {f"{delivery.program.name}/{name}": text for name, text in found.items()}

@@ -10,7 +10,7 @@ from firmloop.quantize.program import Value
 
 
 def golden_vectors(delivery: Delivery) -> Mapping[str, str]:
-    """Return `vectors.csv`: one row a step, integers in fixed point, hexadecimal floats in floating point.
+    """Return `test/vectors.csv`: one row a step, integers in fixed point, hexadecimal floats in floating point.
 
     `start` is 1 where init() comes before the step.
     """
@@ -22,7 +22,7 @@ def golden_vectors(delivery: Delivery) -> Mapping[str, str]:
         cells += [_text(v, x) for v, x in zip(program.parameters, row_set, strict=True)]
         cells += [_text(v, x) for v, x in zip(program.outputs, row_out, strict=True)]
         lines.append(",".join([str(start), *cells, str(word)]))
-    return {"vectors.csv": "\n".join(lines) + "\n"}
+    return {"test/vectors.csv": "\n".join(lines) + "\n"}
 
 
 def _text(value: Value, x: Any) -> str:

@@ -11,10 +11,10 @@ from firmloop.quantize.program import Program, Value
 
 
 def vector_test(delivery: Delivery) -> Mapping[str, str]:
-    """Return `<name>_test.c`."""
+    """Return `test/<name>_test.c`, which has the only main() of the folder."""
     name = delivery.program.name
     view: dict[str, object] = {"name": name, "command": delivery.command, **_test_view(delivery)}
-    return {f"{name}_test.c": render("vectors_test.c.j2", view)}
+    return {f"test/{name}_test.c": render("vectors_test.c.j2", view)}
 
 
 def _test_view(delivery: Delivery) -> dict[str, object]:

@@ -8,7 +8,7 @@ from firmloop import arguments as ask
 from firmloop.console import Console, progress
 
 NAME = "generate"
-HELP = "write the controller's C and DIR/manifest.json"
+HELP = "write the controller's C as a folder to copy, DIR/NAME, and DIR/manifest.json"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from firmloop import arguments as ask
 from firmloop.console import Console, progress, table
+
+if TYPE_CHECKING:
+    from firmloop.stages.baseline import Growth
 
 NAME = "verify"
 HELP = "generate, build and run the C against the bit-exact reference; DIR/verdict.json"
@@ -22,16 +27,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--growth", type=_percent, default=2.0, metavar="PERCENT", help="that a cost may grow by (default 2)"
     )
+    parser.add_argument("--junit", type=ask.place, metavar="FILE", help="a JUnit report for continuous integration")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Leave the C and DIR/verdict.json."""
+    """Leave the C, DIR/verdict.json and the report that was asked for."""
     from firmloop.codegen.bundle import write_files
     from firmloop.door.load import load
     from firmloop.door.verify import verify
-    from firmloop.output import VERDICTS, results_folder, written
+    from firmloop.identify.extras import ToolError
+    from firmloop.output import VERDICTS, results_folder, save, written
+    from firmloop.presentation.junit import junit
     from firmloop.project.project import campaign_targets, require
     from firmloop.stages.baseline import check_baseline, growths
+    from firmloop.stages.verification import Outcome
     from firmloop.told import tell_end, tell_noun
 
     project, baseline = load(arguments.project), arguments.baseline
@@ -39,19 +48,28 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     targets = campaign_targets(project, arguments.target or ())
     if baseline is not None:
         check_baseline(baseline, targets)
+
+    def report(outcomes: Sequence[Outcome], found: Sequence[Growth]) -> None:
+        if arguments.junit is not None:
+            save({arguments.junit.name: junit(project.name, outcomes, found)}, arguments.junit.parent)
+
     with results_folder(arguments.out, VERDICTS) as folder:
         asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port}
-        made = verify(project, targets=targets, **asked, stage=progress, tell=lambda noun: tell_noun(console, noun))
-        grown = False
+        try:
+            made = verify(project, targets=targets, **asked, stage=progress, tell=lambda noun: tell_noun(console, noun))
+        except ToolError as error:
+            report([Outcome(target, None, str(error)) for target in targets], ())
+            raise
+        found: Sequence[Growth] = ()
         if baseline is not None:
             found = growths(baseline, arguments.growth, made.outcomes)
             console.lines([f"against {baseline}:", *table([(growth.figure, growth.says()) for growth in found])])
             console.result("baseline", {growth.figure: [growth.before, growth.now] for growth in found})
-            grown = any(growth.too_much for growth in found)
         files = made.files()
         write_files(files, folder)
+    report(made.outcomes, found)
     written(console, arguments.out, files)
-    return tell_end(console, made.outcomes, made.not_tracked) or int(grown)
+    return tell_end(console, made.outcomes, made.not_tracked) or int(any(growth.too_much for growth in found))
 
 
 def _percent(text: str) -> float:

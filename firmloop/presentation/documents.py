@@ -112,5 +112,4 @@ def as_json(document: Mapping[str, object]) -> str:
 
 def c_files(generated: Generated) -> dict[str, str]:
     """Return every file of the C and around it, by its name."""
-    made = {**generated.bundle.files, **generated.package}
-    return {**made, "manifest.json": as_json(generated.manifest), "proof.json": as_json(generated.proof)}
+    return {**generated.package, "manifest.json": as_json(generated.manifest), "proof.json": as_json(generated.proof)}

@@ -30,7 +30,7 @@ class Generated:
     program: Program
     bundle: Bundle
     manifest: Mapping[str, object]
-    package: Mapping[str, str]  # golden vectors, their test and build files
+    package: Mapping[str, str]  # the folder to copy: the C, golden vectors, their test and build files
     proof: Mapping[str, object]
     checked: Checked | None  # what the second, independent proof covered; None in floating point
     still: ZeroInput | None = None  # what it does by itself while its inputs stand still; None in floating point

@@ -53,15 +53,16 @@ def _judge_claims(claims: Claims, judged: Judged) -> None:
 
 def _judge_c(claims: Claims, folder: Path, judged: Judged) -> None:
     """Compare the files beside the proof with it, and the support files with those of this firmloop."""
+    sources = folder / claims.name / "src"
     for name, check in ((f"{claims.name}.h", check_header), (f"{claims.name}.c", check_source)):
-        count = check(claims, _text(folder / name))
+        count = check(claims, _text(sources / name))
         judged.append((f"{name}: {count} statements, no others", COMPARED))
     try:
         supports = with_included(support_files(claims))
     except FileNotFoundError as error:
         raise ProofError(f"{Path(str(error.filename)).name} is no file that this firmloop generates") from None
     for name in supports:
-        if _text(folder / name) != text_of(f"support/{name}"):
+        if _text(sources / name) != text_of(f"support/{name}"):
             raise ProofError(
                 f"{name} is not the file that this firmloop generates: its functions are not those proven of"
             )

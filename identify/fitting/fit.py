@@ -309,11 +309,14 @@ def _result(
 
 
 def _estimated(parameter: Parameter, value: float, deviation: float) -> Parameter:
-    """Set what was found; the solver stops just inside a bound, which is the bound as far as the data can tell."""
+    """Set what was found; the solver stops just inside a bound, which is the bound as far as the data can tell.
+
+    A bound that is impossible itself, a time constant of zero, is none that a value can be.
+    """
     if not math.isfinite(deviation):
         return replace(parameter, value=value, deviation=None)
     for bound in (parameter.low, parameter.high):
-        if abs(value - bound) < 1e-3 * deviation:
+        if abs(value - bound) < 1e-3 * deviation and not parameter.logarithmic:
             value = bound
     return replace(parameter, value=value, deviation=deviation)
 

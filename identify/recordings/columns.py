@@ -17,7 +17,7 @@ from firmloop.identify.units import carried_unit, unit_of
 
 Array = NDArray[np.float64]
 
-_TIMES = re.compile(r"(?i)(t|time|timestamp|millis|micros|seconds?|x(_value)?)([\s_(\[].*)?")
+TIMES = re.compile(r"(?i)(t|time|timestamp|millis|micros|seconds?|x(_value)?)([\s_(\[].*)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ def _no_time(table: RawTable, file: str) -> IdentifyError:
     likely = [
         (name, unit or carried_unit(name))
         for name, unit in zip(table.names, units, strict=True)
-        if _TIMES.fullmatch(name) or _agree_in_kind(unit or carried_unit(name))
+        if TIMES.fullmatch(name) or _agree_in_kind(unit or carried_unit(name))
     ]
     held = ", ".join(table.names)[:200]
     message = f"{file}: column time_s is missing; it has {held}; name the time column in [recordings.rename]"

@@ -57,6 +57,24 @@ def read_recording(
 
     Raises IdentifyError naming file, row, column and what to do.
     """
+    raw, digest = read_raw(path)
+    table = arranged(raw, rename, clock, str(path))
+    _check_rows(path, table)
+    given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}
+    check_stamps(table, given.get("time_s", ("time_s", Column("time_s"))), str(path))
+    columns = dict(zip(table.names, table.columns, strict=True))
+    made = make_recording(columns.pop("time_s"), columns, path.name, digest)
+    return replace(made, hold=hold, notes=tuple(f"{path.name} {note}" for note in table.notes))
+
+
+def read_raw(path: Path) -> tuple[RawTable, str]:
+    """Return the columns of a file under their own names, and the SHA-256 of its bytes.
+
+    Raises
+    ------
+    IdentifyError
+        when there is no table in it.
+    """
     form = find_format(path.name)
     if form is None:
         raise IdentifyError(f"{path}: the ending is unknown; a recording ends in {', '.join(known_endings())}")
@@ -69,13 +87,7 @@ def read_recording(
     if isinstance(raw, Misread):
         where = f"{raw.where}: " if raw.where else ""
         raise IdentifyError(f"{path}: {where}{raw.wrong}; {raw.remedy}")
-    table = arranged(raw, rename, clock, str(path))
-    _check_rows(path, table)
-    given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}
-    check_stamps(table, given.get("time_s", ("time_s", Column("time_s"))), str(path))
-    columns = dict(zip(table.names, table.columns, strict=True))
-    made = make_recording(columns.pop("time_s"), columns, path.name, hashlib.sha256(content).hexdigest())
-    return replace(made, hold=hold, notes=tuple(f"{path.name} {note}" for note in table.notes))
+    return raw, hashlib.sha256(content).hexdigest()
 
 
 def make_recording(time: Array, columns: Mapping[str, Array], source: str, sha256: str) -> Recording:

@@ -161,7 +161,8 @@ def test_generate(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     for name in (*manifest["sources"], *manifest["headers"]):
         assert (tmp_path / "out" / name).is_file()
     source = (tmp_path / "out" / manifest["sources"][0]).read_text()
-    assert "firmloop generate tank_heater.toml" in source + (tmp_path / "out" / "tank_heater.h").read_text()
+    header = (tmp_path / "out" / manifest["headers"][0]).read_text()
+    assert "firmloop generate tank_heater.toml" in source + header
     assert str(tmp_path) not in source
 
 
@@ -170,14 +171,16 @@ def test_no_file_name_reaches_the_c(name: str, project: Path, tmp_path: Path) ->
     renamed = project.parent / name.replace("/", "")
     project.rename(renamed)
     assert main(["generate", str(renamed), "--out", str(tmp_path / "out")]) == 0
-    assert "firmloop generate PROJECT.toml" in (tmp_path / "out" / "tank_heater.h").read_text()
+    assert "firmloop generate PROJECT.toml" in (tmp_path / "out" / "tank_heater" / "src" / "tank_heater.h").read_text()
 
 
 def test_same_project_same_bytes(project: Path, tmp_path: Path) -> None:
     for folder in ("one", "two"):
         assert main(["generate", str(project), "--out", str(tmp_path / folder)]) == 0
-    for path in (tmp_path / "one").iterdir():
-        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
+    files = [path for path in (tmp_path / "one").rglob("*") if path.is_file()]
+    assert len(files) > 10
+    for path in files:
+        assert path.read_bytes() == (tmp_path / "two" / path.relative_to(tmp_path / "one")).read_bytes()
 
 
 def test_targets(capsys: pytest.CaptureFixture[str]) -> None:

@@ -147,8 +147,11 @@ def test_the_command_line_writes_what_the_functions_save(walked: Run, tmp_path: 
     fl.identify(project).save(tmp_path / "three")
     assert main(["identify", path, "--out", str(tmp_path / "four")]) == 0
     for one, two in (("one", "two"), ("three", "four")):
-        names = sorted(file.name for file in (tmp_path / one).iterdir())
-        assert names and names == sorted(file.name for file in (tmp_path / two).iterdir())
+        names, others = (
+            sorted(file.relative_to(tmp_path / each) for file in (tmp_path / each).rglob("*") if file.is_file())
+            for each in (one, two)
+        )
+        assert names and names == others
         for name in names:
             assert (tmp_path / one / name).read_bytes() == (tmp_path / two / name).read_bytes(), name
 

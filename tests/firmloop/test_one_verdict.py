@@ -73,7 +73,7 @@ def test_undefined_behavior_is_a_find_on_every_target(
     found = verdict["undefined_behavior"]
     assert (status, verdict["verdict"], verdict["target"]) == (1, "differs", target)
     assert words in found["says"] and found["operation"] == line and found["file"] == "tank_heater.c"
-    text = (tmp_path / "out" / "tank_heater.c").read_text().splitlines()
+    text = (tmp_path / "out" / "tank_heater" / "src" / "tank_heater.c").read_text().splitlines()
     assert text[found["line"] - 1].strip() == line
     assert f"undefined behavior: tank_heater.c:{found['line']}: " in said.out and "DIFFERS" in said.out
     assert "NOT RUN" not in said.out and "not run" not in said.err

@@ -109,7 +109,7 @@ EDITS: dict[str, tuple[str, Callable[[str], str], str]] = {
 @pytest.mark.parametrize("case", EDITS)
 def test_an_edited_file_is_refused_by_name(delivered: Path, capsys: pytest.CaptureFixture[str], case: str) -> None:
     end, change, words = EDITS[case]
-    path = delivered / f"wheel_speed{end}"
+    path = delivered / "wheel_speed" / "src" / f"wheel_speed{end}"
     text = path.read_text()
     path.write_text(change(text))
     assert path.read_text() != text
@@ -119,14 +119,14 @@ def test_an_edited_file_is_refused_by_name(delivered: Path, capsys: pytest.Captu
 
 
 def test_layout_and_comments_are_no_edits(delivered: Path) -> None:
-    path = delivered / "wheel_speed.c"
+    path = delivered / "wheel_speed" / "src" / "wheel_speed.c"
     text = re.sub(r"/\*.*?\*/", "/* other words */", path.read_text(), flags=re.DOTALL).replace("    ", "\t")
     path.write_text(text)
     assert main(["prove", str(delivered)]) == 0
 
 
 def test_support_with_other_bytes_is_refused(delivered: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = delivered / "fl_fixed.h"
+    path = delivered / "wheel_speed" / "src" / "fl_fixed.h"
     path.write_text(path.read_text().replace("(s - 1U)", "(s - 2U)"))
     assert main(["prove", str(delivered)]) == 1
     assert "refuted: fl_fixed.h is not the file" in capsys.readouterr().out
@@ -187,7 +187,7 @@ def test_what_is_no_proof_is_the_users_file(delivered: Path, capsys: pytest.Capt
 
 @pytest.mark.parametrize("name", ["proof.json", "wheel_speed.c", "wheel_speed.h", "fl_fixed.h"])
 def test_a_missing_file_is_named(delivered: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
-    (delivered / name).unlink()
+    next(delivered.rglob(name)).unlink()
     assert main(["prove", str(delivered)]) == 2
     assert f"{name}: no such file" in capsys.readouterr().err
 

@@ -65,7 +65,7 @@ def _firmloop_works(environment: Environment, folder: Path) -> None:
     shown = environment.ask("-m", "firmloop", "--version", folder=folder)
     assert shown.split()[-1] == "0.1.0"
     environment.ask("-m", "firmloop", "generate", "tank.toml", "--out", "out", folder=folder)
-    assert (folder / "out" / "tank_heater.c").is_file()
+    assert (folder / "out" / "tank_heater" / "src" / "tank_heater.c").is_file()
     run([str(environment.folder / "bin" / "firmloop"), "targets"], folder)
     for name in USERS_MODULES:
         (folder / f"{name}.py").unlink()
@@ -134,7 +134,7 @@ def test_a_wheel_holds_every_source_template_and_target_of_the_tree(archives: di
     assert "firmloop/py.typed" in held
     links = [path for path in (ROOT / "firmloop").iterdir() if path.is_symlink()]
     missing = {
-        f"firmloop/{top.relative_to(ROOT)}"
+        f"firmloop/{link.name}/{top.relative_to(link.resolve())}"
         for link in links
         for top in link.resolve().rglob("*")
         if top.is_file() and "__pycache__" not in top.parts

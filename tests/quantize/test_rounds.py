@@ -116,7 +116,7 @@ def test_a_project_chooses_its_rounding(tmp_path: Path) -> None:
     file = tmp_path / "rounded.toml"
     file.write_text(PROJECT + 'number = "fixed"\nbits = 16\nrounding = "floor"\n', encoding="utf-8")
     assert main(["generate", str(file), "--out", str(tmp_path / "out")]) == 0
-    text = (tmp_path / "out" / "rounded.c").read_text(encoding="utf-8")
+    text = (tmp_path / "out" / "rounded" / "src" / "rounded.c").read_text(encoding="utf-8")
     assert "fl_down_i32" in text and "fl_high_i32" not in text
 
 

@@ -190,7 +190,7 @@ def test_an_mpc_project_says_its_bit_and_safe_output(tmp_path: Path) -> None:
         assert generated(tmp_path, MPC.replace("horizon", f"{line}horizon", 1)) == 0
         listed = json.loads((tmp_path / "out" / "manifest.json").read_text())["status"]
         assert [bit["name"] for bit in listed] == ["capped", "not_a_number"]
-        assert "LOOP_NOT_A_NUMBER = 2" in (tmp_path / "out" / "loop.h").read_text()
+        assert "LOOP_NOT_A_NUMBER = 2" in (tmp_path / "out" / "loop" / "src" / "loop.h").read_text()
         assert json.loads((tmp_path / "out" / "proof.json").read_text())["outputs"][0]["safe"] == safe
         assert main(["prove", str(tmp_path / "out")]) == 0
 

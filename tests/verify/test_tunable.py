@@ -186,9 +186,12 @@ def test_verify_of_a_tunable_project_agrees_and_lists_its_parameters(tmp_path: P
     kp, ki = manifest["parameters"]
     assert (kp["setter"], ki["setter"]) == ("wheel_speed_set_kp", "wheel_speed_set_ki")
     assert (kp["low"], kp["high"], kp["default"]) == (0.0, pytest.approx(0.2), pytest.approx(0.05))
-    assert (out / "vectors.csv").read_text().splitlines()[0] == "start,reference,measurement,kp,ki,output,status"
-    run_compiler(["gcc", *FLAGS, "-o", "vectors", "wheel_speed.c", "wheel_speed_test.c"], out)
-    done = subprocess.run([str(out / "vectors")], capture_output=True, text=True, check=False)
+    folder = out / "wheel_speed"
+    assert (folder / "test" / "vectors.csv").read_text().splitlines()[
+        0
+    ] == "start,reference,measurement,kp,ki,output,status"
+    run_compiler(["gcc", *FLAGS, "-o", "vectors", "-Isrc", "src/wheel_speed.c", "test/wheel_speed_test.c"], folder)
+    done = subprocess.run([str(folder / "vectors")], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "steps agree" in done.stdout
 
 

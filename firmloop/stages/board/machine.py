@@ -23,10 +23,13 @@ PACKAGES = (
     ("numba", "the reference of quadratic programs"),
 )
 EXTRAS = (
-    ("h5py", "hdf5", "MATLAB 7.3 recordings"),
+    ("asammdf", "mdf4", "MDF recordings"),
+    ("h5py", "hdf5", "HDF5 and MATLAB 7.3 recordings"),
     ("nfoursid", "blackbox", "subspace models"),
+    ("npTDMS", "tdms", "TDMS recordings"),
     ("pandas", "blackbox", "subspace models"),
     ("pyarrow", "parquet", "Parquet recordings"),
+    ("pyulog", "ulog", "ULog recordings"),
 )
 
 

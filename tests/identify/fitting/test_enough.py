@@ -70,3 +70,16 @@ def test_the_command_line_says_it_in_one_sentence(tmp_path: Path, capsys: pytest
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert "6 rows are too few for second_order" in said and "at least 24 rows" in said
     assert not (tmp_path / "out" / "project.toml").exists()
+
+
+def test_a_lag_that_only_integrates_is_refused_and_never_called_instant() -> None:
+    """Its time constant is without end and its interval even wider: nothing that a lower bound of 0 explains."""
+    rng = np.random.default_rng(0)
+    time = 0.002 * np.arange(2000)
+    drive = np.repeat(rng.choice([-8.0, 8.0], 100), 20)
+    place = 0.05 * np.concatenate([[0.0], np.cumsum(0.002 * drive)[:-1]])
+    place += 0.3 * np.sin(0.5 * time) + 0.001 * rng.normal(size=len(time))
+    recording = make_recording(time, {"u": drive, "y": place}, "axis.csv", "")
+    plant = make_plant("first_order", "u", ["y"], {})
+    with pytest.raises(IdentifyError, match=r"axis.csv: the output drifts and does not settle"):
+        fit(plant, [recording], [], NONE)

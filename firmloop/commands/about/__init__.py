@@ -1,0 +1,1 @@
+"""Commands that tell what firmloop and this machine have, and read no project."""

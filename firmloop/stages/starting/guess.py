@@ -1,0 +1,175 @@
+"""Guess a whole project from recordings: each plant that may fit is fitted, and the simplest good one is taken."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from firmloop.codegen.bundle import CodegenError
+from firmloop.codegen.names import LONGEST, check_identifier
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.scratch import scratch_folder
+from firmloop.identify.units import unit_of
+from firmloop.project.first_text import FirstParameter, FirstProject, first_text
+from firmloop.project.project import read_project
+from firmloop.project.table import ProjectError
+from firmloop.stages import fitting, making
+from firmloop.stages.data import Data
+from firmloop.stages.progress import Report
+from firmloop.stages.starting.candidates import Proposal, proposals
+from firmloop.stages.starting.reading import Guesses, read_guessed
+
+_NEAR = 3.0  # % of fit that a kind which tells more, or has less to fit, may be behind the best one
+_GOOD = 98.0  # % of fit from which no further kind is tried
+_ROWS = 8000  # of each recording that the kinds are compared on; `firmloop identify` takes them all
+_WIDER = 0.2  # of the recorded span, on either side of what the controller may see
+_STEPS_PER_LAG = 50.0  # of the controller, at most, where the recording is quicker
+_QUICKER = 3.0  # times the plant's own lag, that the closed loop is asked for
+
+
+def guess_project(
+    paths: Sequence[Path], name: str, period: float | None, left_out: Sequence[str], report: Report
+) -> FirstProject:
+    """Return the project of recordings: the last of several is only scored.
+
+    Raises
+    ------
+    IdentifyError, ProjectError
+        when the columns cannot be told apart, or no plant kind fits.
+    """
+    found = read_guessed(paths, period, left_out)
+    whole = tuple(path.absolute() for path in paths)
+    train, test = (whole[:-1], whole[-1:]) if len(whole) > 1 else (whole, ())
+    drive, outputs = found.input.name, tuple(each.name for each in found.outputs)
+    step = float(np.median(np.diff(found.recordings[0].time)))
+    base = FirstProject(
+        name=_c_name(name),
+        train=train,
+        test=test,
+        rename=found.rename,
+        says=_remarks(found),
+        clock=found.clock,
+        kind="",
+        input=drive,
+        outputs=outputs,
+        parameters=(),
+        period=_round_down(step),
+        closed_loop=None,
+        loop=_loop(found.recordings, drive, outputs[0]),
+        asides=found.asides,
+    )
+    seen = Data(tuple(each.part(0, _ROWS) for each in found.recordings[: len(train)]), ())
+    tried: list[tuple[float, FirstProject]] = []
+    complaint: Exception | None = None
+    known = list(proposals(found.recordings[0], drive, outputs))
+    for k, proposal in enumerate(known):
+        report(k / len(known), f"trying {proposal[0]}")
+        try:
+            tried.append(_tried(base, proposal, seen))
+        except (IdentifyError, ProjectError, CodegenError) as error:
+            complaint = complaint or error
+            continue
+        if tried[-1][0] > _GOOD:
+            break
+    if not tried:
+        raise IdentifyError(f"no plant kind fits {drive} -> {outputs[0]}: {complaint}")
+    best = max(score for score, _ in tried)
+    return next(first for score, first in tried if score >= best - _NEAR)
+
+
+def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> tuple[float, FirstProject]:
+    """Fit one kind and tune a controller for it; return the fit of the first output, %, and the project."""
+    kind, outputs, parameters = proposal
+    first = replace(base, kind=kind, outputs=outputs, parameters=parameters)
+    with scratch_folder(Path(tempfile.gettempdir()), ".firmloop_init") as folder:
+        file = folder / "project.toml"
+        file.write_text(first_text(first, folder), encoding="utf-8")
+        project = read_project(file)
+        found = fitting.identify(project, seen, lambda share, doing: None)
+        first = _settled(first, found)
+        file.write_text(first_text(first, folder), encoding="utf-8")
+        making.design(read_project(file), found.plant)
+    scores = [each.scores[outputs[0]].fit_percent for each in found.train]
+    score = float(np.mean(scores))
+    return (score if math.isfinite(score) else -math.inf), first
+
+
+def _settled(first: FirstProject, found: Fit) -> FirstProject:
+    """Put fitted values in place of starts, and ask for a closed loop that the plant's own lag allows."""
+    given = {each.name: each for each in first.parameters}
+    fitted = {each.name: each for each in found.plant.parameters}
+    told = [
+        FirstParameter(
+            name,
+            one.value,
+            given[name].free if name in given else True,
+            given[name].says if name in given else "",
+        )
+        for name, one in fitted.items()
+    ]
+    linear = linearize(found.plant)
+    poles = np.linalg.eigvals(linear.a) if len(linear.a) else np.array([])
+    lags = [1.0 / -pole.real for pole in poles if pole.real < -1e-9 * float(np.abs(poles).max())]
+    slowest = max(lags, default=20.0 * first.period)
+    period = max(first.period, _round_down(slowest / _STEPS_PER_LAG))
+    closed = max(slowest / _QUICKER, 5.0 * period, linear.delay)
+    return replace(first, parameters=tuple(told), period=period, closed_loop=float(f"{closed:.2g}"))
+
+
+def _loop(recordings: Sequence[Recording], drive: str, output: str) -> tuple[Signal, ...]:
+    seen, sent = (_span(recordings, name) for name in (output, drive))
+    wider = _WIDER * (seen[1] - seen[0])
+    low, high = (float(f"{end:.2g}") for end in (seen[0] - wider, seen[1] + wider))
+    if seen[0] < 0.0 < seen[1] and -0.5 < (seen[0] + seen[1]) / (seen[1] - seen[0]) < 0.5:
+        high = max(-low, high)
+        low = -high
+    return (
+        Signal("reference", unit_of(output), low, high),
+        Signal("measurement", unit_of(output), low, high),
+        Signal("output", unit_of(drive), min(float(f"{sent[0]:.3g}"), 0.0), max(float(f"{sent[1]:.3g}"), 0.0)),
+    )
+
+
+def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
+    columns = [each.columns[name] for each in recordings if name in each.columns]
+    if len(columns) < len(recordings):
+        lacking = next(each.source for each in recordings if name not in each.columns)
+        raise IdentifyError(f"{lacking}: no column seems to be {name}, as in {recordings[0].source}")
+    return min(float(each.min()) for each in columns), max(float(each.max()) for each in columns)
+
+
+def _remarks(found: Guesses) -> dict[str, str]:
+    used = (*((found.time,) if found.time else ()), found.input, *found.outputs)
+    silent = {
+        each.foreign: f"no unit in the file: taken as {each.unit or unit_of(each.name)}"
+        for each in used
+        if unit_of(each.name) and (not each.unit or each is found.time) and each.foreign in found.rename
+    }
+    return silent
+
+
+def _round_down(seconds: float) -> float:
+    """Return a period of 1, 2 or 5 with a power of ten, at most a hair longer."""
+    power = 10.0 ** math.floor(math.log10(seconds * 1.001))
+    return float(f"{max(k for k in (1, 2, 5) if k * power <= seconds * 1.001) * power:.3g}")
+
+
+def _c_name(name: str) -> str:
+    """Return the nearest name that the C functions may have."""
+    words = re.findall(r"[a-z0-9]+", name.lower())
+    plain = "_".join(words)[:LONGEST].strip("_")
+    plain = plain if plain and plain[0].isalpha() else f"plant_{plain}"[:LONGEST].strip("_")
+    try:
+        return check_identifier(plain, "project name")
+    except CodegenError:
+        return f"{plain[:24]}_loop"

@@ -1,0 +1,127 @@
+"""Read recordings under guessed names, and take the cure that a complaint about a file's clock prints."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.recordings.columns import Column, RowClock
+from firmloop.identify.recordings.guess import (
+    Guessed,
+    guess_columns,
+    guess_time,
+    refuse_twins,
+    rename_of,
+)
+from firmloop.identify.recordings.recording import Recording, read_raw, read_recording
+from firmloop.identify.recordings.table import RawTable
+
+_CURES = 3  # that a file's clock may take one after the other: a counter that wraps, then lost digits
+
+
+@dataclass(frozen=True, slots=True)
+class Guesses:
+    """The recordings as guessed: `used` are the columns that are read, `time` first where there is one."""
+
+    recordings: tuple[Recording, ...]
+    rename: Mapping[str, Column]
+    clock: RowClock | None
+    time: Guessed | None
+    input: Guessed
+    outputs: tuple[Guessed, ...]
+    asides: tuple[str, ...]
+
+
+def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence[str]) -> Guesses:
+    """Read every file by what the first one's columns seem to be.
+
+    `period` is the time between rows, s, where the files have none; `left_out` names columns that count as nothing.
+
+    Raises
+    ------
+    IdentifyError
+        when there is no time, no input or no output, when two columns seem to be one, or a file lacks a column.
+    """
+    first, file = _without(read_raw(paths[0])[0], left_out, paths[0]), str(paths[0])
+    time = None if period is not None else guess_time(first)
+    if time is None and period is None:
+        raise IdentifyError(
+            f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}; give the time between two "
+            "rows, s: --period 0.001"
+        )
+    columns = guess_columns(first, time)
+    still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
+    moving = tuple(each for each in columns if each not in still and not each.reference)
+    if len(moving) < 2:
+        held = ", ".join(each.foreign for each in moving) or "none"
+        raise IdentifyError(
+            f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
+        )
+    pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
+    drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
+    outputs = _outputs(drive, others)
+    used = (*((time,) if time else ()), drive, *outputs)
+    refuse_twins(used, moving, file)
+    rename, clock = rename_of(used), None if period is None else RowClock(period)
+    recordings, rename, clock = _read(paths, rename, clock)
+    named = [each.foreign for each in used]
+    asides = [_aside(each, each in still) for each in columns if each.foreign not in named]
+    return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
+
+
+def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:
+    for name in left_out:
+        if name not in table.names:
+            raise IdentifyError(f"--leave-out {name}: {path} has no such column; it has {', '.join(table.names)[:200]}")
+    kept = [k for k, name in enumerate(table.names) if name not in left_out]
+    units = tuple(table.units[k] for k in kept) if table.units else ()
+    return replace(
+        table, names=tuple(table.names[k] for k in kept), columns=tuple(table.columns[k] for k in kept), units=units
+    )
+
+
+def _held(table: RawTable, foreign: str) -> float:
+    """Return the share of rows that repeat the one before: a command is held, a reading has noise."""
+    return float(np.mean(np.diff(table.columns[table.names.index(foreign)]) == 0.0))
+
+
+def _outputs(drive: Guessed, others: tuple[Guessed, ...]) -> tuple[Guessed, ...]:
+    """Return what the plant is read by: of a motor its speed, else its angle, and its current; else one column."""
+    by_name = {each.name: each for each in reversed(others)}
+    moved = next((by_name[name] for name in ("speed_rad_s", "position_rad") if name in by_name), None)
+    if moved and drive.name == "voltage_V":
+        return (moved, *((by_name["current_A"],) if "current_A" in by_name else ()))
+    placed = next((by_name[name] for name in ("position_m", "position_rad") if name in by_name), None)
+    return (placed or max(others, key=lambda each: (each.reads, each.known)).alone(others),)
+
+
+def _aside(each: Guessed, still: bool) -> str:
+    if still:
+        return f"column {each.foreign} never changes and is not used"
+    if each.reference:
+        return f"column {each.foreign} seems to be a reference and is not used"
+    return f"column {each.foreign} is not used"
+
+
+def _read(
+    paths: Sequence[Path], rename: Mapping[str, Column], clock: RowClock | None
+) -> tuple[tuple[Recording, ...], Mapping[str, Column], RowClock | None]:
+    """Read all files in one way; a complaint that prints lines to paste is answered by them."""
+    for _ in range(_CURES):
+        try:
+            return tuple(read_recording(path, rename, clock=clock) for path in paths), rename, clock
+        except IdentifyError as error:
+            if not error.paste:
+                raise
+            said: dict[str, Any] = tomllib.loads(error.paste)
+            part = said.get("recordings", {})
+            if "period_s" in part:
+                clock = RowClock(float(part["period_s"]), float(part.get("start_s", 0.0)))
+            rename = {**rename, **{key: Column(**column) for key, column in part.get("rename", {}).items()}}
+    return tuple(read_recording(path, rename, clock=clock) for path in paths), rename, clock

@@ -1,0 +1,208 @@
+"""Guess what each column of a file is, from its name, its unit and whether it rises: time, quantity, unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.printed_units import conversion
+from firmloop.identify.recordings.columns import TIMES, Column
+from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.units import carried_unit, ending_of, unit_of
+
+Array = NDArray[np.float64]
+
+# What a quantity may be called by others; the names that firmloop knows it by, of which the first is meant where the
+# file says no unit.
+_QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
+    (frozenset("u v volt volts voltage vin uin vm um spannung tension".split()), ("voltage_V",)),
+    (frozenset("i current curr amps amp ampere im ia strom courant".split()), ("current_A",)),
+    (
+        frozenset("speed omega w rpm velocity vel rps drehzahl vitesse".split()),
+        ("speed_rad_s", "speed_m_s"),
+    ),
+    (frozenset("angle theta phi alpha winkel".split()), ("position_rad",)),
+    (frozenset("position pos encoder x weg".split()), ("", "position_rad", "position_m")),
+    (frozenset("temperature temp temperatur".split()), ("temperature_C",)),
+    (frozenset(["torque", "moment", "drehmoment"]), ("torque_N_m",)),
+    (frozenset(["force", "kraft"]), ("force_N",)),
+)
+# A unit that says by itself which quantity it is of, where the name does not.
+_BY_UNIT = ("current_A", "speed_rad_s", "temperature_C", "torque_N_m", "force_N")
+_REFERENCES = frozenset("ref reference setpoint sp target desired soll sollwert".split())
+_DRIVES = frozenset(
+    "u input in cmd command duty pwm drive voltage volt volts vin uin force torque valve heater pump fan power control "
+    "actuator q1 q2 stell stellgrad".split()
+)
+_ANSWERS = frozenset(
+    "y output out sensor tacho measured meas measurement response level speed omega rpm position pos angle theta "
+    "temperature temp pressure flow".split()
+)
+_GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enable limit max min".split())
+_SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
+_MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
+
+
+@dataclass(frozen=True, slots=True)
+class Guessed:
+    """What one column of a file seems to be.
+
+    `unit` is what the file says of it, empty where it says nothing; `known` whether `name` is one that firmloop gives a
+    quantity; `reference` a value that was asked for; `drives` and `reads` how much the name sounds like what
+    moves the plant and like what is read from it: a supply is neither.
+    """
+
+    foreign: str
+    name: str
+    unit: str
+    known: bool
+    reference: bool
+    drives: int
+    reads: int
+    quantity: str = ""  # what firmloop calls its quantity, which another column may be called too
+
+    def alone(self, among: Sequence[Guessed]) -> Guessed:
+        """Return it under the name of its quantity, where no other column has that name."""
+        taken = any(each.name == self.quantity for each in among if each.foreign != self.foreign)
+        return self if taken or not self.quantity else replace(self, name=self.quantity)
+
+    @property
+    def column(self) -> Column:
+        """How the project has to read it."""
+        wanted = unit_of(self.name)
+        return Column(self.name, self.unit if self.unit and wanted and not _same(self.unit, wanted) else "")
+
+
+def guess_time(table: RawTable) -> Guessed | None:
+    """Return which column is the time, None where there is none."""
+    units = _units(table)
+    found: list[tuple[int, Guessed]] = []
+    for name, unit, values in zip(table.names, units, table.columns, strict=True):
+        says = _converts(unit, "s")
+        if not (says or TIMES.fullmatch(name)) or (unit and not says) or not _runs(values):
+            continue
+        sure = 3 if name == "time_s" else 2 if says and TIMES.fullmatch(name) else 1
+        found.append((sure, Guessed(name, "time_s", unit or _tick(values), True, False, 0, 0)))
+    return max(found, key=lambda each: each[0])[1] if found else None
+
+
+def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
+    """Return what each column but the time seems to be."""
+    pairs = [
+        (name, unit)
+        for name, unit in zip(table.names, _units(table), strict=True)
+        if time is None or name != time.foreign
+    ]
+    wishes = [_quantity(name, unit) for name, unit in pairs]
+    made = []
+    for (foreign, unit), wish in zip(pairs, wishes, strict=True):
+        words = _words(foreign)
+        own = foreign if ending_of(foreign) and re.fullmatch(r"[A-Za-z]\w*", foreign, re.ASCII) else ""
+        twins = [other for (other, _), same in zip(pairs, wishes, strict=True) if wish and same == wish]
+        apart = own not in ("", wish) and (not wish or _same(unit_of(own), unit_of(wish)))
+        plain = not wish or (len(twins) > 1 and apart)
+        name = (own or _slug(foreign, unit)) if plain else wish
+        leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
+        made.append(
+            Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), leaning - aside, -leaning - aside, wish)
+        )
+    return tuple(made)
+
+
+def refuse_twins(used: Sequence[Guessed], among: Sequence[Guessed], file: str) -> None:
+    """Refuse two columns that seem to be the same signal where it is used.
+
+    Raises
+    ------
+    IdentifyError
+        naming both.
+    """
+    for one in used:
+        same = [each.foreign for each in among if each.name == one.name and not each.reference]
+        if len(same) > 1:
+            both = " and ".join(map(repr, same))
+            raise IdentifyError(
+                f"{file}: columns {both} both seem to be {one.name}; say which one is to be left out: "
+                f"--leave-out {same[-1]!r}"
+            )
+
+
+def rename_of(used: Sequence[Guessed]) -> Mapping[str, Column]:
+    """Return what [recordings.rename] has to hold for columns to be read as guessed."""
+    return {each.foreign: each.column for each in used if each.column != Column(each.foreign)}
+
+
+def _units(table: RawTable) -> tuple[str, ...]:
+    printed = table.units or ("",) * len(table.names)
+    return tuple(unit or carried_unit(name) for name, unit in zip(table.names, printed, strict=True))
+
+
+def _runs(values: Array) -> bool:
+    """Tell whether values go up as a clock does: nearly always, though a counter may wrap and stamps repeat."""
+    steps = np.diff(values)
+    return bool(len(steps)) and bool(np.mean(steps >= 0.0) > 0.98) and bool(np.any(steps > 0.0))
+
+
+def _tick(values: Array) -> str:
+    """Return the unit of a clock that names none."""
+    whole = bool(np.all(values == np.round(values)))
+    if not whole or float(np.ptp(values)) < _SECONDS_MOST:
+        return "s"
+    return "us" if float(np.median(np.diff(values))) >= _MICROSECONDS else "ms"
+
+
+def _quantity(foreign: str, unit: str) -> str:
+    """Return the name that firmloop has for a column, empty where none fits."""
+    words = _words(foreign)
+    if words & _REFERENCES:
+        return ""
+    for called, names in _QUANTITIES:
+        if not words & called:
+            continue
+        if not unit:
+            return names[0]
+        fits = [name for name in names if name and _converts(unit, unit_of(name))]
+        if fits:
+            return fits[0]
+    return next((name for name in _BY_UNIT if unit and _converts(unit, unit_of(name))), "")
+
+
+def _words(name: str) -> frozenset[str]:
+    """Return the words of a name without the unit at its end, which may be a word too: the V of tacho_V."""
+    ending = ending_of(name)
+    name = name.removesuffix(f"_{ending}") if ending else name
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
+
+
+def _slug(foreign: str, unit: str) -> str:
+    """Return a name that can stand for any column, with the unit of ours that fits at its end."""
+    bare = re.sub(r"[\[(].*?[\])]", "", foreign)
+    plain = "_".join(re.findall(r"[A-Za-z0-9]+", bare)) or "column"
+    plain = plain if plain[0].isalpha() else f"column_{plain}"
+    ending = next((each for each in _PLAIN_ENDINGS if unit and _converts(unit, unit_of(f"x_{each}"))), "")
+    if not ending or ending_of(plain) == ending:
+        return plain
+    carried = carried_unit(plain)
+    if carried:
+        plain = re.sub(rf"_?{re.escape(carried)}$", "", plain) or "column"
+    return f"{plain}_{ending}"
+
+
+_PLAIN_ENDINGS = ("V", "A", "rad_s", "rad", "m", "m_s", "C", "N_m", "N", "Pa", "m3_s", "kg_s", "W", "kg", "m3", "ohm")
+
+
+def _converts(unit: str, wanted: str) -> bool:
+    try:
+        return bool(unit) and bool(wanted) and conversion(unit, wanted, "").factor > 0.0
+    except IdentifyError:
+        return False
+
+
+def _same(unit: str, wanted: str) -> bool:
+    return _converts(unit, wanted) and conversion(unit, wanted, "").changes_nothing

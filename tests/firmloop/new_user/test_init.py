@@ -1,0 +1,234 @@
+"""A new user with a file of their own: `firmloop init` and `firmloop run`, no editor."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.cli import main
+
+RNG = np.random.default_rng(7)
+STEP = 0.001
+DRIVE = np.repeat([0.0, 6.0, 0.0, -6.0, 10.0, -10.0, 3.0, 0.0], 150)
+TIME = STEP * np.arange(len(DRIVE))
+
+
+def motor() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Current, speed and angle of a small motor (7.4 ohm, 21 mN m/A), with noise."""
+    current = speed = angle = 0.0
+    rows = []
+    for u in DRIVE:
+        rows.append((current, speed, angle))
+        for _ in range(20):
+            current += STEP / 20 * (u - 7.4 * current - 0.0213 * speed) / 1.1e-3
+            speed += STEP / 20 * (0.0213 * current - 3.6e-6 * speed) / 3.3e-6
+            angle += STEP / 20 * speed
+    noise = RNG.normal(size=(len(rows), 3)) * (8e-3, 0.4, 1e-3)
+    return tuple((np.array(rows) + noise).T)  # type: ignore[return-value]
+
+
+CURRENT, SPEED, ANGLE = motor()
+
+
+def heater() -> np.ndarray:
+    """A heater at 21 degC, of gain 0.8 and 40 s, sampled every second."""
+    level, rows = 0.0, []
+    for u in np.repeat([0.0, 60.0, 20.0, 80.0, 0.0], 120):
+        rows.append(21.0 + level)
+        level += (1 - np.exp(-1 / 40)) * (0.8 * u - level)
+    return np.array(rows) + RNG.normal(size=len(rows)) * 0.05
+
+
+def text(header: str, *columns: np.ndarray, mark: str = ",", end: str = "") -> str:
+    rows = (mark.join(f"{value:.9g}" for value in row) + end for row in zip(*columns, strict=True))
+    return "\n".join([header, *rows, ""])
+
+
+HEATED = heater()
+POWER = np.repeat([0.0, 60.0, 20.0, 80.0, 0.0], 120)
+FILES: dict[str, tuple[str, str, dict[str, float]]] = {  # name and text of the file, what the fit finds
+    "rpm, ms and mA": (
+        "bench.csv",
+        text("t_ms,u_V,speed_rpm,i_mA", TIME * 1e3, DRIVE, SPEED * 30 / np.pi, CURRENT * 1e3),
+        {"R_ohm": 7.4, "ke_V_s_rad": 0.0213},
+    ),
+    "semicolons, decimal commas, a line of units": (
+        "heater.csv",
+        text("Zeit;Heater;Temp\ns;%;°C", np.arange(600.0), POWER, HEATED, mark=";")
+        .replace(".", ",")
+        .replace("Zeit", "Time"),
+        {"gain": 0.8, "time_constant_s": 40.0, "output_at_rest": 21.0},
+    ),
+    "an export of a scope": (
+        "scope.csv",
+        text("X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,-0.1,0.001", np.arange(len(DRIVE)), DRIVE, SPEED / 100),
+        {"gain": 0.46},
+    ),
+    "a counter that wraps, a delimiter at each end": (
+        "log.csv",
+        text(
+            "micros,pwm_V,Speed [rpm],",
+            (TIME * 1e6 + 2**32 - 5e5) % 2**32,
+            DRIVE,
+            SPEED * 30 / np.pi,
+            end=",",
+        ),
+        {"gain": 46.1},
+    ),
+    "tabs, degrees, a drive without unit": (
+        "axis.txt",
+        text("time\tcmd\tangle_deg", TIME, DRIVE / 12, ANGLE * 180 / np.pi, mark="\t"),
+        {},
+    ),
+}
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Path]:
+    def made(name: str, content: str) -> Path:
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / name).write_text(content, encoding="utf-8")
+        return tmp_path / name
+
+    return made
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_two_commands_lead_from_a_file_to_verified_c(
+    case: str, bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, content, wanted = FILES[case]
+    file = bench(name, content)
+    status = main(["init", name])
+    said = capsys.readouterr()
+    assert status == 0, said.err
+    project = file.with_suffix(".toml")
+    status = main(["run", project.name, "--out", "out", "--steps", "500"])
+    said = capsys.readouterr()
+    assert status == 0, said.err
+    fitted = tomllib.loads((file.parent / "out" / "project.toml").read_text())["plant"]["parameters"]
+    for parameter, value in wanted.items():
+        assert fitted[parameter]["value"] == pytest.approx(value, rel=0.05), fitted
+
+
+def write_mdf(path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed (pip install 'firmloop[mdf4]')")
+    with asammdf.MDF(version="4.10") as file:
+        for name, unit, values in (("Motor Voltage", "V", DRIVE), ("n_Motor Speed", "rpm", SPEED * 30 / np.pi)):
+            file.append(asammdf.Signal(samples=values, timestamps=TIME, name=name, unit=unit))
+        file.save(path)
+
+
+def write_tdms(path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed (pip install 'firmloop[tdms]')")
+    columns = {"Motor Voltage": ("V", DRIVE), "Speed": ("rpm", SPEED * 30 / np.pi)}
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("bench", name, values, {"wf_increment": STEP, "unit_string": unit})
+                for name, (unit, values) in columns.items()
+            ]
+        )
+
+
+@pytest.mark.parametrize(("name", "write"), [("r.mf4", write_mdf), ("r.tdms", write_tdms)])
+def test_two_commands_lead_from_an_instruments_file_to_verified_c(
+    name: str, write: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / name)
+    assert main(["init", name]) == 0
+    assert main(["run", "r.toml", "--out", "out", "--steps", "500"]) == 0
+    fitted = tomllib.loads((tmp_path / "out" / "project.toml").read_text())["plant"]
+    assert fitted["outputs"] == ["speed_rad_s"]
+    assert fitted["parameters"]["gain"]["value"] == pytest.approx(46.1, rel=0.05)
+
+
+def test_the_last_of_several_files_is_only_scored(bench: Callable[[str, str], Path]) -> None:
+    content = FILES["an export of a scope"][1]
+    for name in ("a.csv", "b.csv", "c.csv"):
+        file = bench(name, content)
+    assert main(["init", "a.csv", "b.csv", "c.csv", "--out", "sub/loop.toml"]) == 0
+    made = tomllib.loads((file.parent / "sub" / "loop.toml").read_text())
+    assert made["recordings"]["train"] == ["../a.csv", "../b.csv"] and made["recordings"]["test"] == ["../c.csv"]
+    assert made["name"] == "loop"
+
+
+WRONG: dict[str, tuple[str, str, list[str], str]] = {  # file, its text, further arguments, what is said
+    "two columns of one name": (
+        "a.csv",
+        text("t,u,omega,speed_rpm", TIME, DRIVE, SPEED, SPEED),
+        [],
+        "columns 'omega' and 'speed_rpm' both seem to be speed_rad_s; say which one is to be left out: --leave-out",
+    ),
+    "no time": ("a.csv", text("u,omega", DRIVE, SPEED), [], "--period 0.001"),
+    "nothing that moves": ("a.csv", text("t,u,omega", TIME, DRIVE, 0 * SPEED), [], "two columns that change"),
+    "a column that is not there": ("a.csv", text("t,u,w", TIME, DRIVE, SPEED), ["--leave-out", "q"], "no such column"),
+    "no file": ("a.csv", "", [], "is empty"),
+    "a place that is no project": ("a.csv", "", ["--out", "there.json"], "ends in .toml"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_cannot_be_guessed_is_said_and_nothing_is_written(
+    case: str, bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, content, more, words = WRONG[case]
+    file = bench(name, content)
+    assert main(["init", name, *more]) == 2
+    assert words in capsys.readouterr().err
+    assert [path.name for path in file.parent.iterdir()] == [name]
+
+
+def test_what_was_asked_for_is_taken(bench: Callable[[str, str], Path]) -> None:
+    file = bench("a.csv", text("u,omega,speed_rpm", DRIVE, SPEED, SPEED * 30 / np.pi))
+    assert main(["init", "a.csv", "--period", "0.001", "--leave-out", "omega"]) == 0
+    made = tomllib.loads(file.with_suffix(".toml").read_text())
+    assert made["recordings"]["period_s"] == 0.001
+    assert made["recordings"]["rename"]["speed_rpm"] == {"name": "speed_rad_s", "unit": "rpm"}
+
+
+def test_a_supply_and_a_reference_are_no_ends_of_the_plant(bench: Callable[[str, str], Path]) -> None:
+    supply, reference = 12 - 0.1 * np.abs(DRIVE), np.roll(SPEED, -5)
+    header = "time_s,supply_V,speed_ref_rad_s,speed_rad_s,motor_cmd_V,voltage_ff_V"
+    file = bench("a.csv", text(header, TIME, supply, reference, SPEED, DRIVE, supply))
+    assert main(["init", "a.csv"]) == 0
+    plant = tomllib.loads(file.with_suffix(".toml").read_text())["plant"]
+    assert (plant["input"], plant["outputs"]) == ("motor_cmd_V", ["speed_rad_s"])
+
+
+def test_names_of_a_file_stay_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    odd = {"u\n[plant]\nkind = 'x'": DRIVE, 'omega "1"': SPEED, "\nname = 'evil'": CURRENT, "t": TIME}
+    np.savez(tmp_path / "a.npz", **odd)
+    assert main(["init", "a.npz"]) == 0
+    made = tomllib.loads((tmp_path / "a.toml").read_text())
+    assert made["name"] == "a" and made["plant"]["outputs"] == ["speed_rad_s"]
+    assert set(made["recordings"]["rename"]) <= set(odd)
+
+
+@pytest.mark.parametrize("name", ["a\nb.csv", "a\udce9.csv", "a\x1b[2J.csv"])
+def test_a_file_that_no_project_can_name_is_refused(
+    name: str, bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench(name, FILES["an export of a scope"][1])
+    assert main(["init", name]) == 2
+    said = capsys.readouterr().err
+    assert "a project cannot name this file" in said and len(said.splitlines()) == 1
+
+
+def test_a_project_that_is_there_stays_as_it_is(
+    bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = bench("a.csv", FILES["an export of a scope"][1])
+    project = file.with_suffix(".toml")
+    project.write_text("mine")
+    (file.parent / "folder.toml").mkdir()
+    for more in ([], ["--out", "folder.toml"]):
+        assert main(["init", "a.csv", *more]) == 2
+        assert "is not overwritten" in capsys.readouterr().err
+    assert project.read_text() == "mine"
