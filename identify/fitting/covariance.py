@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.effective_samples import deviations_under, noises_of, widened
-from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.least_squares import triangle, triangle_of
 
 Array = NDArray[np.float64]
 
@@ -58,8 +58,8 @@ def uncertainty(
         block[:, :parameters] - span @ (span.T @ block[:, :parameters]) for block, span in zip(tall, own, strict=True)
     ]
     # With the initial states projected out of J, the scores of the parameters alone carry the sandwich.
-    matrix = triangle(np.concatenate(pure))
-    every = triangle(np.concatenate([block[:, :parameters] for block in tall]))
+    matrix = triangle_of(pure)
+    every = triangle_of(block[:, :parameters] for block in tall)
     norms = np.linalg.norm(every, axis=0)
     norms[norms <= _PARALLEL**2 * norms.max(initial=0.0)] = 1.0
     _, sizes, axes = np.linalg.svd(matrix / norms)
