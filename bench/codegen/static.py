@@ -53,7 +53,7 @@ REASONS = {
     "10.7": ("required", "a shift's count is narrower than what is shifted, and is not converted to it"),
     "15.5": ("advisory", "a search ends where its answer is known, a step where an input is not a number"),
     "18.4": ("advisory", "a pointer goes through a matrix row by row, which an index would multiply for"),
-    "19.2": ("advisory", "2^k is written into the exponent of a float; C99 6.5.2.3 says that a union's bytes are kept"),
+    "19.2": ("advisory", "a float's bits are read or written as a word; C99 6.5.2.3 keeps the bytes of a union"),
     "20.1": ("advisory", "the sizes of a problem stand before the header that they size"),
 }
 

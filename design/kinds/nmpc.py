@@ -209,7 +209,7 @@ def _law(request: Request, setup: NmpcSetup) -> Law:
     target = [ca.SX(t) for t in setup.target]
     if setup.reference is not None:
         target[setup.led] = z[setup.reference]
-    plan = [ca.SX(0)] * (m + 1 + horizon.length * (n + m))
+    plan = [ca.SX(0)] * m
     if setup.warm:
         led, moved = x[m + 1 : m + 1 + n * _kept(horizon)], x[m + 1 + n * _kept(horizon) :]
         twice = horizon.length - _kept(horizon)

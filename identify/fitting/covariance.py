@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.fitting.effective_samples import deviations_under, noises_of, widened
-from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.effective_samples import Pure, deviations_under, noises_of, widened
+from firmloop.identify.fitting.least_squares import triangle, triangle_of
 
 Array = NDArray[np.float64]
 
@@ -54,12 +54,11 @@ def uncertainty(
     tall = [block.reshape(-1, block.shape[2]) for block in slopes]
     own = [_span(block[:, parameters:]) for block in tall]
     # What a change of the initial state could do as well is taken out of the parameters' columns.
-    pure = [
-        block[:, :parameters] - span @ (span.T @ block[:, :parameters]) for block, span in zip(tall, own, strict=True)
-    ]
-    # With the initial states projected out of J, the scores of the parameters alone carry the sandwich.
-    matrix = triangle(np.concatenate(pure))
-    every = triangle(np.concatenate([block[:, :parameters] for block in tall]))
+    matrix = triangle_of(
+        triangle(span, block[:, :parameters])[span.shape[1] :, span.shape[1] :]
+        for block, span in zip(tall, own, strict=True)
+    )
+    every = triangle_of(block[:, :parameters] for block in tall)
     norms = np.linalg.norm(every, axis=0)
     norms[norms <= _PARALLEL**2 * norms.max(initial=0.0)] = 1.0
     _, sizes, axes = np.linalg.svd(matrix / norms)
@@ -68,20 +67,23 @@ def uncertainty(
     idle, _ = np.linalg.qr((axes[~seen] / reach).T)
     blind = np.flatnonzero(np.sum(idle**2, axis=1) > 1e-4)
     inverse = (axes[seen].T / sizes[seen] ** 2) @ axes[seen]
-    clean = [(block / norms).reshape(*part.shape, parameters) for block, part in zip(pure, residuals, strict=True)]
-    scores = [np.einsum("qrk,qr->qk", block, part) for block, part in zip(clean, residuals, strict=True)]
+    clean = [
+        Pure(block[:, :parameters], span, 1.0 / norms, part.shape)
+        for block, span, part in zip(tall, own, residuals, strict=True)
+    ]
     meat = np.zeros_like(inverse)
     for first, end in pairwise(np.cumsum([0, *windows]).tolist()):
-        meat += _long_run(np.concatenate(scores[first:end]))
+        pairs = zip(clean[first:end], residuals[first:end], strict=True)
+        # With the initial states projected out of J, the scores of the parameters alone carry the sandwich.
+        meat += _long_run(np.concatenate([_scores(block, part) for block, part in pairs]))
     rows = sum(residual.size for residual in residuals)
     unknowns = parameters + sum(block.shape[2] - parameters for block in slopes)
     lost = rows / max(rows - unknowns, 1)
     robust = inverse @ meat @ inverse
-    sway = [block @ inverse for block in clean]
     noises = noises_of(residuals)
-    plain = deviations_under(noises, sway)
+    plain = deviations_under(noises, clean, inverse)
     if np.any(plain**2 * _FEW > np.diag(inverse) * rows):
-        plain = widened(noises, clean, own, sway, lost**0.5)
+        plain = widened(noises, clean, inverse, lost**0.5)
     wider = np.maximum(plain / np.sqrt(np.maximum(np.diag(robust), 1e-300)), 1.0)
     covariance = lost * robust * np.outer(wider, wider) / np.outer(norms, norms)
     return Uncertainty(0.5 * (covariance + covariance.T), tuple(int(k) for k in blind), int(np.sum(~seen)))
@@ -94,6 +96,14 @@ def _span(columns: Array) -> Array:
     _, widths, turned = np.linalg.svd(triangle(columns / norms))
     kept = widths > _PARALLEL
     return np.asarray((columns / norms) @ (turned[kept].T / widths[kept]))
+
+
+def _scores(block: Pure, residual: Array) -> Array:
+    """Return slopes times residuals (q, k), summed over the outputs."""
+    found = np.empty((len(residual), block.parameters))
+    for k, direction in enumerate(np.eye(block.parameters)):
+        np.sum(block.along(direction) * residual, axis=1, out=found[:, k])
+    return found
 
 
 def _long_run(scores: Array) -> Array:
@@ -109,13 +119,16 @@ def _long_run(scores: Array) -> Array:
 
 def _bandwidth(scores: Array) -> int:
     """Andrews (1991), equations 6.2 and 6.4: first-order autoregressions of the scores set the Bartlett bandwidth."""
-    now, before = scores[1:], scores[:-1]
-    power = np.sum(before**2, axis=0)
-    moving = power > 0.0
-    if not np.any(moving):
+    slopes, variances = [], []
+    for column in scores.T:
+        now, before = column[1:], column[:-1]
+        power = float(before @ before)
+        if power > 0.0:
+            slopes.append(float(np.clip(float(now @ before) / power, -0.97, 0.97)))
+            variances.append(float(np.mean((now - slopes[-1] * before) ** 2)))
+    if not slopes:
         return 0
-    slope = np.clip(np.sum(now * before, axis=0)[moving] / power[moving], -0.97, 0.97)
-    variance = np.mean((now[:, moving] - slope * before[:, moving]) ** 2, axis=0)
+    slope, variance = np.array(slopes), np.array(variances)
     weight = variance**2
     top = np.sum(weight * 4.0 * slope**2 / ((1.0 - slope) ** 6 * (1.0 + slope) ** 2))
     bottom = np.sum(weight / (1.0 - slope) ** 4)

@@ -9,7 +9,7 @@ linearised fit and judged as the recording was. No refits are needed, and the dr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,42 +36,69 @@ def _stationary(residuals: Sequence[Array]) -> Noise:
     return replace(noise, coefficients=noise.coefficients * shrunk)
 
 
-def deviations_under(noises: Sequence[Noise], sway: Sequence[Array]) -> Array:
-    """Return standard deviations (k,) of sum sway * noise, with sway (q, r, k) of every experiment: of sway' C sway."""
-    count = sway[0].shape[2]
-    total = np.zeros(count)
-    for column, noise in enumerate(noises if count else ()):
-        for each in sway:
-            # The noise is e / A, so that sway' noise is e times sway sent through 1 / A backwards.
-            total += noise.scale**2 * np.sum(noise.color(each[::-1, column]) ** 2, axis=0)
+@dataclass(frozen=True, slots=True)
+class Pure:
+    """Slopes of an experiment's residuals for the parameters, without what its initial state can do as well.
+
+    They are `columns` (q r, k) times `scale` (k,), less their part in the orthonormal `own` (q r, n); `shape` is (q, r).
+    The columns are long, and one combination of them is wanted at a time.
+    """
+
+    columns: Array
+    own: Array
+    scale: Array
+    shape: tuple[int, ...]
+
+    @property
+    def parameters(self) -> int:
+        """How many columns there are."""
+        return self.columns.shape[1]
+
+    def along(self, direction: Array) -> Array:
+        """Return a combination (k,) of the columns, (q, r)."""
+        return self.without_own(self.columns @ (self.scale * direction)).reshape(self.shape)
+
+    def without_own(self, values: Array) -> Array:
+        """Return values (q r,) without what the initial state can do."""
+        return np.asarray(values - self.own @ (self.own.T @ values))
+
+
+def deviations_under(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array) -> Array:
+    """Return standard deviations (k,) of sum sway * noise, sway = slopes inverse: of sway' C sway."""
+    total = np.zeros(len(inverse))
+    for k, direction in enumerate(inverse.T):
+        for each in slopes:
+            sway = each.along(direction)
+            for column, noise in enumerate(noises):
+                # The noise is e / A, so that sway' noise is e times sway sent through 1 / A backwards.
+                backwards = noise.color(sway[::-1, column])
+                total[k] += noise.scale**2 * float(backwards @ backwards)
     return np.sqrt(total)
 
 
-def widened(
-    noises: Sequence[Noise], slopes: Sequence[Array], own: Sequence[Array], sway: Sequence[Array], lost: float
-) -> Array:
+def widened(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array, lost: float) -> Array:
     """Return the deviations under `noises` (k,), widened such that 1.96 of them hold 95 % of the estimates.
 
     They are to be multiplied by `lost`, for the degrees of freedom that the fit has used.
 
-    `slopes` (q, r, k) of the parameters, with what is `own` (q r, n; orthonormal) to each experiment taken out, and
-    `sway` (q, r, k), what each row's noise does to the parameters. Two faults are mended: estimates are spread wider in
-    units of a drawn noise's deviation than a normal one is, and the deviation that draws tell is less than that which
-    they were drawn with, so that the recording's will be less than the true one by as much.
+    What each row's noise does to the parameters is `slopes` times `inverse` (k, k). Two faults are mended: estimates
+    are spread wider in units of a drawn noise's deviation than a normal one is, and the deviation that draws tell is
+    less than that which they were drawn with, so that the recording's will be less than the true one by as much.
     """
     random = np.random.default_rng(0)
+    sway = [np.stack([each.along(direction) for direction in inverse.T], axis=-1) for each in slopes]
     apart, told = [], []
     for _ in range(_DRAWS):
-        drawn = [_draw(noises, len(each), random) for each in sway]
+        drawn = [_draw(noises, each.shape[0], random) for each in slopes]
         error = sum(np.einsum("qrk,qr->k", each, part) for each, part in zip(sway, drawn, strict=True))
-        left = []
-        for part, slope, span in zip(drawn, slopes, own, strict=True):
-            flat = part.ravel()
-            left.append((flat - span @ (span.T @ flat)).reshape(part.shape) - slope @ error)
-        told.append(lost * deviations_under(noises_of(left), sway))
+        left = [
+            each.without_own(part.ravel()).reshape(part.shape) - each.along(error)
+            for part, each in zip(drawn, slopes, strict=True)
+        ]
+        told.append(lost * deviations_under(noises_of(left), slopes, inverse))
         apart.append(np.abs(error) / np.maximum(told[-1], 1e-300))
     wider = np.quantile(apart, 0.95, axis=0) / NORMAL_95
-    plain = deviations_under(noises, sway)
+    plain = deviations_under(noises, slopes, inverse)
     shy = plain / np.maximum(np.median(told, axis=0), 1e-300)
     return np.asarray(plain * np.maximum(wider, 1.0) * np.maximum(shy, 1.0))
 

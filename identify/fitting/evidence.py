@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import Experiment, conditioned, experiments, misfit
 from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.fitting.least_squares import triangle, triangle_of
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
@@ -75,6 +76,7 @@ def compared(evidence: Evidence, recording: Recording, outputs: Array) -> list[t
 
 
 _PIECES = 100  # of a recording, over which a position is seen to move
+_ROWS = 16_384  # that are put side by side at a time
 
 
 def remainders(evidence: Evidence) -> tuple[Remainder, ...]:
@@ -89,10 +91,10 @@ def remainders(evidence: Evidence) -> tuple[Remainder, ...]:
     for recording, score in zip(evidence.recordings, fit.train, strict=True):
         parts = [replace(made, lags=score.lags) for made in experiments(plant, recording, evidence.conditioning)]
         each = [misfit(made, engine, constants, start, free) for made, start in zip(parts, score.starts, strict=True)]
-        residual = np.concatenate([one for one, _ in each])
-        slopes = np.concatenate([slope[..., : len(free)] for _, slope in each])
+        residual = _joined([one for one, _ in each])
+        slopes = _joined([slope[..., : len(free)] for _, slope in each])
         own = _block_diagonal([slope[..., len(free) :].reshape(-1, len(plant.states)) for _, slope in each])
-        found.append(Remainder(score.source, np.concatenate([_times(made) for made in parts]), residual, slopes, own))
+        found.append(Remainder(score.source, _joined([_times(made) for made in parts]), residual, slopes, own))
     return tuple(found)
 
 
@@ -102,14 +104,24 @@ def _times(made: Experiment) -> Array:
     return moments if rows == len(moments) else np.linspace(moments[0], moments[-1], rows)
 
 
+def _joined(blocks: Sequence[Array]) -> Array:
+    """Put blocks of rows below each other; a single one, which may be long, is not copied."""
+    return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+
+
 def _block_diagonal(blocks: Sequence[Array]) -> Array:
     """Return an orthonormal basis of what the initial states of all windows can do."""
     rows = sum(len(block) for block in blocks)
     spans, at = [], 0
     for block in blocks:
-        sizes = np.linalg.norm(block, axis=0)
-        basis, weights, _ = np.linalg.svd(block / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
-        kept = basis[:, weights > 1e-9 * max(float(weights.max(initial=0.0)), 1e-300)]
+        small = triangle(block)
+        sizes = np.linalg.norm(small, axis=0)
+        sizes[sizes == 0.0] = 1.0
+        _, weights, turned = np.linalg.svd(small / sizes)
+        seen = weights > 1e-9 * max(float(weights.max(initial=0.0)), 1e-300)
+        kept = block @ (turned[seen].T / weights[seen] / sizes[:, None])
+        if len(blocks) == 1:
+            return kept
         whole = np.zeros((rows, kept.shape[1]))
         whole[at : at + len(block)] = kept
         spans.append(whole)
@@ -131,29 +143,39 @@ def explained(parts: Sequence[Remainder], weights: Array, columns: Sequence[Arra
 
     Only what the parameters and the initial states cannot do as well counts. `weights` (r,) are 1 / noise.
     """
-    tall, left, tried = [], [], []
-    for part, column in zip(parts, columns, strict=True):
-        scale = np.tile(weights, len(part.residual))
-        own, _ = np.linalg.qr(part.own * scale[:, None])
-
-        def cleaned(values: Array, scale: Array = scale, own: Array = own) -> Array:
-            flat = (values.reshape(len(scale), -1) * scale[:, None]) if values.ndim > 1 else values * scale
-            return np.asarray(flat - own @ (own.T @ flat))
-
-        tall.append(cleaned(part.slopes.reshape(len(scale), -1)))
-        left.append(cleaned(part.residual.reshape(-1)))
-        tried.append(cleaned(column.reshape(-1)))
-    slopes, residual, column = np.concatenate(tall), np.concatenate(left), np.concatenate(tried)
+    scales = [np.tile(weights, len(part.residual)) for part in parts]
+    small = triangle(
+        np.concatenate([_without_own(*each) for each in zip(parts, columns, scales, strict=True)])
+    )  # [slopes, residual, column]
+    slopes, residual, column = small[:, :-2], small[:, -2], small[:, -1]
     sizes = np.linalg.norm(slopes, axis=0)
-    basis, strengths, _ = np.linalg.svd(slopes / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
-    span = basis[:, strengths > 1e-9]
-    residual, bare = residual - span @ (span.T @ residual), column - span @ (span.T @ column)
-    power, size = float(residual @ residual), float(bare @ bare)
-    edges = np.cumsum([part.residual.size for part in parts])[:-1]
-    shared = float(bare @ residual) / size if size > 1e-12 * float(column @ column) else 0.0
-    flat = np.split(residual - shared * bare, edges)
-    rest = tuple(each.reshape(part.residual.shape) for each, part in zip(flat, parts, strict=True))
-    return Explanation(shared**2 * size / power if power > 0.0 else 0.0, shared, rest)
+    sizes[sizes == 0.0] = 1.0
+    basis, strengths, turned = np.linalg.svd(slopes / sizes, full_matrices=False)
+    kept = strengths > 1e-9
+    span, back = basis[:, kept], turned[kept].T / strengths[kept] / sizes[:, None]
+    bare, rest = column - span @ (span.T @ column), residual - span @ (span.T @ residual)
+    power, size = float(rest @ rest), float(bare @ bare)
+    shared = float(bare @ rest) / size if size > 1e-12 * float(column @ column) else 0.0
+    taken = back @ (span.T @ (residual - shared * column))
+    left = tuple(_left(*each, taken, shared) for each in zip(parts, columns, scales, strict=True))
+    return Explanation(shared**2 * size / power if power > 0.0 else 0.0, shared, left)
+
+
+def _without_own(part: Remainder, column: Array, scale: Array) -> Array:
+    """Return the triangle of [slopes, residual, column] in units of the noise, without what the initial states can."""
+    rows, own = len(scale), part.own.shape[1]
+    tall = (part.own, part.slopes.reshape(rows, -1), part.residual.reshape(rows, 1), column.reshape(rows, 1))
+    blocks = (
+        np.concatenate([each[first : first + _ROWS] for each in tall], axis=1) * scale[first : first + _ROWS, None]
+        for first in range(0, rows, _ROWS)
+    )
+    return triangle_of(blocks)[own:, own:]
+
+
+def _left(part: Remainder, column: Array, scale: Array, taken: Array, shared: float) -> Array:
+    own, _ = np.linalg.qr(part.own * scale[:, None])
+    flat = scale * (part.residual.ravel() - shared * column.ravel() - part.slopes.reshape(len(scale), -1) @ taken)
+    return np.asarray(flat - own @ (own.T @ flat)).reshape(part.residual.shape)
 
 
 def independent(residuals: Sequence[Array]) -> float:

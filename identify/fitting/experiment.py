@@ -120,10 +120,11 @@ def misfit(
     """
     outputs, slopes = simulator.run_with_slopes(made.course, constants, start, which)
     residual = made.target - conditioned(made, delayed(made, outputs))
-    slopes = -conditioned(made, delayed(made, slopes))
-    spread = np.std(made.target, axis=0)
-    traces = np.abs(slopes[..., len(which) :]).max(axis=0) / np.where(spread > 0.0, spread, 1.0)[:, None]
-    slopes[..., len(which) :][..., traces.max(axis=0) < _FORGOTTEN] = 0.0
+    slopes = conditioned(made, delayed(made, slopes))
+    np.negative(slopes, out=slopes)
+    spread, own = np.std(made.target, axis=0), slopes[..., len(which) :]
+    traces = np.maximum(own.max(axis=0), -own.min(axis=0)) / np.where(spread > 0.0, spread, 1.0)[:, None]
+    own[..., traces.max(axis=0) < _FORGOTTEN] = 0.0
     return residual, slopes
 
 
@@ -160,7 +161,7 @@ def _start_triangle(
     if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
         return None
     tall = (slopes * weights[:, None]).reshape(-1, slopes.shape[2])
-    return triangle(np.column_stack([tall, (residual * weights).reshape(-1)]))
+    return triangle(tall, (residual * weights).reshape(-1, 1))
 
 
 def check_moving(parts: Sequence[Experiment]) -> None:

@@ -28,6 +28,7 @@ from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem
 from firmloop.identify.fitting.residual_tests import unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
+from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
@@ -66,7 +67,8 @@ class Fit:
 
     `covariance` is that of the `free` parameters, in their units; rows of parameters the data cannot tell are NaN and
     their deviation is None. `noise` is the residual rms per output on the training recordings. `starts` are the costs
-    (half the mean squared weighted residual, as the trial runs left them) of every start, in the order tried.
+    (half the mean squared weighted residual of the trial runs, which see stretches of long recordings) of every start,
+    in the order tried.
     """
 
     plant: Plant
@@ -129,7 +131,10 @@ def estimate(
     check_step(plant, seen)
     report(0.05, "choosing starting values")
     problem = make_problem(plant, engine, seen)
-    best, costs = _best_trial(problem, starting_points(plant, engine, problem.experiments), report)
+    tried = _shortened(problem)
+    best, costs = _best_trial(tried, starting_points(plant, engine, tried.experiments), report)
+    if tried is not problem:
+        best = FitPoint(best.constants, _best_starts(problem, best.constants, problem.experiments))
     best, problem = _settle(problem, best, report, 0.6)
     if conditioning.align:
         best, problem = _align(problem, best, report)
@@ -149,6 +154,14 @@ def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) ->
 
 def _silent(fraction: float, label: str) -> None:
     """Report progress to nobody."""
+
+
+def _shortened(problem: FitProblem) -> FitProblem:
+    """Return the problem on the stretches that tell basins apart; itself where its recordings are short."""
+    chosen = stretches(problem.experiments)
+    if len(chosen) == len(problem.experiments) and chosen[0] is problem.experiments[0]:
+        return problem
+    return replace(problem, experiments=chosen, windows=(len(chosen),))
 
 
 def _best_trial(
@@ -270,7 +283,8 @@ def _result(
     natural = np.where(problem.logarithmic, 1.0, np.abs(values))
     # An aligned clock is one more unknown of its own, as an initial state is.
     whole = [
-        np.concatenate([slopes, own], axis=2) for (_, slopes), own in zip(pairs, lag_slopes(problem, best), strict=True)
+        np.concatenate([slopes, own], axis=2) if own.shape[2] else slopes
+        for (_, slopes), own in zip(pairs, lag_slopes(problem, best), strict=True)
     ]
     found = uncertainty(problem.windows, residuals, whole, natural)
     covariance = found.covariance * np.outer(inner, inner)

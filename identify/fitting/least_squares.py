@@ -11,7 +11,7 @@ that are nearly linear; `scaled_step` is one Gauss-Newton step from normal equat
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ROWS = 512  # small enough that LAPACK stays in one thread and in the cache
+_BLOCKS = 32  # of so many rows that are put side by side at a time
 _ENOUGH = 1e-11  # relative decrease of the cost that is no longer worth a step
 _QUOTIENT = 2.0**-26  # of an unknown, for a difference quotient: the root of what a number resolves
 _DESCENTS = 20  # steps of `descend` at most
@@ -61,20 +62,31 @@ class Minimum:
     evaluations: int
 
 
-def triangle(tall: Array) -> Array:
-    """Return R (m, m) of a QR decomposition of `tall` (rows, m), without forming Q."""
-    width = tall.shape[1]
+def triangle(*columns: Array) -> Array:
+    """Return R (m, m) of a QR decomposition of columns (rows, m_i) side by side, without forming Q.
+
+    The rows are taken in by blocks, so that no more than the columns themselves is kept of them.
+    """
+    width = sum(each.shape[1] for each in columns)
     if width == 0:
         return np.zeros((0, 0))
-    rows = max(_ROWS, 2 * width)
-    if len(tall) <= rows:
-        top: Array = np.zeros((max(len(tall), width), width))
-        top[: len(tall)] = tall
-    else:
-        padded = np.zeros((-(-len(tall) // rows), rows, width))
-        padded.reshape(-1, width)[: len(tall)] = tall
-        top = np.asarray(np.linalg.qr(padded, mode="r")).reshape(-1, width)
-    return np.asarray(np.linalg.qr(top, mode="r"))
+    rows, count = max(_ROWS, 2 * width), len(columns[0])
+    if count <= rows:
+        top: Array = np.zeros((max(count, width), width))
+        top[:count] = np.concatenate(columns, axis=1)
+        return np.asarray(np.linalg.qr(top, mode="r"))
+    tops = []
+    for first in range(0, count, _BLOCKS * rows):
+        taken = min(count - first, _BLOCKS * rows)
+        block = np.zeros((-(-taken // rows), rows, width))
+        np.concatenate([each[first : first + taken] for each in columns], axis=1, out=block.reshape(-1, width)[:taken])
+        tops.append(np.asarray(np.linalg.qr(block, mode="r")).reshape(-1, width))
+    return np.asarray(np.linalg.qr(np.concatenate(tops), mode="r"))
+
+
+def triangle_of(blocks: Iterable[Array]) -> Array:
+    """Return R (m, m) of blocks (rows, m) of rows below each other."""
+    return triangle(np.concatenate([triangle(block) for block in blocks]))
 
 
 def minimize(
@@ -130,7 +142,7 @@ def fit_function(
 
     def evaluate(unknowns: Unknowns) -> Reduced:
         here = residual(unknowns.shared * scale)
-        block = triangle(np.column_stack([slopes_at(unknowns.shared, here), here]))
+        block = triangle(slopes_at(unknowns.shared, here), here[:, None])
         return Reduced(block[None], np.zeros((0, len(scale) + 1)))
 
     none = np.zeros((1, 0))

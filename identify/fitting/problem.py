@@ -100,9 +100,11 @@ def weighted(problem: FitProblem, point: FitPoint) -> Iterator[tuple[Array, Arra
     inner = np.where(problem.logarithmic, point.constants[list(problem.free)], 1.0)
     for made, start in zip(problem.experiments, point.starts, strict=True):
         residual, slopes = misfit(made, problem.engine, point.constants, start, problem.free)
+        residual *= problem.weights
         with np.errstate(over="ignore"):  # a trial that has diverged counts as far off
             slopes[..., :count] *= inner
-        yield residual * problem.weights, slopes * problem.weights[:, None]
+            slopes *= problem.weights[:, None]
+        yield residual, slopes
 
 
 def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPoint, float]:
@@ -116,7 +118,7 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
             if not (np.all(np.isfinite(aim)) and np.all(np.isfinite(tall))):
                 aim = np.clip(np.nan_to_num(aim, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
                 tall = np.clip(np.nan_to_num(tall, nan=0.0), -_STEEP, _STEEP)
-            blocks.append(triangle(np.column_stack([tall[:, count:], tall[:, :count], aim])))
+            blocks.append(triangle(tall[:, count:], tall[:, :count], aim[:, None]))
         leash = (unknowns.shared - problem.leash_centre) * problem.leash_weight
         return Reduced(np.stack(blocks), np.column_stack([np.diag(problem.leash_weight), leash]))
 

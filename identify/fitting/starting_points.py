@@ -80,9 +80,9 @@ def _scaled(
             return trial, math.inf
         forced = made.target - residual if unscaled >= 0 else np.zeros_like(residual)
         aim = made.target if unscaled >= 0 else residual
-        tall = np.column_stack([-slopes.reshape(made.target.size, states), forced.reshape(-1), aim.reshape(-1)])
+        tall = -slopes.reshape(made.target.size, states), forced.reshape(-1, 1), aim.reshape(-1, 1)
         # Below the rows of the initial state stands what no initial state can explain.
-        rows.append(triangle(tall)[states:, states:])
+        rows.append(triangle(*tall)[states:, states:])
     forced_part, aim_part = np.concatenate(rows).T
     power = float(forced_part @ forced_part)
     scale = float(forced_part @ aim_part) / power if power > 0.0 else 0.0

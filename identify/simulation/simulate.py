@@ -72,8 +72,8 @@ class Simulator:
     ) -> tuple[Array, Array]:
         rows = course.end - course.first
         directions = len(which) + (self.states if from_start else 0)
-        outputs = np.full((rows, self.outputs), math.nan)
-        slopes = np.full((rows, self.outputs, directions), math.nan)
+        outputs = np.empty((rows, self.outputs))
+        slopes = np.empty((rows, self.outputs, directions))
         chosen = np.asarray(which, dtype=np.int32)
         fixed = np.ascontiguousarray(constants)
         begin = np.ascontiguousarray(start)

@@ -47,8 +47,8 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checke
     }
     numbers: dict[str, tuple[float, ...] | float] = {
         "slope": rounded(np.pad(problem.slope, ((0, width - count), (0, 0))).T),
-        "low": rounded(problem.low),
-        "high": rounded(problem.high),
+        "low": rounded(np.pad(problem.low, (0, width - count), constant_values=-FAR)),
+        "high": rounded(np.pad(problem.high, (0, width - count), constant_values=FAR)),
         "gram": rounded(np.pad(problem.gram, ((0, 0), (0, width - count)))),
         "scale": rounded(problem.scale),
         "tolerance": float(kind(TOLERANCE[arithmetic] * tolerance_of(problem))),
@@ -101,6 +101,7 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     beyond = numbers["beyond"].reshape(sizes["FL_QP_BEYOND"], -1)[:behind]
     shift, onward = np.split(beyond, [sizes["FL_QP_PARAMETERS"]], axis=1)
     return Rows(
-        slope, numbers["low"], numbers["high"], gram[:, :count], numbers["scale"], tolerance, share, trusted, kept,
-        noise, least, sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], moves, shift, onward, numbers["softness"][:behind],
+        slope, numbers["low"][:count], numbers["high"][:count], gram[:, :count], numbers["scale"], tolerance, share,
+        trusted, kept, noise, least, sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], moves, shift, onward,
+        numbers["softness"][:behind],
     )  # fmt: skip

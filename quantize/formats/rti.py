@@ -15,8 +15,8 @@ TRUSTED = {"float32": 2.0**-10, "float64": 2.0**-20}  # share of the spans by wh
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, of its first value
 
 
-def table_of(problem: Horizon, arithmetic: str, name: str) -> Table:
-    """Round a problem to "float32" or "float64"; its members are those of `fl_rti_t`."""
+def table_of(problem: Horizon, arithmetic: str, name: str, parameters: int) -> Table:
+    """Round a problem to "float32" or "float64"; its members are those of `fl_rti_t`, `parameters` what it is given."""
     kind = np.dtype(arithmetic)
     course = course_of(problem, kind, TOLERANCE[arithmetic], TRUSTED[arithmetic], LEAST[arithmetic])
 
@@ -28,6 +28,7 @@ def table_of(problem: Horizon, arithmetic: str, name: str) -> Table:
         "FL_RTI_INPUTS": len(course.r),
         "FL_RTI_LENGTH": course.length,
         "FL_RTI_LIMITED": len(course.limited),
+        "FL_RTI_PARAMETERS": parameters,
         "FL_RTI_ITERATIONS": course.iterations,
         "FL_RTI_BUDGET": course.budget,
     }

@@ -308,7 +308,7 @@ class _Lowering:
         assert self.law.solve is not None and isinstance(self.law.solve.problem, Horizon)
         assert isinstance(self.builder, FloatBuilder), "a nonlinear program has no fixed-point form"
         self.ops.wish = (PLAN, "")
-        self.tables = (course_table(self.law.solve.problem, self.arithmetic, PLAN_DATA),)
+        self.tables = (course_table(self.law.solve.problem, self.arithmetic, PLAN_DATA, len(parameters)),)
         return self.builder.course(PLAN_DATA, MODEL, parameters)
 
     def _routines(self) -> tuple[Program, ...]:

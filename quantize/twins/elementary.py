@@ -83,9 +83,10 @@ def _wave(x: Any, ahead: int) -> Raw:
     x = np.asarray(x)
     own, kind = _constants(x), x.dtype.type
     with np.errstate(all="ignore"):
-        k = (x * kind(2.0 / math.pi) + kind(own.round)) - kind(own.round)
+        nearest = np.asarray(x * kind(2.0 / math.pi) + kind(own.round))
+        k = nearest - kind(own.round)
         r = ((x - k * kind(own.turn[0])) - k * kind(own.turn[1])) - k * kind(own.turn[2])
-        quarter = k - kind(4) * ((k * kind(0.25) + kind(own.round)) - kind(own.round)) + kind(ahead)  # -2 to 3
+        quarter = nearest.view(f"i{x.dtype.itemsize}") + ahead  # in its last two bits
         z = r * r
         even, odd = kind(own.sine[-1]), kind(own.cosine[-1])
         for factor in own.sine[-2::-1]:
@@ -94,8 +95,8 @@ def _wave(x: Any, ahead: int) -> Raw:
             odd = odd * z + kind(factor)
         even = r + r * (z * even)
         odd = kind(1) + z * odd
-        value = np.where((quarter == -1) | (quarter == 1) | (quarter == 3), odd, even)
-        signed: Raw = np.where((quarter < 0) | (quarter > kind(1.5)), -value, value)
+        value = np.where(quarter & 1, odd, even)
+        signed: Raw = np.where(quarter & 2, -value, value)
         return signed
 
 

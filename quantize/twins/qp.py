@@ -142,8 +142,9 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
         softness=typed(rows.softness),
     )
     search = QpSearch(
-        np.zeros(count, kind), np.zeros(count, kind), np.zeros((rows.room, count), kind), np.zeros(rows.room, kind),
-        np.zeros(rows.room, np.int64), np.zeros(count, np.int64), np.zeros(4, np.int64), np.zeros(1, kind),
+        np.zeros(count, kind), np.zeros((rows.room + 1, count), kind), np.zeros(rows.room, kind),
+        np.zeros(rows.room, kind), np.zeros(rows.room, np.int64), np.zeros(count, np.int64), np.zeros(4, np.int64),
+        np.zeros(1, kind),
     )  # fmt: skip
     moves = np.zeros((lanes, len(rows.scale)), kind)
     status, work, side = np.zeros(lanes, np.int64), np.zeros(lanes, np.int64), np.zeros((lanes, count), np.int64)

@@ -54,9 +54,9 @@ class QpSearch(NamedTuple):
     """What `fl_search_t` holds; `counts` are the length of the active set, the work, and what is `fresh` and `hard`."""
 
     value: Raw
-    column: Raw
-    eta: Raw  # (room, m)
-    pivot: Raw
+    eta: Raw  # (room + 1, m)
+    inverse: Raw
+    toward: Raw
     active: NDArray[Any]
     side: NDArray[Any]
     counts: NDArray[Any]
@@ -64,17 +64,21 @@ class QpSearch(NamedTuple):
 
 
 @compiled
+def _at(s: QpSearch) -> Any:
+    return s.eta[s.counts[LENGTH]]
+
+
+@compiled
 def _column(q: QpProblem, s: QpSearch, row: int) -> None:
-    length = s.counts[LENGTH]
+    length, column, gram = s.counts[LENGTH], _at(s), q.gram[row]
     s.counts[WORK] += length + COLUMN
-    gram = q.gram[row]
     for i in range(len(q.low)):
-        s.column[i] = gram[i]
+        column[i] = gram[i]
     for k in range(length):
         eta = s.eta[k]
-        factor = eta[row] * s.pivot[k]
+        factor = eta[row] * s.inverse[k]
         for i in range(len(q.low)):
-            s.column[i] -= eta[i] * factor
+            column[i] -= eta[i] * factor
 
 
 @compiled
@@ -83,53 +87,48 @@ def _hard(q: QpProblem, row: int) -> bool:
 
 
 @compiled
-def _store(q: QpProblem, s: QpSearch, row: int) -> None:
-    length = s.counts[LENGTH]
-    pivot = s.column[row]
-    inverse = q.one / pivot
-    eta = s.eta[length]
-    for i in range(len(q.low)):
-        eta[i] = s.column[i] * inverse
-    eta[row] = q.one - inverse
-    s.pivot[length] = pivot
+def _store(q: QpProblem, s: QpSearch, row: int, toward: Any) -> None:
+    length, eta = s.counts[LENGTH], _at(s)
+    pivot = eta[row]
+    s.inverse[length] = q.one / pivot
+    eta[row] = pivot - q.one
+    s.toward[length] = toward
     s.active[length] = row
     s.counts[LENGTH] = length + 1
 
 
 @compiled
 def _leave(q: QpProblem, s: QpSearch, place: int) -> None:
-    row, last = s.active[place], s.counts[LENGTH] - 1
+    row, last, column = s.active[place], s.counts[LENGTH] - 1, _at(s)
     s.value[row] = q.high[row] if s.side[row] > 0 else q.low[row]
     s.side[row] = 0
     s.counts[LENGTH] = last
     if q.moves and _hard(q, row):
         s.counts[HARD] -= 1
     s.counts[WORK] += COLUMN + 2 * (last - place)
-    out = s.eta[place]
-    for i in range(len(q.low)):
-        out[i] *= s.pivot[place]
-    out[row] = s.pivot[place]
+    out, rest = s.eta[place], q.one / s.inverse[place]
     for k in range(place + 1, last + 1):
         eta, at = s.eta[k], s.active[k]
-        held, taken, rest = eta[row], out[at], out[row]
-        pivot = s.pivot[k] + taken * (held * s.pivot[k])
-        share, inverse = s.pivot[k] / pivot, q.one / pivot
-        left = held * rest * share
+        held, taken = eta[row], out[at]
+        pivot = q.one / s.inverse[k] + taken * held
+        inverse = q.one / pivot
+        share = taken * inverse
         for i in range(len(q.low)):
             old = out[i]
-            out[i] = (eta[i] + old * held) * share
-            eta[i] = old - out[i] * taken
-        out[at] = q.one - inverse
-        eta[at] = taken * inverse
-        out[row] = left
-        eta[row] = rest - left * taken
-        s.pivot[k - 1] = pivot
+            out[i] = eta[i] + old * held
+            eta[i] = old - out[i] * share
+        out[at] = pivot - q.one
+        eta[at] = share
+        out[row] = held * rest
+        rest -= out[row] * share
+        s.inverse[k - 1] = inverse
+        s.toward[k - 1] = s.toward[k]
         s.active[k - 1] = at
         out = eta
-    factor = s.column[row]
+    factor = column[row]
     for i in range(len(q.low)):
-        s.column[i] += out[i] * factor
-    s.column[row] = factor * out[row]
+        out[i] = column[i] + out[i] * factor
+    out[row] = factor * rest
 
 
 @compiled
@@ -148,14 +147,15 @@ def _most_violated(q: QpProblem, s: QpSearch, most: Any) -> int:
 
 @compiled
 def _move(q: QpProblem, s: QpSearch, moved: Any) -> None:
+    column = _at(s)
     for i in range(len(q.low)):
-        s.value[i] -= s.column[i] * moved
+        s.value[i] -= column[i] * moved
 
 
 @compiled
 def _free(q: QpProblem, s: QpSearch, row: int) -> bool:
     filled = q.moves > 0 and s.counts[HARD] == q.moves and _hard(q, row)
-    return s.column[row] > q.least and s.counts[LENGTH] < q.room and not filled
+    return _at(s)[row] > q.least and s.counts[LENGTH] < q.room and not filled
 
 
 @compiled
@@ -178,6 +178,7 @@ def _held(q: QpProblem, s: QpSearch, row: int) -> Any:
 
 @compiled
 def _residual(q: QpProblem, s: QpSearch, parameters: Raw) -> None:
+    column = _at(s)
     for i in range(q.moves):
         value = q.slope[0, i] * parameters[0]
         for j in range(1, len(parameters)):
@@ -185,14 +186,14 @@ def _residual(q: QpProblem, s: QpSearch, parameters: Raw) -> None:
         for k in range(s.counts[LENGTH]):
             at = s.active[k]
             value -= q.gram[at, i] * s.value[at]
-        s.column[i] = value
+        column[i] = value
     for i in range(q.moves, len(q.low)):
-        value = _beyond(q, i - q.moves, parameters, s.column)
+        value = _beyond(q, i - q.moves, parameters, column)
         if s.side[i] != 0:
             value -= q.softness[i - q.moves] * s.value[i]
-        s.column[i] = value - _held(q, s, i)
+        column[i] = value - _held(q, s, i)
     for i in range(q.moves):
-        s.column[i] -= _held(q, s, i)
+        column[i] -= _held(q, s, i)
 
 
 @compiled
@@ -200,21 +201,22 @@ def _refine(q: QpProblem, s: QpSearch, parameters: Raw) -> tuple[int, int]:
     """Return whether every move is near and keeps the hard rows that are active, and the row to enter next."""
     s.counts[WORK] += 2 * s.counts[LENGTH] + q.moves + COLUMN
     _residual(q, s, parameters)
+    column = _at(s)
     for k in range(s.counts[LENGTH]):
         eta = s.eta[k]
-        held = s.column[s.active[k]]
+        held = column[s.active[k]] * s.inverse[k]
         for i in range(len(q.low)):
-            s.column[i] -= eta[i] * held
+            column[i] -= eta[i] * held
     near = 1
     for i in range(len(q.low)):
-        error = s.column[i]
+        error = column[i]
         s.value[i] += error
         if i < q.moves and s.side[i] == 0 and not (error < q.trusted and error > -q.trusted):
             near = 0
     for i in range(q.moves):
-        s.column[i] = _held(q, s, i)
+        column[i] = _held(q, s, i)
     for i in range(q.moves, len(q.low)):
-        value = _beyond(q, i - q.moves, parameters, s.column)
+        value = _beyond(q, i - q.moves, parameters, column)
         if s.side[i] == 0:
             s.value[i] = value
         elif _hard(q, i):
@@ -226,11 +228,12 @@ def _refine(q: QpProblem, s: QpSearch, parameters: Raw) -> tuple[int, int]:
 
 @compiled
 def _step(q: QpProblem, s: QpSearch, gap: Any, row: int, sign: Any) -> tuple[Any, int]:
-    step, place = (gap * sign / s.column[row] if _free(q, s, row) else q.far), -1
+    column = _at(s)
+    step, place = (gap * sign / column[row] if _free(q, s, row) else q.far), -1
     for k in range(s.counts[LENGTH]):
         held = s.active[k]
-        toward = q.one if s.side[held] > 0 else -q.one
-        rate = s.column[held] * (sign * toward)
+        toward = s.toward[k]
+        rate = column[held] * (sign * toward)
         if rate > q.least:
             ratio = s.value[held] * toward / rate
             if ratio < step:
@@ -265,7 +268,7 @@ def _enter(q: QpProblem, s: QpSearch, parameters: Raw, row: int) -> tuple[int, i
             s.side[row] = 1 if above else -1
             following = _most_violated(q, s, s.tolerance[0])
             s.value[row] = multiplier
-            _store(q, s, row)
+            _store(q, s, row, sign)
             return SOLVED, following
         _leave(q, s, place)
     return CAPPED, row
@@ -274,9 +277,7 @@ def _enter(q: QpProblem, s: QpSearch, parameters: Raw, row: int) -> tuple[int, i
 @compiled
 def _believed(q: QpProblem, s: QpSearch) -> int:
     for k in range(s.counts[LENGTH]):
-        row = s.active[k]
-        toward = q.one if s.side[row] > 0 else -q.one
-        if q.kept < q.far and not (s.value[row] * toward * q.noise < q.kept):
+        if q.kept < q.far and not (s.value[s.active[k]] * s.toward[k] * q.noise < q.kept):
             return CAPPED
     return SOLVED
 

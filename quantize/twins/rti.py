@@ -32,8 +32,9 @@ CHUNK = 256  # lanes at a time: their tableaus stay within the processor's cache
 def improve(course: RtiCourse, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
     """Return the results (lanes, k) and the status (lanes,) for `parameters` (lanes, p).
 
-    Parameters are x[0], t, the last output, 1 where there is a plan, x[1..N] and u[0..N-1] of that plan. Results are
-    the outputs, 1 where there is a plan for the next sample, the largest change of a move in its span, and that plan.
+    Parameters are x[0], t, the last output and, unless every sample starts without a plan, 1 where there is one, and
+    x[1..N] and u[0..N-1] of it. Results are the outputs, 1 where there is a plan for the next sample, the largest
+    change of a move in its span, and that plan.
     """
     if not len(parameters):
         width = len(course.r) + 2 + course.length * (len(course.q) + len(course.r))
@@ -45,6 +46,7 @@ def improve(course: RtiCourse, model: Model, parameters: Raw) -> tuple[Raw, NDAr
 def _chunk(course: RtiCourse, model: Model, parameters: Raw) -> tuple[Raw, NDArray[np.int64]]:
     n, m, length = len(course.q), len(course.r), course.length
     edges = np.cumsum([n, n, m, 1, length * n])
+    parameters = np.pad(parameters, ((0, 0), (0, edges[-1] + length * m - parameters.shape[1])))
     first, target, last, planned, states, moves = np.split(parameters, edges, axis=1)
     with np.errstate(all="ignore"):
         warm = planned[:, 0] > 0

@@ -56,14 +56,18 @@ static inline float fl_abs_f32(float a) {
 }
 
 /* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
-static inline float fl_wave_f32(float x, float ahead) {
-    const float k = ((x * 0.63661975F) + 1.2582912e+07F) - 1.2582912e+07F; /* the nearest whole number */
+static inline float fl_wave_f32(float x, uint32_t ahead) {
+    union {
+        float value;
+        uint32_t bits;
+    } nearest; /* whole number, beside what makes its last bit that of the word */
+    nearest.value = (x * 0.63661975F) + 1.2582912e+07F;
+    const uint32_t quarter = (nearest.bits + ahead) & 3U;
+    const float k = nearest.value - 1.2582912e+07F;
     const float r = ((x - (k * 1.5703125F)) - (k * 0.0004837513F)) - (k * 7.54979e-08F);
-    const float fours = ((k * 0.25F) + 1.2582912e+07F) - 1.2582912e+07F;
-    const float quarter = k - (4.0F * fours) + ahead; /* -2 to 3 */
     const float z = r * r;
     float value;
-    if ((quarter == -1.0F) || (quarter == 1.0F) || (quarter == 3.0F)) {
+    if ((quarter & 1U) != 0U) {
         value = 2.4801588e-05F;
         value = (value * z) - 0.0013888889F;
         value = (value * z) + 0.041666668F;
@@ -76,15 +80,15 @@ static inline float fl_wave_f32(float x, float ahead) {
         value = (value * z) - 0.16666667F;
         value = r + (r * (z * value));
     }
-    return ((quarter < 0.0F) || (quarter > 1.5F)) ? -value : value;
+    return ((quarter & 2U) != 0U) ? -value : value;
 }
 
 static inline float fl_sin_f32(float x) {
-    return fl_wave_f32(x, 0.0F);
+    return fl_wave_f32(x, 0U);
 }
 
 static inline float fl_cos_f32(float x) {
-    return fl_wave_f32(x, 1.0F);
+    return fl_wave_f32(x, 1U);
 }
 
 /* e^x; x is limited to what has a normal result. */
@@ -162,15 +166,18 @@ static inline double fl_abs_f64(double a) {
 }
 
 /* The sine of x + ahead pi/2, in rad: pi/2 is subtracted in parts, a Taylor polynomial gives the rest. */
-static inline double fl_wave_f64(double x, double ahead) {
-    const double k =
-        ((x * 0.6366197723675814) + 6755399441055744.0) - 6755399441055744.0; /* the nearest whole number */
+static inline double fl_wave_f64(double x, uint64_t ahead) {
+    union {
+        double value;
+        uint64_t bits;
+    } nearest; /* whole number, beside what makes its last bit that of the word */
+    nearest.value = (x * 0.6366197723675814) + 6755399441055744.0;
+    const uint64_t quarter = (nearest.bits + ahead) & 3U;
+    const double k = nearest.value - 6755399441055744.0;
     const double r = ((x - (k * 1.5707963267341256)) - (k * 6.077100506303966e-11)) - (k * 2.0222662487959506e-21);
-    const double fours = ((k * 0.25) + 6755399441055744.0) - 6755399441055744.0;
-    const double quarter = k - (4.0 * fours) + ahead; /* -2 to 3 */
     const double z = r * r;
     double value;
-    if ((quarter == -1.0) || (quarter == 1.0) || (quarter == 3.0)) {
+    if ((quarter & 1U) != 0U) {
         value = 4.779477332387385e-14;
         value = (value * z) - 1.1470745597729725e-11;
         value = (value * z) + 2.08767569878681e-09;
@@ -191,15 +198,15 @@ static inline double fl_wave_f64(double x, double ahead) {
         value = (value * z) - 0.16666666666666666;
         value = r + (r * (z * value));
     }
-    return ((quarter < 0.0) || (quarter > 1.5)) ? -value : value;
+    return ((quarter & 2U) != 0U) ? -value : value;
 }
 
 static inline double fl_sin_f64(double x) {
-    return fl_wave_f64(x, 0.0);
+    return fl_wave_f64(x, 0U);
 }
 
 static inline double fl_cos_f64(double x) {
-    return fl_wave_f64(x, 1.0);
+    return fl_wave_f64(x, 1U);
 }
 
 /* e^x; x is limited to what has a normal result. */

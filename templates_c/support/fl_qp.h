@@ -38,6 +38,7 @@ static inline fl_real fl_qp_held(const fl_qp_t *q, const fl_search_t *s, int32_t
 
 /* By how much each row is beyond where it is taken to be: the moves that the multipliers ask for, and what follows. */
 static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters) {
+    fl_real *column = fl_qp_at(s);
     for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
         fl_real value = q->slope[i] * parameters[0];
         for (int32_t j = 1; j < FL_QP_PARAMETERS; j++) {
@@ -47,17 +48,17 @@ static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *para
             const int32_t at = s->active[k];
             value -= q->gram[(at * FL_QP_WIDTH) + i] * s->value[at];
         }
-        s->column[i] = value;
+        column[i] = value;
     }
     for (int32_t i = FL_QP_CHECKED; i < FL_QP_ROWS; i++) {
-        fl_real value = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, s->column);
+        fl_real value = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, column);
         if (s->side[i] != 0) {
             value -= q->softness[i - FL_QP_CHECKED] * s->value[i];
         }
-        s->column[i] = value - fl_qp_held(q, s, i);
+        column[i] = value - fl_qp_held(q, s, i);
     }
     for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
-        s->column[i] -= fl_qp_held(q, s, i);
+        column[i] -= fl_qp_held(q, s, i);
     }
 }
 
@@ -68,38 +69,34 @@ static void fl_qp_residual(const fl_qp_t *q, fl_search_t *s, const fl_real *para
 static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *parameters, int32_t *row) {
     s->work += (2 * s->length) + FL_QP_CHECKED + FL_QP_COLUMN;
     fl_qp_residual(q, s, parameters);
+    fl_real *column = fl_qp_at(s);
     for (int32_t k = 0; k < s->length; k++) {
         const fl_real *eta = s->eta[k];
-        const fl_real held = s->column[s->active[k]];
+        const fl_real held = column[s->active[k]] * s->inverse[k];
         for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-            s->column[i] -= eta[i] * held;
+            column[i] -= eta[i] * held;
         }
     }
     int32_t near = 1;
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        const fl_real error = s->column[i];
+        const fl_real error = column[i];
         s->value[i] += error;
         if ((i < FL_QP_CHECKED) && (s->side[i] == 0) && !((error < q->trusted) && (error > -q->trusted))) {
             near = 0;
         }
     }
     for (int32_t i = 0; i < FL_QP_CHECKED; i++) {
-        s->column[i] = fl_qp_held(q, s, i);
+        column[i] = fl_qp_held(q, s, i);
     }
-    fl_real most = q->tolerance;
-    *row = -1;
+    fl_violated_t seen = {q->tolerance, -1};
     for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        fl_real value = s->column[i];
+        fl_real value = column[i];
         if (i >= FL_QP_CHECKED) {
-            value = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, s->column);
+            value = fl_qp_beyond(q, i - FL_QP_CHECKED, parameters, column);
         }
         if (s->side[i] == 0) {
             s->value[i] = value;
-            const fl_real excess = fl_qp_excess(q, i, s->value[i]);
-            if (excess > most) {
-                most = excess;
-                *row = i;
-            }
+            seen = fl_qp_see(q, i, value, 0, seen);
         } else if (fl_qp_hard(q, i) != 0) {
             const fl_real missed = value - fl_qp_held(q, s, i);
             if (!((missed < q->kept) && (missed > -q->kept))) {
@@ -109,18 +106,20 @@ static int32_t fl_qp_refine(const fl_qp_t *q, fl_search_t *s, const fl_real *par
             /* a soft active row may be missed */
         }
     }
+    *row = seen.row;
     return near;
 }
 
 /* Where a step along the column of `row` ends: at its limit (place -1), or at a multiplier that reaches zero. */
 static fl_real fl_qp_step(const fl_qp_t *q, const fl_search_t *s, fl_real gap, int32_t row, fl_real sign,
                           int32_t *place) {
-    fl_real step = (fl_qp_free(q, s, row) != 0) ? ((gap * sign) / s->column[row]) : q->far;
+    const fl_real *column = s->eta[s->length];
+    fl_real step = (fl_qp_free(q, s, row) != 0) ? ((gap * sign) / column[row]) : q->far;
     *place = -1;
     for (int32_t k = 0; k < s->length; k++) {
         const int32_t held = s->active[k];
-        const fl_real toward = (fl_real)s->side[held];
-        const fl_real rate = s->column[held] * (sign * toward);
+        const fl_real toward = s->toward[k];
+        const fl_real rate = column[held] * (sign * toward);
         if (rate > q->least) {
             const fl_real ratio = s->value[held] * toward / rate;
             if (ratio < step) {
@@ -163,7 +162,7 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
             s->side[entering] = (int8_t)side;
             *row = fl_qp_move(q, s, step * sign);
             s->value[entering] = multiplier;
-            fl_qp_store(s, entering);
+            fl_qp_store(s, entering, sign);
             return FL_QP_SOLVED;
         }
         (void)fl_qp_move(q, s, step * sign);
@@ -176,7 +175,7 @@ static int32_t fl_qp_enter(const fl_qp_t *q, fl_search_t *s, const fl_real *para
 static int32_t fl_qp_believed(const fl_qp_t *q, const fl_search_t *s) {
     for (int32_t k = 0; (k < s->length) && (q->kept < q->far); k++) {
         const int32_t row = s->active[k];
-        if (!((s->value[row] * (fl_real)s->side[row] * q->noise) < q->kept)) {
+        if (!((s->value[row] * s->toward[k] * q->noise) < q->kept)) {
             return FL_QP_CAPPED;
         }
     }
@@ -190,7 +189,7 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const
     s->fresh = 0;
     s->hard = 0;
     volatile int8_t *side = s->side; /* volatile: no compiler may ask the C library to clear it */
-    for (int32_t i = 0; i < FL_QP_ROWS; i++) {
+    for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
         side[i] = 0;
     }
     int32_t status = FL_QP_SOLVED;
@@ -215,44 +214,31 @@ static int32_t fl_qp_search(const fl_qp_t *q, fl_search_t *s, int32_t row, const
 static inline fl_plan_t fl_qp(const fl_qp_t *q, const fl_real *parameters) {
     fl_search_t s;
     fl_plan_t plan;
+    fl_violated_t seen = {q->tolerance, -1};
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
         const fl_real *slope = &q->slope[i];
-        fl_real a = slope[0] * parameters[0];
-        fl_real b = slope[1] * parameters[0];
-        fl_real c = slope[2] * parameters[0];
-        fl_real d = slope[3] * parameters[0];
-        for (int32_t k = 1; k < FL_QP_PARAMETERS; k++) {
-            const fl_real parameter = parameters[k];
-            slope += FL_QP_WIDTH;
-            a += slope[0] * parameter;
-            b += slope[1] * parameter;
-            c += slope[2] * parameter;
-            d += slope[3] * parameter;
+        fl_four_t x = fl_qp_times(slope, parameters[0]);
+        for (int32_t k = 2; k < FL_QP_PARAMETERS; k += 2) {
+            x = fl_qp_plus(x, &slope[FL_QP_WIDTH], parameters[k - 1]);
+            slope += 2 * FL_QP_WIDTH;
+            x = fl_qp_plus(x, slope, parameters[k]);
         }
-        s.value[i] = a;
-        s.value[i + 1] = b;
-        s.value[i + 2] = c;
-        s.value[i + 3] = d;
-    }
-    int32_t row = -1;
-    fl_real most = q->tolerance;
-    for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        const fl_real value = s.value[i];
-        if ((value > q->high[i]) || (value < q->low[i])) {
-            const fl_real excess = fl_qp_excess(q, i, value);
-            if (excess > most) {
-                most = excess;
-                row = i;
-            }
+        if ((FL_QP_PARAMETERS % 2) == 0) {
+            x = fl_qp_plus(x, &slope[FL_QP_WIDTH], parameters[FL_QP_PARAMETERS - 1]);
         }
+        fl_qp_put(&s.value[i], x);
+        seen = fl_qp_see(q, i, x.a, 0, seen);
+        seen = fl_qp_see(q, i + 1, x.b, 0, seen);
+        seen = fl_qp_see(q, i + 2, x.c, 0, seen);
+        seen = fl_qp_see(q, i + 3, x.d, 0, seen);
     }
     for (int32_t i = 0; i < FL_QP_MOVES; i++) {
         plan.move[i] = s.value[i] * q->scale[i];
     }
     plan.status = FL_QP_SOLVED;
-    if (row >= 0) {
-        s.tolerance = q->tolerance + (most * q->share);
-        plan.status = fl_qp_search(q, &s, row, parameters, &plan);
+    if (seen.row >= 0) {
+        s.tolerance = q->tolerance + (seen.most * q->share);
+        plan.status = fl_qp_search(q, &s, seen.row, parameters, &plan);
     }
     return plan;
 }

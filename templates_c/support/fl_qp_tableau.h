@@ -10,8 +10,8 @@
 
 typedef struct {
     fl_real slope[FL_QP_PARAMETERS * FL_QP_WIDTH]; /* one parameter after the other */
-    fl_real low[FL_QP_ROWS];
-    fl_real high[FL_QP_ROWS];
+    fl_real low[FL_QP_WIDTH];
+    fl_real high[FL_QP_WIDTH];
     fl_real gram[FL_QP_ROWS * FL_QP_WIDTH];
     fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
     fl_real tolerance;          /* a row is violated beyond this, */
@@ -35,11 +35,11 @@ typedef struct {
 
 typedef struct {
     fl_real value[FL_QP_WIDTH];
-    fl_real column[FL_QP_WIDTH];
-    fl_real eta[FL_QP_ROOM][FL_QP_WIDTH]; /* one for each active row */
-    fl_real pivot[FL_QP_ROOM];
+    fl_real eta[FL_QP_ROOM + 1][FL_QP_WIDTH]; /* the column that each active row came with; behind them the next */
+    fl_real inverse[FL_QP_ROOM];              /* one over the pivot of each */
+    fl_real toward[FL_QP_ROOM]; /* `side` of each active row */
     uint8_t active[FL_QP_ROOM];
-    int8_t side[FL_QP_ROWS]; /* 1 at high, -1 at low, else 0 */
+    int8_t side[FL_QP_WIDTH]; /* 1 at high, -1 at low, else 0 */
     int32_t length;          /* of the active set */
     int32_t work;            /* so far */
     int32_t fresh;           /* refined since the last row that joined */
@@ -47,29 +47,79 @@ typedef struct {
     fl_real tolerance;
 } fl_search_t;
 
+/* Four numbers that stand beside each other, in registers. */
+typedef struct {
+    fl_real a;
+    fl_real b;
+    fl_real c;
+    fl_real d;
+} fl_four_t;
+
+static inline fl_four_t fl_qp_times(const fl_real *four, fl_real factor) {
+    const fl_four_t x = {four[0] * factor, four[1] * factor, four[2] * factor, four[3] * factor};
+    return x;
+}
+
+static inline fl_four_t fl_qp_less(fl_four_t x, const fl_real *four, fl_real factor) {
+    const fl_four_t y = fl_qp_times(four, factor);
+    const fl_four_t z = {x.a - y.a, x.b - y.b, x.c - y.c, x.d - y.d};
+    return z;
+}
+
+static inline fl_four_t fl_qp_plus(fl_four_t x, const fl_real *four, fl_real factor) {
+    const fl_four_t y = fl_qp_times(four, factor);
+    const fl_four_t z = {x.a + y.a, x.b + y.b, x.c + y.c, x.d + y.d};
+    return z;
+}
+
+static inline fl_four_t fl_qp_get(const fl_real *four) {
+    const fl_four_t x = {four[0], four[1], four[2], four[3]};
+    return x;
+}
+
+static inline void fl_qp_put(fl_real *four, fl_four_t x) {
+    four[0] = x.a;
+    four[1] = x.b;
+    four[2] = x.c;
+    four[3] = x.d;
+}
+
+/* The column of the row that enters, in the place of its eta. */
+static inline fl_real *fl_qp_at(fl_search_t *s) {
+    return s->eta[s->length];
+}
+
 /* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
  * takes from this column in its pivot row is what it holds in this row. */
 static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row) {
     const fl_real *gram = &q->gram[row * FL_QP_WIDTH];
+    fl_real *column = fl_qp_at(s);
+    fl_real factor[FL_QP_ROOM];
+    int32_t i = 0;
     s->work += s->length + FL_QP_COLUMN;
-    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
-        fl_real a = gram[i];
-        fl_real b = gram[i + 1];
-        fl_real c = gram[i + 2];
-        fl_real d = gram[i + 3];
+    for (int32_t k = 0; k < s->length; k++) {
+        factor[k] = s->eta[k][row] * s->inverse[k];
+    }
+    for (; (i + 8) <= FL_QP_WIDTH; i += 8) {
         const fl_real *eta = &s->eta[0][i];
+        fl_four_t x = fl_qp_get(&gram[i]);
+        fl_four_t y = fl_qp_get(&gram[i + 4]);
         for (int32_t k = 0; k < s->length; k++) {
-            const fl_real factor = s->eta[k][row] * s->pivot[k];
-            a -= eta[0] * factor;
-            b -= eta[1] * factor;
-            c -= eta[2] * factor;
-            d -= eta[3] * factor;
+            x = fl_qp_less(x, eta, factor[k]);
+            y = fl_qp_less(y, &eta[4], factor[k]);
             eta += FL_QP_WIDTH;
         }
-        s->column[i] = a;
-        s->column[i + 1] = b;
-        s->column[i + 2] = c;
-        s->column[i + 3] = d;
+        fl_qp_put(&column[i], x);
+        fl_qp_put(&column[i + 4], y);
+    }
+    if (i < FL_QP_WIDTH) {
+        const fl_real *eta = &s->eta[0][i];
+        fl_four_t x = fl_qp_get(&gram[i]);
+        for (int32_t k = 0; k < s->length; k++) {
+            x = fl_qp_less(x, eta, factor[k]);
+            eta += FL_QP_WIDTH;
+        }
+        fl_qp_put(&column[i], x);
     }
 }
 
@@ -79,20 +129,22 @@ static inline int32_t fl_qp_hard(const fl_qp_t *q, int32_t row) {
 }
 
 /* Put `row` into the active set by its column. */
-static void fl_qp_store(fl_search_t *s, int32_t row) {
-    const fl_real pivot = s->column[row];
-    const fl_real inverse = (fl_real)1 / pivot;
-    fl_real *eta = s->eta[s->length];
-    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
-        eta[i] = s->column[i] * inverse;
-        eta[i + 1] = s->column[i + 1] * inverse;
-        eta[i + 2] = s->column[i + 2] * inverse;
-        eta[i + 3] = s->column[i + 3] * inverse;
-    }
-    eta[row] = (fl_real)1 - inverse; /* leaves pivot / pivot in that row */
-    s->pivot[s->length] = pivot;
+static void fl_qp_store(fl_search_t *s, int32_t row, fl_real toward) {
+    fl_real *eta = fl_qp_at(s);
+    const fl_real pivot = eta[row];
+    s->inverse[s->length] = (fl_real)1 / pivot;
+    eta[row] = pivot - (fl_real)1; /* leaves pivot / pivot in that row */
+    s->toward[s->length] = toward;
     s->active[s->length] = (uint8_t)row;
     s->length++;
+}
+
+/* In one row: put the eta without the row that leaves into the place of `out`, and `out` past it into that of `eta`. */
+static inline void fl_qp_swap(fl_real *out, fl_real *eta, fl_real held, fl_real share) {
+    const fl_real old = *out;
+    const fl_real now = *eta + (old * held);
+    *out = now;
+    *eta = old - (now * share);
 }
 
 /* Take the row at `place` out of the active set: out of every eta after its own, and out of the column.
@@ -101,6 +153,7 @@ static void fl_qp_store(fl_search_t *s, int32_t row) {
 static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
     const int32_t row = s->active[place];
     const int32_t last = s->length - 1;
+    const fl_real *column = fl_qp_at(s);
     s->value[row] = (s->side[row] > 0) ? q->high[row] : q->low[row];
     s->side[row] = 0;
     s->length = last;
@@ -109,68 +162,74 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
     }
     s->work += FL_QP_COLUMN + (2 * (last - place));
     fl_real *out = s->eta[place];
-    for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
-        out[i] *= s->pivot[place];
-    }
-    out[row] = s->pivot[place];
+    fl_real rest = (fl_real)1 / s->inverse[place];
     for (int32_t k = place + 1; k <= last; k++) {
         fl_real *eta = s->eta[k];
         const int32_t at = s->active[k];
         const fl_real held = eta[row];
         const fl_real taken = out[at];
-        const fl_real rest = out[row];
-        const fl_real pivot = s->pivot[k] + (taken * (held * s->pivot[k]));
-        const fl_real share = s->pivot[k] / pivot;
+        const fl_real pivot = ((fl_real)1 / s->inverse[k]) + (taken * held);
         const fl_real inverse = (fl_real)1 / pivot;
-        const fl_real left = held * rest * share;
-        for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
-            const fl_real old = out[i];
-            out[i] = (eta[i] + (old * held)) * share;
-            eta[i] = old - (out[i] * taken);
+        const fl_real share = taken * inverse;
+        for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
+            fl_qp_swap(&out[i], &eta[i], held, share);
+            fl_qp_swap(&out[i + 1], &eta[i + 1], held, share);
+            fl_qp_swap(&out[i + 2], &eta[i + 2], held, share);
+            fl_qp_swap(&out[i + 3], &eta[i + 3], held, share);
         }
-        out[at] = (fl_real)1 - inverse;
-        eta[at] = taken * inverse;
-        out[row] = left;
-        eta[row] = rest - (left * taken);
-        s->pivot[k - 1] = pivot;
+        out[at] = pivot - (fl_real)1;
+        eta[at] = share;
+        out[row] = held * rest;
+        rest -= out[row] * share;
+        s->inverse[k - 1] = inverse;
+        s->toward[k - 1] = s->toward[k];
         s->active[k - 1] = (uint8_t)at;
         out = eta;
     }
-    const fl_real factor = s->column[row];
-    for (int32_t i = 0; i < FL_QP_WIDTH; i++) {
-        s->column[i] += out[i] * factor;
+    const fl_real factor = column[row];
+    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
+        fl_qp_put(&out[i], fl_qp_plus(fl_qp_get(&column[i]), &out[i], factor));
     }
-    s->column[row] = factor * out[row];
+    out[row] = factor * rest;
 }
 
-static inline fl_real fl_qp_excess(const fl_qp_t *q, int32_t row, fl_real value) {
-    const fl_real over = value - q->high[row];
-    const fl_real under = q->low[row] - value;
-    return (over > under) ? over : under;
+/* The row that is violated by most of those seen so far; -1 where none is by more than `most` was at first. */
+typedef struct {
+    fl_real most;
+    int32_t row;
+} fl_violated_t;
+
+static inline fl_violated_t fl_qp_see(const fl_qp_t *q, int32_t row, fl_real value, int32_t side, fl_violated_t seen) {
+    fl_violated_t now = seen;
+    if ((side == 0) && ((value > q->high[row]) || (value < q->low[row]))) {
+        const fl_real excess = (value > q->high[row]) ? (value - q->high[row]) : (q->low[row] - value);
+        if (excess > seen.most) {
+            now.most = excess;
+            now.row = row;
+        }
+    }
+    return now;
 }
 
 /* Go `moved` along the column; return the most violated row outside the active set, -1 where none is. */
 static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
-    int32_t row = -1;
-    fl_real most = s->tolerance;
-    for (int32_t i = 0; i < FL_QP_ROWS; i++) {
-        const fl_real value = s->value[i] - (s->column[i] * moved);
-        s->value[i] = value;
-        if ((s->side[i] == 0) && ((value > q->high[i]) || (value < q->low[i]))) {
-            const fl_real excess = fl_qp_excess(q, i, value);
-            if (excess > most) {
-                most = excess;
-                row = i;
-            }
-        }
+    const fl_real *column = fl_qp_at(s);
+    fl_violated_t seen = {s->tolerance, -1};
+    for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
+        const fl_four_t x = fl_qp_less(fl_qp_get(&s->value[i]), &column[i], moved);
+        fl_qp_put(&s->value[i], x);
+        seen = fl_qp_see(q, i, x.a, s->side[i], seen);
+        seen = fl_qp_see(q, i + 1, x.b, s->side[i + 1], seen);
+        seen = fl_qp_see(q, i + 2, x.c, s->side[i + 2], seen);
+        seen = fl_qp_see(q, i + 3, x.d, s->side[i + 3], seen);
     }
-    return row;
+    return seen.row;
 }
 
 /* Whether the row of this column does not depend on the active ones. */
 static inline int32_t fl_qp_free(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
     const int32_t filled = ((FL_QP_CHECKED != 0) && (s->hard == FL_QP_CHECKED)) ? fl_qp_hard(q, row) : 0;
-    return (s->column[row] > q->least) && (s->length < FL_QP_ROOM) && (filled == 0);
+    return (s->eta[s->length][row] > q->least) && (s->length < FL_QP_ROOM) && (filled == 0);
 }
 
 #endif

@@ -7,8 +7,8 @@
  * the states are eliminated; `fl_rti_search.h` solves the rest. No product is added before it is rounded.
  *
  * The file that includes this one gives its sizes, FL_RTI_STATES, FL_RTI_INPUTS, FL_RTI_LENGTH (samples of the
- * horizon), FL_RTI_LIMITED (states with limits), FL_RTI_ITERATIONS, FL_RTI_BUDGET (pivots of one iteration at most),
- * and the type fl_real.
+ * horizon), FL_RTI_LIMITED (states with limits), FL_RTI_PARAMETERS, FL_RTI_ITERATIONS, FL_RTI_BUDGET (pivots of one
+ * iteration at most), and the type fl_real.
  */
 #ifndef FL_RTI_H
 #define FL_RTI_H
@@ -18,33 +18,41 @@
 /* x and u -> x of the next sample, then its slopes by x and u, row by row */
 typedef void (*fl_model_t)(const fl_real *both, fl_real *found);
 
+/* The slopes of state `i` of sample k + 1 by the states and inputs of sample k. */
+static inline const fl_real *fl_rti_slope(const fl_rti_work_t *s, int32_t k, int32_t i) {
+    return &s->model[k][FL_RTI_N + (i * FL_RTI_BOTH)];
+}
+
+static inline void fl_rti_zero(fl_real *x) {
+    volatile fl_real *cleared = x; /* volatile: no compiler may ask the C library to clear it */
+    for (int32_t i = 0; i < FL_RTI_N; i++) {
+        cleared[i] = (fl_real)0;
+    }
+}
+
 /* Take the slopes along the plan and what it lacks; without a plan its states are those that the moves lead to. */
 static void fl_rti_linearize(fl_rti_work_t *s, fl_model_t model, int32_t warm) {
-    fl_real found[FL_RTI_N + (FL_RTI_N * FL_RTI_BOTH)];
     for (int32_t i = 0; i < FL_RTI_N; i++) {
         s->led[0][i] = s->both[0][i];
     }
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
+        fl_real *found = s->model[k];
         model(s->both[k], found);
-        const fl_real *slope = &found[FL_RTI_N];
         for (int32_t i = 0; i < FL_RTI_N; i++) {
             if (warm == 0) {
                 s->both[k + 1][i] = found[i];
             }
-            s->lack[k][i] = found[i] - s->both[k + 1][i];
-            for (int32_t j = 0; j < FL_RTI_BOTH; j++) {
-                s->slope[k][i][j] = slope[j];
-            }
-            slope += FL_RTI_BOTH;
+            found[i] -= s->both[k + 1][i];
         }
     }
-    fl_real lag[FL_RTI_N] = {0};
+    fl_real lag[FL_RTI_N];
+    fl_rti_zero(lag);
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
         fl_real after[FL_RTI_N];
         for (int32_t i = 0; i < FL_RTI_N; i++) {
-            fl_real sum = s->lack[k][i];
+            fl_real sum = s->model[k][i];
             for (int32_t j = 0; j < FL_RTI_N; j++) {
-                sum += s->slope[k][i][j] * lag[j];
+                sum += fl_rti_slope(s, k, i)[j] * lag[j];
             }
             after[i] = sum;
         }
@@ -72,7 +80,7 @@ static void fl_rti_back(const fl_rti_work_t *s, int32_t k, const fl_real *x, fl_
     for (int32_t i = 0; i < FL_RTI_N; i++) {
         fl_real sum = y[i];
         for (int32_t j = 0; j < FL_RTI_N; j++) {
-            sum += s->slope[k][j][i] * x[j];
+            sum += fl_rti_slope(s, k, j)[i] * x[j];
         }
         y[i] = sum;
     }
@@ -92,7 +100,7 @@ static void fl_rti_gradient(const fl_rti_t *q, fl_rti_work_t *s) {
                 sum += q->r[(i * FL_RTI_M) + j] * (s->both[k][FL_RTI_N + j] - q->rest[j]);
             }
             for (int32_t j = 0; j < FL_RTI_N; j++) {
-                sum += s->slope[k][j][FL_RTI_N + i] * slope[j];
+                sum += fl_rti_slope(s, k, j)[FL_RTI_N + i] * slope[j];
             }
             s->g[(k * FL_RTI_M) + i] = sum;
         }
@@ -126,11 +134,11 @@ static void fl_rti_column(const fl_rti_t *q, fl_rti_work_t *s, int32_t at, int32
     fl_real slope[FL_RTI_N];
     for (int32_t k = at; k < FL_RTI_LENGTH; k++) {
         for (int32_t i = 0; i < FL_RTI_N; i++) {
-            fl_real sum = s->slope[k][i][FL_RTI_N + input];
+            fl_real sum = fl_rti_slope(s, k, i)[FL_RTI_N + input];
             if (k > at) {
-                sum = s->slope[k][i][0] * changed[k][0];
+                sum = fl_rti_slope(s, k, i)[0] * changed[k][0];
                 for (int32_t j = 1; j < FL_RTI_N; j++) {
-                    sum += s->slope[k][i][j] * changed[k][j];
+                    sum += fl_rti_slope(s, k, i)[j] * changed[k][j];
                 }
             }
             changed[k + 1][i] = sum;
@@ -144,9 +152,9 @@ static void fl_rti_column(const fl_rti_t *q, fl_rti_work_t *s, int32_t at, int32
     fl_rti_product(q->p, changed[FL_RTI_LENGTH], slope);
     for (int32_t k = FL_RTI_LENGTH - 1; k >= at; k--) {
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            fl_real sum = s->slope[k][0][FL_RTI_N + i] * slope[0];
+            fl_real sum = fl_rti_slope(s, k, 0)[FL_RTI_N + i] * slope[0];
             for (int32_t j = 1; j < FL_RTI_N; j++) {
-                sum += s->slope[k][j][FL_RTI_N + i] * slope[j];
+                sum += fl_rti_slope(s, k, j)[FL_RTI_N + i] * slope[j];
             }
             if (k == at) {
                 sum += q->r[(i * FL_RTI_M) + input];
@@ -186,16 +194,17 @@ static void fl_rti_hessian(const fl_rti_t *q, fl_rti_work_t *s) {
 /* Take the step in moves and states; return the largest change of a move in its span. */
 static fl_real fl_rti_advance(const fl_rti_t *q, fl_rti_work_t *s) {
     fl_real largest = (fl_real)0;
-    fl_real moved[FL_RTI_N] = {0};
+    fl_real moved[FL_RTI_N];
+    fl_rti_zero(moved);
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
         fl_real after[FL_RTI_N];
         for (int32_t i = 0; i < FL_RTI_N; i++) {
-            fl_real sum = s->lack[k][i];
+            fl_real sum = s->model[k][i];
             for (int32_t j = 0; j < FL_RTI_N; j++) {
-                sum += s->slope[k][i][j] * moved[j];
+                sum += fl_rti_slope(s, k, i)[j] * moved[j];
             }
             for (int32_t j = 0; j < FL_RTI_M; j++) {
-                sum += s->slope[k][i][FL_RTI_N + j] * s->step[(k * FL_RTI_M) + j];
+                sum += fl_rti_slope(s, k, i)[FL_RTI_N + j] * s->step[(k * FL_RTI_M) + j];
             }
             after[i] = sum;
         }
@@ -248,65 +257,76 @@ static int32_t fl_rti_iterate(const fl_rti_t *q, fl_rti_work_t *s, fl_model_t mo
     return status;
 }
 
-/* Write the plan that the next sample starts from: this one, moved up by a sample. */
-static void fl_rti_keep(const fl_rti_work_t *s, fl_plan_t *plan) {
-    fl_real *states = &plan->move[FL_RTI_MOVED];
-    fl_real *moves = &plan->move[FL_RTI_LED];
-    for (int32_t i = 0; i < FL_RTI_M; i++) {
-        plan->move[i] = s->both[0][FL_RTI_N + i];
+/* Write the plan that the next sample starts from: this one, moved up by a sample; zeros where it failed. */
+static void fl_rti_keep(const fl_rti_work_t *s, fl_real largest, fl_plan_t *plan) {
+    volatile fl_real *move = plan->move; /* volatile as above */
+    const int32_t kept = (plan->status == FL_QP_SOLVED) ? 1 : 0;
+    for (int32_t i = 0; (i < FL_RTI_M) && (kept != 0); i++) {
+        move[i] = s->both[0][FL_RTI_N + i];
     }
+    move[FL_RTI_M] = (fl_real)kept;
+    move[FL_RTI_M + 1] = largest;
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
-        int32_t next = k;
-        if ((k + 1) < FL_RTI_LENGTH) {
-            next = k + 1;
-        }
+        const int32_t next = ((k + 1) < FL_RTI_LENGTH) ? (k + 1) : k;
         for (int32_t i = 0; i < FL_RTI_N; i++) {
-            states[(k * FL_RTI_N) + i] = s->both[next + 1][i];
+            move[FL_RTI_MOVED + (k * FL_RTI_N) + i] = (kept != 0) ? s->both[next + 1][i] : (fl_real)0;
         }
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            moves[(k * FL_RTI_M) + i] = s->both[next][FL_RTI_N + i];
+            move[FL_RTI_LED + (k * FL_RTI_M) + i] = (kept != 0) ? s->both[next][FL_RTI_N + i] : (fl_real)0;
         }
     }
 }
 
-/* `parameters` are x[0], t, the last outputs, 1 where there is a plan, and its states x[1..N] and moves u[0..N-1]. */
-static inline fl_plan_t fl_rti(const fl_rti_t *q, fl_model_t model, const fl_real *parameters) {
-    fl_rti_work_t s;
-    fl_plan_t plan;
-    const fl_real *states = &parameters[(2 * FL_RTI_N) + FL_RTI_M + 1];
+/* Start from the plan of the sample before, if there is one, and say so. */
+static inline int32_t fl_rti_resume(fl_rti_work_t *s, const fl_real *before) {
+    const fl_real *states = &before[1];
     const fl_real *moves = &states[FL_RTI_PLANNED];
-    int32_t warm = (parameters[2 * FL_RTI_N + FL_RTI_M] > (fl_real)0) ? 1 : 0;
+    const int32_t warm = (before[0] > (fl_real)0) ? 1 : 0;
+    for (int32_t k = 0; (k < FL_RTI_LENGTH) && (warm != 0); k++) {
+        for (int32_t i = 0; i < FL_RTI_N; i++) {
+            s->both[k + 1][i] = states[(k * FL_RTI_N) + i];
+        }
+        for (int32_t i = 0; i < FL_RTI_M; i++) {
+            s->both[k][FL_RTI_N + i] = moves[(k * FL_RTI_M) + i];
+        }
+    }
+    return warm;
+}
+
+/* `parameters` are x[0], t, the last outputs and, unless every sample starts without a plan, 1 where there is one, and
+ * its states x[1..N] and moves u[0..N-1]. */
+static void fl_rti_run(const fl_rti_t *q, fl_model_t model, const fl_real *parameters, fl_plan_t *plan) {
+    fl_rti_work_t s;
+    int32_t warm = 0;
     s.target = &parameters[FL_RTI_N];
     s.last = &parameters[2 * FL_RTI_N];
     for (int32_t i = 0; i < FL_RTI_N; i++) {
         s.both[0][i] = parameters[i];
     }
     for (int32_t k = 0; k < FL_RTI_LENGTH; k++) {
-        for (int32_t i = 0; i < FL_RTI_N; i++) {
-            s.both[k + 1][i] = states[(k * FL_RTI_N) + i];
-        }
         for (int32_t i = 0; i < FL_RTI_M; i++) {
-            s.both[k][FL_RTI_N + i] = (warm != 0) ? moves[(k * FL_RTI_M) + i] : (fl_real)0;
+            s.both[k][FL_RTI_N + i] = (fl_real)0;
         }
     }
-    plan.status = FL_QP_SOLVED;
+    if (FL_RTI_WARM > 0) {
+        warm = fl_rti_resume(&s, &parameters[FL_RTI_ALONE]);
+    }
+    plan->status = FL_QP_SOLVED;
     fl_real largest = q->far;
-    for (int32_t k = 0; (k < FL_RTI_ITERATIONS) && (plan.status == FL_QP_SOLVED); k++) {
-        plan.status = fl_rti_iterate(q, &s, model, warm, &plan);
+    for (int32_t k = 0; (k < FL_RTI_ITERATIONS) && (plan->status == FL_QP_SOLVED); k++) {
+        plan->status = fl_rti_iterate(q, &s, model, warm, plan);
         largest = q->far;
-        if (plan.status == FL_QP_SOLVED) {
+        if (plan->status == FL_QP_SOLVED) {
             largest = fl_rti_advance(q, &s);
         }
         warm = 1;
     }
-    for (int32_t k = FL_RTI_M; k < FL_RTI_RESULTS; k++) {
-        plan.move[k] = 0;
-    }
-    plan.move[FL_RTI_M + 1] = largest;
-    if (plan.status == FL_QP_SOLVED) {
-        plan.move[FL_RTI_M] = (fl_real)1;
-        fl_rti_keep(&s, &plan);
-    }
+    fl_rti_keep(&s, largest, plan);
+}
+
+static inline fl_plan_t fl_rti(const fl_rti_t *q, fl_model_t model, const fl_real *parameters) {
+    fl_plan_t plan;
+    fl_rti_run(q, model, parameters, &plan);
     return plan;
 }
 

@@ -16,10 +16,13 @@ enum {
     FL_RTI_N = FL_RTI_STATES,
     FL_RTI_M = FL_RTI_INPUTS,
     FL_RTI_BOTH = FL_RTI_STATES + FL_RTI_INPUTS,
+    FL_RTI_MODELED = FL_RTI_STATES * (FL_RTI_BOTH + 1),      /* numbers that the model gives: states and slopes */
     FL_RTI_SIZE = FL_RTI_LENGTH * FL_RTI_INPUTS,             /* unknowns, and limits of the moves */
     FL_RTI_EACH = (FL_RTI_LIMITED > 0) ? FL_RTI_LIMITED : 1, /* divides by no zero */
     FL_RTI_ROWS = FL_RTI_LENGTH * (FL_RTI_INPUTS + FL_RTI_LIMITED),
     FL_RTI_SPANS = FL_RTI_INPUTS + FL_RTI_LIMITED,
+    FL_RTI_ALONE = (2 * FL_RTI_STATES) + FL_RTI_INPUTS, /* parameters in front of those of a plan, */
+    FL_RTI_WARM = FL_RTI_PARAMETERS - FL_RTI_ALONE,     /* of which there are none where no sample has one */
     FL_RTI_MOVED = FL_RTI_INPUTS + 2,               /* in front of the plan in the results */
     FL_RTI_PLANNED = FL_RTI_LENGTH * FL_RTI_STATES, /* numbers of its states, */
     FL_RTI_LED = FL_RTI_MOVED + FL_RTI_PLANNED,     /* after which its moves come */
@@ -53,9 +56,8 @@ typedef struct {
     const fl_real *target;
     const fl_real *last;
     fl_real both[FL_RTI_LENGTH + 1][FL_RTI_BOTH]; /* x[k], u[k] of the plan; no move at the end */
-    fl_real slope[FL_RTI_LENGTH][FL_RTI_N][FL_RTI_BOTH];
-    fl_real lack[FL_RTI_LENGTH][FL_RTI_N];    /* what the model says beyond x[k+1] */
-    fl_real led[FL_RTI_LENGTH + 1][FL_RTI_N]; /* states that the plan's moves lead to, linearized */
+    fl_real model[FL_RTI_LENGTH][FL_RTI_MODELED]; /* what the model says beyond x[k+1], then its slopes */
+    fl_real led[FL_RTI_LENGTH + 1][FL_RTI_N];     /* states that the plan's moves lead to, linearized */
     fl_real g[FL_RTI_SIZE];
     fl_real h[FL_RTI_SIZE][FL_RTI_SIZE];      /* on and below the diagonal */
     fl_real factor[FL_RTI_SIZE][FL_RTI_SIZE]; /* L of L D L', below the diagonal */
@@ -269,10 +271,7 @@ static int32_t fl_rti_optimal(const fl_rti_t *q, const fl_rti_work_t *s) {
     for (int32_t row = 0; row < FL_RTI_ROWS; row++) {
         const fl_real toward = (fl_real)s->side[row];
         const fl_real size = s->value[row] * toward;
-        held[row] = (fl_real)0;
-        if ((s->side[row] != 0) && (size > (fl_real)0)) {
-            held[row] = size * toward;
-        }
+        held[row] = ((s->side[row] != 0) && (size > (fl_real)0)) ? (size * toward) : (fl_real)0;
     }
     for (int32_t i = 0; i < FL_RTI_SIZE; i++) {
         fl_real error = s->g[i] + held[i];

@@ -1,8 +1,9 @@
-"""The C checker that is no test of numbers: MISRA C:2012 rules that are hit have their reason."""
+"""The generated C needs no run to be judged: MISRA rules that are hit have their reason, and it needs no C library."""
 
 from __future__ import annotations
 
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from bench.codegen.static import REASONS, misra
 from firmloop.codegen.bundle import write_files
 from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
 from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 
@@ -21,3 +23,20 @@ def test_every_misra_rule_that_is_hit_has_its_reason(kind: str, arithmetic: str,
     bundle = emit(lower(found.design(found.example).law, arithmetic), "firmloop generate project.toml")
     write_files(bundle.files, tmp_path)
     assert set(misra(tmp_path, bundle.sources)) - set(REASONS) == set()
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
+@pytest.mark.parametrize("level", ["-O2", "-Os"])
+@pytest.mark.parametrize("kind", kinds())
+def test_no_kind_asks_the_c_library_for_anything(kind: str, level: str, tmp_path: Path) -> None:
+    """Compilers make memset and memcpy of loops that clear and copy."""
+    found = kinds()[kind]
+    bundle = emit(lower(found.design(found.example).law, "float32"), "firmloop generate project.toml")
+    write_files(bundle.files, tmp_path)
+    flags = (*load_target("qemu_mps2_an386").flags, "-std=c99", "-ffp-contract=off", level)
+    subprocess.run(["arm-none-eabi-gcc", *flags, "-c", *bundle.sources], cwd=tmp_path, check=True)
+    objects = [path.name for path in tmp_path.glob("*.o")]
+    said = subprocess.run(
+        ["arm-none-eabi-nm", "-u", *objects], cwd=tmp_path, check=True, capture_output=True, text=True
+    )
+    assert objects and " U " not in said.stdout

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, remainders, run_as_given
+from firmloop.identify.fitting.least_squares import triangle
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
+Columns = NDArray[np.float32]
 
 _LAGS = 10  # of the past input, spaced by powers
 _SURROGATES = 100
@@ -32,15 +34,16 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     assert evidence.fit is not None
     plant = evidence.fit.plant
     found = []
+    left = [part.residual for part in remainders(evidence)]
     for k, output in enumerate(plant.outputs):
         worst, where = 0.0, ""
-        for part, recording, score in zip(remainders(evidence), evidence.recordings, evidence.fit.train, strict=True):
-            residual = part.residual[:, k]
+        for part, recording, score in zip(left, evidence.recordings, evidence.fit.train, strict=True):
+            residual = part[:, k]
             spread = float(np.std(recording.columns[output.name]))
             if len(residual) != len(recording.time) or np.std(residual) < _SMALL * spread:
                 continue
             share = explained_share(residual, features(evidence.fit.plant, recording, score.simulated))
-            worst, where = max((worst, where), (share, part.source))
+            worst, where = max((worst, where), (share, score.source))
         if worst > _SHARE:
             found.append(
                 f"what {plant.kind} leaves of {output.name} in {where} is no noise: the input still explains "
@@ -50,41 +53,67 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def features(plant: Plant, recording: Recording, outputs: Array) -> Array:
-    """Return what the input alone decides (n, f).
+def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
+    """Return what the input alone decides (n, f), each column without its mean, of about size 1.
 
-    Its past; bent functions of the simulated outputs (n, r); and what the plant makes of a bent input.
+    Its past; bent functions of the simulated outputs (n, r); and what the plant makes of a bent input. In single
+    precision: there are many, each as long as the recording.
     """
     drive = recording.columns[plant.inputs[0].name]
     rows = len(drive)
     lags = np.unique(np.round(np.geomspace(1.0, max(rows / 4.0, 2.0), _LAGS)).astype(int))
-    past = [np.concatenate([np.full(lag, drive[0]), drive[:-lag]]) for lag in lags]
-    bent = []
+    turned = (np.multiply(drive, np.abs(drive)), np.abs(drive), np.tanh(20.0 * drive / _size(drive)))
+    found = np.empty((rows, len(lags) + (4 + len(turned)) * outputs.shape[1]), np.float32)
+    count = 0
+
+    def keep(column: Array) -> None:
+        nonlocal count
+        centred = column - column.mean()
+        found[:, count] = centred / _size(centred)
+        count += 1
+
+    for lag in lags:
+        keep(np.concatenate([np.full(lag, drive[0]), drive[:-lag]]))
     for column in outputs.T:
-        size = float(np.max(np.abs(column))) or 1.0
-        bent += [column, np.abs(column), np.tanh(20.0 * column / size), column**3]
-    for turned in (drive * np.abs(drive), np.abs(drive), np.tanh(20.0 * drive / (float(np.max(np.abs(drive))) or 1.0))):
-        run = run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: turned}))
-        bent += [] if run is None else list(run.T)
-    every = np.column_stack([*past, *bent])
-    return np.asarray(every - every.mean(axis=0))
+        keep(column)
+        keep(np.abs(column))
+        keep(np.tanh(20.0 * column / _size(column)))
+        keep(column**3)
+    for bent in turned:
+        run = run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: bent}))
+        for column in run.T if run is not None else ():
+            keep(column)
+    return found[:, :count]
 
 
-def explained_share(residual: Array, given: Array) -> float:
+def _size(values: Array) -> float:
+    return float(np.max(np.abs(values))) or 1.0
+
+
+def explained_share(residual: Array, given: Columns) -> float:
     """Return which share of a residual (n,) the features (n, f) explain beyond chance; 0 where chance is enough."""
     away = residual - residual.mean()
     power = float(away @ away)
     if power == 0.0:
         return 0.0
-    sizes = np.linalg.norm(given, axis=0)
-    basis, strengths, _ = np.linalg.svd(given[:, sizes > 0.0] / sizes[sizes > 0.0], full_matrices=False)
-    span = basis[:, strengths > 1e-6 * strengths.max(initial=1.0)]
-    share = float(np.sum((span.T @ away) ** 2)) / power
+    square = triangle(given)
+    sizes = np.linalg.norm(square, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    _, strengths, turned = np.linalg.svd(square / sizes)
+    kept = strengths > 1e-6 * strengths.max(initial=1.0)
+    span = turned[kept] / strengths[kept, None] / sizes  # of the features, orthonormal
+
+    def explained(values: Array) -> float:
+        unit = values / np.linalg.norm(values)
+        return float(np.sum((span @ (given.T @ unit.astype(np.float32))) ** 2))
+
+    share = explained(away)
     random = np.random.default_rng(_SEED)
     spectrum = np.abs(np.fft.rfft(away))
-    phases = np.exp(2j * np.pi * random.random((_SURROGATES, len(spectrum))))
-    drawn = np.fft.irfft(spectrum * phases, len(away))
-    by_chance = np.sum((drawn @ span) ** 2, axis=1) / np.sum(drawn**2, axis=1)
+    by_chance = np.empty(_SURROGATES)
+    for k in range(_SURROGATES):  # one at a time, for each is as long as the recording
+        phases = np.exp(2j * np.pi * random.random(len(spectrum)))
+        by_chance[k] = explained(np.fft.irfft(spectrum * phases, len(away)))
     unexplained = np.log(np.maximum(1.0 - by_chance, 1e-12))
     far = (float(np.mean(unexplained)) - np.log(max(1.0 - share, 1e-12))) / max(float(np.std(unexplained)), 1e-12)
     return share - float(np.mean(by_chance)) if far > _BEYOND else 0.0
