@@ -1,4 +1,4 @@
-"""Make the cases of the blind benchmark: a folder a user could have made, and a label that diagnosis never opens."""
+"""Make the cases of the truth simulator: a folder a user could have made, and a label that diagnosis never opens."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ SENSORS = {
     True: (("speed", "current"), ("position", "current"), ("speed",)),
     False: (("position",), ("position", "speed"), ("speed",)),
 }
+STRATA = {"outside": 0.05, "null": 0.2, "triple": 0.33, "pair": 0.4, "single": 0.7}  # where the draw of a lot falls
 RIVALS = (  # never concealed together: one contains the other, or is the same inside the noise
     {"coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction"},
     {"flexible_coupling", "backlash"},
@@ -52,13 +54,14 @@ class Case:
     outside: str
 
 
-def draw_case(seed: int) -> Case:
-    """Draw one case of the published mixture: 20 % nothing, 10 % outside, 20 % several, 50 % one."""
+def draw_case(seed: int, stratum: str = "any") -> Case:
+    """Draw one case of a stratum, or of the published mixture: 20 % nothing, 10 % outside, 20 % several, 50 % one."""
     rng = np.random.default_rng([seed, 77])
     machine = MACHINES[int(rng.choice(len(MACHINES), p=(0.3, 0.3, 0.2, 0.2)))]
     sensors = SENSORS[machine.motor][int(rng.integers(3))]
     excitation, closed, colored = str(rng.choice(EXCITATIONS)), bool(rng.random() < 0.35), bool(rng.random() < 0.5)
     size, lot = float(rng.choice(SIZES)), rng.random()
+    lot = STRATA.get(stratum, lot)
     hidden: tuple[Concealed, ...] = ()
     outside = ""
     if lot < 0.1:
@@ -120,31 +123,30 @@ def _held(rng: np.random.Generator, length: int, draw: object) -> Array:
 
 
 def write_case(case: Case, folder: Path, labels: Path) -> None:
-    """Write project and recordings to `folder`, the label and the noise-free recordings to `labels`.
+    """Write project and recordings to `folder`, the label and the noise-free recordings to `labels`."""
+    label = write_recordings(case, folder, labels, ("train", "test"))
+    (labels / "label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
 
-    Those are neither rounded nor wrapped, which no fit to them could follow.
+
+def write_recordings(case: Case, folder: Path, labels: Path, roles: Sequence[str]) -> Mapping[str, Any]:
+    """Write project and one recording a role to `folder`, noise-free ones to `labels`; return the label.
+
+    The noise-free ones are neither rounded nor wrapped, which no fit to them could follow. A role that begins with
+    "test" is a test recording, all others are train.
     """
     folder.mkdir(parents=True, exist_ok=True)
     labels.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([case.seed, 79])
-    truth = dict(case.machine.values)
-    truth.update({"is_motor": float(case.machine.motor)})
-    if not case.machine.motor:
-        truth.update({"kt": 1.0, "ke": 1.0, "R": 1.0, "L": 1.0})
-    for each in case.hidden:
-        truth.update(each.truth)
-    if case.outside:
-        truth.update(OUTSIDE[case.outside](case.machine, case.size))
+    truth = true_values(case)
     noise: dict[str, list[float]] = {}
-    for role in ("train", "test"):
-        clean = _write_recording(case, truth, role, folder, labels, rng)
-        for name, rms in clean.items():
+    for role in roles:
+        for name, rms in _write_recording(case, truth, role, folder, labels, rng).items():
             noise.setdefault(name, []).append(rms)
-    (folder / "project.toml").write_text(_project(case, truth, rng), encoding="utf-8")
-    label = {
+    (folder / "project.toml").write_text(_project(case, truth, rng, roles), encoding="utf-8")
+    return {
         "effects": {each.name: _told(case.machine, each) for each in case.hidden},
         "outputs": {each.name: _column(case, each) for each in case.hidden},
-        "plant": _nominal(case.machine, truth),
+        "plant": nominal(case.machine, truth),
         "outside": case.outside,
         "machine": case.machine.name,
         "sensors": list(case.sensors),
@@ -155,7 +157,18 @@ def write_case(case: Case, folder: Path, labels: Path) -> None:
         "noise": {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in noise.items()},
         "noise_of_test": {name: values[-1] for name, values in noise.items()},
     }
-    (labels / "label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
+
+
+def true_values(case: Case) -> dict[str, float]:
+    """Return what moves the truth: the machine's constants and what is concealed."""
+    truth = {**case.machine.values, "is_motor": float(case.machine.motor)}
+    if not case.machine.motor:
+        truth.update({"kt": 1.0, "ke": 1.0, "R": 1.0, "L": 1.0})
+    for each in case.hidden:
+        truth.update(each.truth)
+    if case.outside:
+        truth.update(OUTSIDE[case.outside](case.machine, case.size))
+    return truth
 
 
 def _told(machine: Machine, each: Concealed) -> Mapping[str, float]:
@@ -227,29 +240,35 @@ def _resolution(machine: Machine, quantity: str) -> float:
     return 0.002 * (machine.stall if quantity == "current" else machine.speed)
 
 
-def _project(case: Case, truth: Mapping[str, float], rng: np.random.Generator) -> str:
+def _project(case: Case, truth: Mapping[str, float], rng: np.random.Generator, roles: Sequence[str]) -> str:
     """Give nominal parameters that are off by up to 10 %, all free."""
     machine = case.machine
     lines = [
         "schema = 1",
         'name = "blind"',
         "[recordings]",
-        'train = ["train.csv"]',
-        'test = ["test.csv"]',
+        *(f"{part} = {json.dumps(files)}" for part, files in _parts(roles).items()),
         "[plant]",
         f'kind = "{"dc_motor" if machine.motor else "linear_stage"}"',
         f'input = "{_input(machine)}"',
         f"outputs = {json.dumps([COLUMN[machine.motor][quantity] for quantity in case.sensors])}",
         "[plant.parameters]",
     ]
-    for name, true in _nominal(machine, truth).items():
-        held = name in _held_still(case.sensors, machine)  # what is not free is known: it may not hide a mismatch
+    for name, true in nominal(machine, truth).items():
+        held = name in held_still(case.sensors, machine)  # what is not free is known: it may not hide a mismatch
         value = true * (1.0 if held else rng.uniform(0.9, 1.1))
         lines.append(f"{name} = {{ value = {value!r}, free = {'false' if held else 'true'} }}")
     return "\n".join(lines) + "\n"
 
 
-def _nominal(machine: Machine, truth: Mapping[str, float]) -> Mapping[str, float]:
+def _parts(roles: Sequence[str]) -> Mapping[str, Sequence[str]]:
+    """Return the files of train and test; a part without any is left out."""
+    tests = [f"{role}.csv" for role in roles if role.startswith("test")]
+    trains = [f"{role}.csv" for role in roles if not role.startswith("test")]
+    return {"train": trains, **({"test": tests} if tests else {})}
+
+
+def nominal(machine: Machine, truth: Mapping[str, float]) -> Mapping[str, float]:
     """Return the true nominal parameters as the contract calls them; the inertia is that of all that turns."""
     rigid = truth["J"] + truth.get("coupled_inertia", 0.0)
     if machine.motor:
@@ -259,6 +278,6 @@ def _nominal(machine: Machine, truth: Mapping[str, float]) -> Mapping[str, float
     return {name: machine.values[key] if key else rigid for name, key in keys.items()}
 
 
-def _held_still(sensors: Sequence[str], machine: Machine) -> tuple[str, ...]:
+def held_still(sensors: Sequence[str], machine: Machine) -> tuple[str, ...]:
     """Return the parameters no user would leave free with these sensors: nothing in the data can tell them."""
     return () if "current" in sensors or not machine.motor else ("L_H", "kt_N_m_A", "R_ohm")

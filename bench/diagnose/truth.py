@@ -1,4 +1,4 @@
-"""Run the truth of the blind benchmark: trajectories of bench/diagnose/truth.c, seen through sensors of its own."""
+"""Run the truth of the simulated cases: trajectories of bench/diagnose/truth.c, seen through sensors of its own."""
 
 from __future__ import annotations
 
@@ -45,19 +45,24 @@ def _library() -> ctypes.CDLL:
 
 
 def run(
-    values: Mapping[str, float], command: Array, step: float, gains: Array | None, torque: Array
+    values: Mapping[str, float],
+    command: Array,
+    step: float,
+    gains: Array | None,
+    torque: Array,
+    fine: int = FINE,
 ) -> tuple[Array, Mapping[str, Array]]:
-    """Return the input (n,) as it was applied, and the true quantities (n * FINE,) on the fine grid."""
+    """Return the input (n,) as it was applied, and the true quantities (n * fine,) on the fine grid."""
     unknown = set(values) - set(PARAMETERS)
     assert not unknown, unknown
     row = np.array([float(values.get(name, 0.0)) for name in PARAMETERS])
     drive = np.array(command, dtype=np.float64)
-    out = np.zeros((len(drive) * FINE, 3))
+    out = np.zeros((len(drive) * fine, 3))
     push = np.ascontiguousarray(torque)
     loop = None if gains is None else np.ascontiguousarray(gains)
     status = _library().truth_run(
         len(drive),
-        FINE,
+        fine,
         step,
         row.ctypes.data,
         drive.ctypes.data,
@@ -70,9 +75,17 @@ def run(
     return drive, dict(zip(COLUMNS, out.T.copy(), strict=True))
 
 
-def read(quantity: str, fine: Mapping[str, Array], step: float, rows: int, fault: Sensor | None, skew: float) -> Array:
+def read(
+    quantity: str,
+    fine: Mapping[str, Array],
+    step: float,
+    rows: int,
+    fault: Sensor | None,
+    skew: float,
+    substeps: int = FINE,
+) -> Array:
     """Return one output (n,) at the rows, through its fault, without noise and without rounding."""
-    h = step / FINE
+    h = step / substeps
     grid = np.arange(len(fine[quantity])) * h
     moments = np.arange(rows) * step * (1.0 + skew)
     values = fine[quantity]
