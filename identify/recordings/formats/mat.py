@@ -1,4 +1,4 @@
-"""Read MATLAB files, level 5 (scipy) and 7.3 (HDF5), that hold one vector per column."""
+"""Read MATLAB files, level 5 and 7.3 (HDF5), that hold one vector per column."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import zlib
 from collections.abc import Iterable
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.extras import extra
 from firmloop.identify.recordings.extent import MOST_BYTES, is_too_large, unpacked_mat
 from firmloop.identify.recordings.formats import Format
+from firmloop.identify.recordings.mat_level5 import mat_arrays
 from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -33,12 +33,11 @@ def read_mat(content: bytes) -> RawTable | Misread:
             plain = unpacked_mat(content)
             if isinstance(plain, Misread):
                 return plain
-            variables = scipy.io.loadmat(io.BytesIO(plain))
-            found = [(name, np.asarray(value)) for name, value in variables.items() if not name.startswith("__")]
-    except (OSError, EOFError, ValueError, TypeError, KeyError, IndexError, NotImplementedError, zlib.error) as error:
+            found = [(name, value) for name, value in mat_arrays(plain) if not name.startswith("__")]
+    except (OSError, EOFError, ValueError, TypeError, KeyError, IndexError, zlib.error) as error:
         reason = str(error).partition("\n")[0][:80]
         return Misread("", f"is not a MATLAB file of level 5 or 7.3 ({reason})", "write it with save(..., '-v7')")
-    except (RuntimeError, MemoryError, scipy.io.matlab.MatReadError) as error:
+    except (RuntimeError, MemoryError) as error:
         return Misread("", f"is a damaged MATLAB file ({error})", "write it again with save(..., '-v7')")
     arrays = tuple(_vectors(found))
     if not arrays:
