@@ -36,9 +36,15 @@ class TunableParameter:
 
 
 def read_parameters(
-    table: Mapping[str, object], defaults: Mapping[str, tuple[str, float]], owner: str
+    table: Mapping[str, object],
+    defaults: Mapping[str, tuple[str, float]],
+    usual: Mapping[str, tuple[float, float]],
+    owner: str,
 ) -> tuple[TunableParameter, ...]:
-    """Read `tunable` and `ranges`; `defaults` gives unit and value of each parameter that `owner` can leave open."""
+    """Read `tunable` and `ranges`; `defaults` gives unit and value of each parameter that `owner` can leave open.
+
+    `usual` are ranges to propose for some of them; for the others it is from 0 to twice the value.
+    """
     listed = table.get("tunable", [])
     ranges = table.get("ranges", {})
     if not isinstance(listed, list | tuple):
@@ -61,15 +67,25 @@ def read_parameters(
                 f"controller.ranges.{name} is the range of nothing that can be tuned; add '{name}' to "
                 "controller.tunable or remove its range"
             )
+    missing = [name for name in names if name not in ranges]
+    if missing:
+        ends = {name: usual.get(name) or _around(defaults[name][1]) for name in missing}
+        lines = {name: f"{name} = {list(map(float, ends[name])) if name in ends else ranges[name]}" for name in names}
+        instead = ", in the place of [controller.ranges]" if ranges else ""
+        raise DesignError(
+            f"controller.ranges.{missing[0]} is missing; what can be tuned needs the range it is proven for, such as "
+            f"this in [controller]{instead}: ranges = {{ {', '.join(lines.values())} }}"
+        )
     return tuple(_parameter(ranges, name, *defaults[name]) for name in names)
 
 
+def _around(default: float) -> tuple[float, float]:
+    """Return a range from 0 to twice a value, or to 1."""
+    low, high = sorted((0.0, 2.0 * default or 1.0))
+    return low, high
+
+
 def _parameter(ranges: Mapping[str, object], name: str, unit: str, default: float) -> TunableParameter:
-    if name not in ranges:
-        raise DesignError(
-            f"controller.ranges.{name} is missing; what can be tuned needs the range it is proven for, "
-            f"such as {name} = [{min(0.0, 2 * default):g}, {max(0.0, 2 * default):g}]"
-        )
     found = numbers(ranges, name, None)
     if len(found) != 2 or not found[0] < found[1]:
         raise DesignError(

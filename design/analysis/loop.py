@@ -29,6 +29,7 @@ from firmloop.identify.simulation.linearize import Linear
 Array = npt.NDArray[np.float64]
 Response = npt.NDArray[np.complex128]
 
+LONGEST, LONGEST_SEARCHED = 50_000, 5_000  # samples of a step: a search takes as long as many plain samples
 ON_CIRCLE = 1e-9  # a pole this close to the unit circle is not called stable
 
 
@@ -132,13 +133,14 @@ def margins(law: Law, linear: Linear) -> Margins:
 def step_profile(law: Law, linear: Linear) -> Array:
     """Make the reference (n,) of a step from 0 to a quarter of its range.
 
-    It lasts twelve time constants of the slowest closed-loop mode, at least 200 and at most 50,000 samples.
+    It lasts twelve time constants of the slowest closed-loop mode, at least 200 and at most LONGEST samples.
     """
     reference, _ = reference_and_measurement(law.inputs)
     signal = law.inputs[reference]
     top = signal.high if signal.high >= -signal.low else signal.low
     speeds = -np.log(np.clip(np.abs(closed_loop_poles(law, linear)), 1e-6, 1 - 1e-6))
-    return np.full(int(np.clip(12 / speeds.min(), 200, 50_000)), top / 4)
+    longest = LONGEST if law.solve is None else LONGEST_SEARCHED
+    return np.full(int(np.clip(12 / speeds.min(), 200, longest)), top / 4)
 
 
 def closed_loop(law: Law, linear: Linear, reference: Array, optimum: QuadraticSolver | None = None) -> Trajectory:

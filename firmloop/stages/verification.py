@@ -21,7 +21,7 @@ from firmloop.identify.simulation.compiler import ToolError
 from firmloop.identify.simulation.stepped import SteppedPlant, with_place, with_states
 from firmloop.project.project import Campaign, Project
 from firmloop.stages.making import Generated
-from firmloop.stages.plant import located, plant_of
+from firmloop.stages.plant import located
 from firmloop.stages.progress import Report
 from firmloop.verify.link import LinkError
 from firmloop.verify.proofs.closed_loop import PlantLoop
@@ -62,28 +62,35 @@ def try_here(
 
 
 def verify_target(
-    project: Project, designed: Design, trial: Trial, name: str, campaign: Campaign, report: Report
+    project: Project,
+    designed: Design,
+    plant: Plant | None,
+    trial: Trial,
+    name: str,
+    campaign: Campaign,
+    report: Report,
 ) -> Outcome:
     """Run the C on one target against the reference; a target that is not there is an outcome too."""
     with located(project):
         target = load_target(name)
     port = campaign.port if "library" not in target.links else None
     try:
-        verdict = verify_on(trial, target, port, report, loop_of(project, designed))
+        verdict = verify_on(trial, target, port, report, loop_of(project, designed, plant))
     except (ToolError, LinkError) as error:
         return Outcome(target.name, None, str(error))
     return Outcome(target.name, verdict, "")
 
 
-def loop_of(project: Project, designed: Design) -> PlantLoop | None:
+def loop_of(project: Project, designed: Design, plant: Plant | None) -> PlantLoop | None:
     """Return what the target's closed-loop run follows: two steps of the reference, up and down, against the plant.
 
+    The plant is the one that the controller was designed for: after `run`, with the values that the fit found.
     A controller that is given the plant's states and no reference brings them where it wants them. None where there is
     no plant, or none that can be moved step by step, or no one reference to follow.
     """
-    if project.plant is None:
+    law = designed.law
+    if plant is None:
         return None
-    plant, law = plant_of(project), designed.law
     if designed.bench is not None:
         return _on_bench(law, designed.bench)
     if len(law.inputs) < 2 or not law.paired:

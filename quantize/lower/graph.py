@@ -205,7 +205,7 @@ def pruned(graph: Graph) -> Graph:
 
 
 def law_graph(law: Law) -> Graph:
-    """Read all stages of a law as one graph over its state and inputs.
+    """Read all stages of a law as one graph over its state and inputs, each of which is one node.
 
     Raises
     ------
@@ -221,10 +221,14 @@ def law_graph(law: Law) -> Graph:
     nodes.append(Node("improve" if isinstance(problem, Horizon) else "solve", before.results[0], 0.0, (0, 0)))
     nodes += [Node("move", (plan,), 0.0, (0, k)) for k in range(problem.results)]
     nodes += [Node(status, (plan,), 0.0, (0, 0)) for status in ("capped", "infeasible")]
+    read = {node.place: k for k, node in enumerate(before.nodes) if node.function == "argument"}
     results: dict[int, int] = {}
     for k, node in enumerate(last.nodes):
         if node.function == "argument" and node.place[0] == 2:
             results[k] = plan + 1 + node.place[1]
+            continue
+        if node.function == "argument" and node.place in read:
+            results[k] = read[node.place]  # another node of it would be given a format of its own
             continue
         results[k] = len(nodes)
         nodes.append(replace(node, arguments=tuple(results[a] for a in node.arguments)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shutil
@@ -16,10 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 
 from firmloop.cli import main
 from firmloop.codegen.bundle import Bundle
+from firmloop.door.run import run
 from firmloop.project.project import read_project
 from firmloop.stages import making
 
@@ -189,3 +192,18 @@ def test_run_on_the_cortex_m(project: Path, tmp_path: Path, capsys: pytest.Captu
     assert verdict["target"] == QEMU and verdict["cost"]["instructions_max"] > 10
     assert "instructions per step" in capsys.readouterr().out
     assert "agrees" in (out / "report.html").read_text()
+
+
+@pytest.mark.qemu
+def test_the_loop_of_a_run_is_closed_with_the_fitted_plant(project: Path) -> None:
+    """The file says gain 1 and 1 s, the recordings say 3 and 2 s."""
+    project.write_text(project.read_text().replace('["host"]', f'["{QEMU}"]'))
+    walked = run(read_project(project), steps=500)
+    loop = walked.verified.verdicts[QEMU].closed_loop
+    assert loop is not None and loop.differences == 0
+    command, measured = np.array(loop.command), np.array(loop.measurement)
+    values = {each.name: each.value for each in walked.identified.plant.parameters}
+    share = 1.0 - math.exp(-0.05 / values["time_constant_s"])
+    follows = measured[:-1] + share * (values["gain"] * command[:-1] - measured[:-1])
+    assert abs(values["gain"] - 3.0) < 0.1
+    assert np.allclose(measured[1:], follows, atol=0.01 * np.ptp(measured))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -217,7 +218,7 @@ def test_a_tunable_controller_agrees_on_the_m4f(arithmetic: str) -> None:
         ("kp = [0.0, 0.2]", "kp = [0.2, 0.0]", "not a range"),
         ("kp = [0.0, 0.2]", "kp = [0.1, 0.2]", "does not hold the value at the start, 0.05"),
         ("kp = [0.0, 0.2]", "kp = [0.0, 1e30]", "too large for fixed point"),
-        ('["kp", "ki"]', '["kp", "ki", "u_max"]', "such as u_max = [6, 12]"),
+        ('["kp", "ki"]', '["kp", "ki", "u_max"]', "u_max = [6.0, 12.0] }"),
         (
             '"ki"]\n[controller.ranges]',
             '"ki", "u_max"]\n[controller.ranges]\nu_max = [6.0, 13.0]',
@@ -241,3 +242,14 @@ def test_a_wrong_parameter_table_is_refused_in_one_sentence(
     assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err.strip()
     assert words in said and "Traceback" not in said and "internal" not in said
+
+
+def test_the_ranges_that_a_message_proposes_can_be_pasted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bare = re.sub(r"\[controller\.ranges\]\n(\w+ = .*\n)+", "", PROJECT)
+    bare = bare.replace('["kp", "ki"]', '["kp", "ki", "kd", "c", "u_min", "u_max"]\ntf_s = 0.1')
+    path = project(tmp_path, bare)
+    assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 2
+    proposed = re.search(r"ranges = \{.*\}", capsys.readouterr().err)
+    assert proposed is not None
+    path.write_text(bare.replace("tunable = ", f"{proposed.group()}\ntunable = "))
+    assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 0, capsys.readouterr().err

@@ -35,8 +35,9 @@ def pid_parameters(
     """Read what of `pid` can be tuned; `plain_gains` where the form takes kp, ki and kd as they are."""
     defaults = {name: (units.get(name, "1"), float(getattr(pid, name))) for name in ("kp", "ki", "kd", "b", "c")}
     defaults |= {name: (output.unit, float(getattr(pid, name))) for name in LIMITS}
-    _check_given(table, pid)
-    found = read_parameters(table, defaults, "a pid")
+    quarter = (pid.u_max - pid.u_min) / 4
+    usual = {"u_min": (pid.u_min, pid.u_min + quarter), "u_max": (pid.u_max - quarter, pid.u_max)}
+    found = read_parameters(table, defaults, usual, "a pid")
     names = {parameter.signal.name: parameter.signal for parameter in found}
     _check_limits(names, pid, output)
     gains = [name for name in names if name not in LIMITS]
@@ -55,19 +56,6 @@ def pid_parameters(
     if "kd" in names and pid.kd == 0 and "tf_s" not in table:
         raise DesignError("controller.tf_s is missing; kd can be tuned, so it cannot be chosen from kd = 0: give it")
     return found
-
-
-def _check_given(table: Mapping[str, object], pid: Pid) -> None:
-    """Refuse a limit that can be tuned without a range, with one that has a place."""
-    listed, ranges = table.get("tunable", []), table.get("ranges", {})
-    quarter = (pid.u_max - pid.u_min) / 4
-    usual = {"u_min": (pid.u_min, pid.u_min + quarter), "u_max": (pid.u_max - quarter, pid.u_max)}
-    for name, (low, high) in usual.items():
-        if isinstance(listed, list | tuple) and name in listed and isinstance(ranges, Mapping) and name not in ranges:
-            raise DesignError(
-                f"controller.ranges.{name} is missing; what can be tuned needs the range it is proven for, "
-                f"such as {name} = [{low:g}, {high:g}]"
-            )
 
 
 def _check_limits(names: Mapping[str, Signal], pid: Pid, output: Signal) -> None:

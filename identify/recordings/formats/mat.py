@@ -1,18 +1,17 @@
-"""Read MATLAB files, level 5 (scipy) and 7.3 (HDF5), that hold one vector per column or one structure of vectors."""
+"""Read MATLAB files, level 5 and 7.3 (HDF5), that hold one vector per column or one structure of vectors."""
 
 from __future__ import annotations
 
-import io
 import zlib
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import scipy
 
 from firmloop.identify.recordings.extent import unpacked_mat
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.groups import Group, table_of_groups, vectors_of
 from firmloop.identify.recordings.hdf5_groups import hdf5_groups
+from firmloop.identify.recordings.mat_level5 import mat_variables
 from firmloop.identify.recordings.table import Misread, RawTable
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -34,14 +33,14 @@ def read_mat(content: bytes) -> RawTable | Misread:
             plain = unpacked_mat(content)
             if isinstance(plain, Misread):
                 return plain
-            variables = scipy.io.loadmat(io.BytesIO(plain), simplify_cells=True)
-            groups = tuple(_groups({name: each for name, each in variables.items() if name[:2] != "__"}, "", 0))
+            found = mat_variables(plain)
+            groups = tuple(_groups({name: each for name, each in found.values.items() if name[:2] != "__"}, "", 0))
             groups = groups[:1] if groups and not groups[0].name else groups
-            opaque = "__function_workspace__" in variables
-    except (OSError, EOFError, ValueError, TypeError, KeyError, IndexError, NotImplementedError, zlib.error) as error:
+            opaque = found.objects
+    except (OSError, EOFError, ValueError, TypeError, KeyError, IndexError, zlib.error) as error:
         reason = str(error).partition("\n")[0][:80]
         return Misread("", f"is not a MATLAB file of level 5 or 7.3 ({reason})", "write it with save(..., '-v7')")
-    except (RuntimeError, MemoryError, scipy.io.matlab.MatReadError) as error:
+    except (RuntimeError, MemoryError) as error:
         return Misread("", f"is a damaged MATLAB file ({error})", "write it again with save(..., '-v7')")
     if isinstance(groups, Misread):
         return groups

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from firmloop.design.analysis.loop import (
+    LONGEST_SEARCHED,
     Trajectory,
     closed_loop,
     closed_loop_poles,
@@ -21,6 +22,7 @@ from firmloop.design.kinds import design
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.linearize import Linear
+from firmloop.quantize.twins.qp import optimum
 
 Z = control.tf([1, 0], [1], True)
 
@@ -190,3 +192,13 @@ def test_a_law_that_is_never_free_is_refused():
     law = design("pid", "x", {"kp": 50.0, "b": 0.0}, 0.01, inputs, outputs, None).law
     with pytest.raises(DesignError, match="stands at a limit"):
         margins(law, linear([1.0], [1.0, 1.0], 0.0))
+
+
+def test_a_law_that_searches_steps_for_a_bounded_number_of_samples() -> None:
+    """Twelve time constants of the loop are a hundred thousand samples, each as dear as many of a PID."""
+    pole = math.exp(-1e-4)
+    table = {"A": [[pole]], "B": [[1.0 - pole]], "Q": [1.0], "R": 1e6, "horizon": 3}
+    table |= {"u_min": -1.0, "u_max": 1.0, "reference": "reference"}
+    wires = (Signal("reference", "1", -1.0, 1.0), Signal("measurement", "1", -1.0, 1.0))
+    law = design("mpc", "loop", table, 1.0, wires, (Signal("output", "1", -1.0, 1.0),), None, optimum).law
+    assert len(step_profile(law, linear([1.0], [1e4, 1.0], 0.0))) == LONGEST_SEARCHED
