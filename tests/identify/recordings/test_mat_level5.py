@@ -27,7 +27,8 @@ def test_every_kind_of_number_keeps_its_bits(kind: str) -> None:
     cells = np.array([1, "a"], dtype=object)
     others = {"note": "bench 3", "wave": column * 1j, "inside": {"x": column}, "cells": cells}
     found = mat_variables(saved(False, t=column, a_longer_name_than_others=matrix, **others)).values
-    assert set(found) == {"t", "a_longer_name_than_others"}
+    assert set(found) == {"t", "a_longer_name_than_others", "inside"}
+    assert np.array_equal(found["inside"]["x"], column[None, :])
     for array, expected in ((found["t"], column[None, :]), (found["a_longer_name_than_others"], matrix)):
         assert array.dtype == expected.dtype and np.array_equal(array, expected)
 
