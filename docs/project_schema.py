@@ -30,6 +30,9 @@ TABLE: Schema = {"type": "object"}
 EXPRESSIONS: Schema = {"type": "object", "additionalProperties": TEXT}
 
 
+RULED = "pid"  # the kind that the tuning rules give the gains of; another kind's tune is its own
+
+
 def one_of(words: Iterable[str]) -> Schema:
     """Return the schema of a choice."""
     return {"enum": sorted(words)}
@@ -43,7 +46,7 @@ TYPES: Mapping[str, Mapping[str, Schema]] = {
         **{key: TEXTS for key in ("remove_offset", "detrend", "align")},
         **{key: WHOLE for key in ("savgol_window", "savgol_order", "line_harmonics")},
     },
-    "[plant]": {"input": TEXT, "outputs": TEXTS},
+    "[plant]": {"input": TEXT, "inputs": TEXTS, "outputs": TEXTS},
     '[plant] with kind = "ode"': {
         **{"kind": {"const": "ode"}, "states": TEXTS, "inputs": TEXTS},
         **{key: EXPRESSIONS for key in ("outputs", "derivatives")},
@@ -139,7 +142,7 @@ def _controller() -> Schema:
         own: dict[str, object] = {
             key: {"description": f"explained by: firmloop explain {name}"} for key in kind_keys(name, kind)
         }
-        if "tune" in own:
+        if name == RULED:
             own["tune"] = {**one_of(rules()), "description": "the rule that finds the gains"}
             own |= {key: {"description": says} for key, says in tuned.items() if key not in own}
         then = {"additionalProperties": False, "properties": {**dict.fromkeys(shared, True), **own}}

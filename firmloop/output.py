@@ -123,10 +123,10 @@ def _settle(file: Path) -> None:
 
 
 def written(console: Console, folder: Path, names: Sequence[str] | Mapping[str, str]) -> None:
-    """Tell where the results are; those that a person opens in words."""
-    console.lines(
-        [f"written: {folder / name}" for name in names if name.endswith((".html", ".toml", ".csv", ".gz", ".svg"))]
-    )
+    """Tell where the results are; in words, those that a person opens, and a folder of files as a whole."""
+    opened = (".html", ".toml", ".csv", ".gz", ".svg")
+    shown = dict.fromkeys(name.partition("/")[0] for name in names if "/" in name or name.endswith(opened))
+    console.lines([f"written: {folder / name}" for name in shown])
     console.result("written", [str(folder / name) for name in names])
 
 

@@ -211,6 +211,53 @@ def test_cpp_takes_the_header(standard: str, delivery: Path, tmp_path: Path) -> 
     ran(["g++", f"-std={standard}", *CC[:-1], f"-I{source}", "main.cpp", "c.o", "-o", "app"], tmp_path)
 
 
+RUST = """
+use NAME::{Controller, Inputs};
+fn main() {
+    let mut controller = Controller::new();
+    for k in 0..200 {
+        let inputs = Inputs { reference: k as f32 * 0.3, measurement: (k % 7) as f32 };
+        let (outputs, status) = controller.step(&inputs);
+        println!("{:08x} {}", outputs.output.to_bits(), status);
+    }
+}
+"""
+SAME_IN_C = """
+#include <stdio.h>
+#include <string.h>
+#include "NAME.h"
+int main(void) {
+    NAME_t controller; NAME_in_t in; NAME_out_t out; unsigned bits; int k;
+    NAME_init(&controller);
+    for (k = 0; k < 200; ++k) {
+        in.reference = (float)k * 0.3f; in.measurement = (float)(k % 7);
+        const unsigned status = NAME_step(&controller, &in, &out);
+        memcpy(&bits, &out.output, sizeof bits);
+        printf("%08x %u\\n", bits, status);
+    }
+    return 0;
+}
+"""
+
+
+@need("cargo", "rustc", "gcc", "ar")
+def test_a_rust_program_that_depends_on_the_folder_gets_the_same_bits(delivery: Path, tmp_path: Path) -> None:
+    shutil.copytree(delivery / NAME, tmp_path / NAME)
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "main.rs").write_text(RUST.replace("NAME", NAME))
+    (tmp_path / "Cargo.toml").write_text(
+        '[package]\nname = "user"\nversion = "0.1.0"\nedition = "2021"\n[dependencies]\n'
+        f'{NAME} = {{ path = "{NAME}" }}\n'
+    )
+    said = ran(["cargo", "build", "--offline", "--quiet"], tmp_path)
+    assert "warning" not in said
+    (tmp_path / "same.c").write_text(SAME_IN_C.replace("NAME", NAME))
+    source = tmp_path / NAME / "src"
+    ran(["gcc", "-std=c99", f"-I{source}", "same.c", str(source / f"{NAME}.c"), "-o", "same"], tmp_path)
+    lines = ran([str(tmp_path / "target" / "debug" / "user")], tmp_path).splitlines()
+    assert len(set(lines)) > 40 and lines == ran([str(tmp_path / "same")], tmp_path).splitlines()
+
+
 def properties(text: str) -> Mapping[str, str]:
     return dict(line.partition("=")[::2] for line in text.splitlines())
 
