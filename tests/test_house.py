@@ -48,10 +48,11 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "quantize": (
         ("shifts",),
         ("program",),
-        ("twins", "proof", "not_a_number"),
+        ("twins", "not_a_number"),
         ("formats",),
         ("ops",),
-        ("lower",),
+        ("free_state",),
+        ("lower", "proof"),
     ),
     "verify": (
         ("reference", "link"),
@@ -83,7 +84,10 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
 }
 # What a checker of a proof may import: each other, and nothing of what made the proof or the C that it judges.
-CHECKERS = ("claims", "checker", "c_checker", "c_tokens", "interval_checker", "stated_c", "table_checker", "z3_checker")
+CHECKERS = (
+    *("claims", "reading", "checker", "c_checker", "c_tokens", "stated_c"),
+    *("interval_checker", "table_checker", "z3_checker"),
+)
 EFFECTS = ROOT / "identify" / "plants" / "effects"
 LONGEST_FILE = 400
 LARGEST_FOLDER = 20

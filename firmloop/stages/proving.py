@@ -13,8 +13,9 @@ from firmloop.codegen.environment import text_of
 from firmloop.identify.regular_file import read_text
 from firmloop.project.table import ProjectError
 from firmloop.verify.proofs.c_checker import check_header, check_source, support_files
-from firmloop.verify.proofs.claims import Claims, ProofError, read_claims
+from firmloop.verify.proofs.claims import Claims, ProofError
 from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.proofs.reading import read_claims
 from firmloop.verify.proofs.z3_checker import check_with_z3, judge
 
 MOST_BYTES = 64 * 2**20  # of a file; a generated controller has a thousandth of it

@@ -19,7 +19,8 @@ from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.proof import proof
 from firmloop.verify.proofs.c_checker import check_header, check_source
-from firmloop.verify.proofs.claims import ProofError, read_claims
+from firmloop.verify.proofs.claims import ProofError
+from firmloop.verify.proofs.reading import read_claims
 from tests.verify.test_tunable import PROJECT
 
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmloop.verify.proofs.claims import ProofError, read_claims
+from firmloop.verify.proofs.claims import ProofError
 from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.proofs.reading import read_claims
 
 __all__ = ["Checked", "ProofError", "check_proof"]
 
