@@ -55,7 +55,8 @@ def test_a_judge_of_fixed_point_says_nothing_of_floats(delivered: Delivered) -> 
 @pytest.mark.parametrize(
     ("said", "result"),
     [
-        ("** 0 of 4 properties failed\nVERIFICATION SUCCESSFUL\n", PROVEN),
+        ("** 0 of 4 properties failed, 4 passed\nVERIFICATION SUCCESSFUL\n", PROVEN),
+        ("** 0 of 4 properties failed, 3 passed\nVERIFICATION SUCCESSFUL\n", UNKNOWN),
         ("Generated 0 VCC(s)\nVERIFICATION SUCCESSFUL\n", UNKNOWN),  # nothing was asked
         ("ERROR: Timed out\n", TIMEOUT),
         ("ERROR: Out of memory\nERROR: SMT solver failed\n", OUT_OF_MEMORY),
@@ -92,7 +93,7 @@ def _pretending(folder: Path, monkeypatch: pytest.MonkeyPatch, says: str) -> Non
         ("ERROR: Timed out", 3, "not proven: esbmc: timeout"),
         ("ERROR: Out of memory", 3, "not proven: esbmc: out of memory"),
         ("VERIFICATION UNKNOWN", 3, "not proven: esbmc: unknown"),
-        ("of 9 properties failed VERIFICATION SUCCESSFUL", 0, "proven"),
+        ("0 of 9 properties failed, 9 passed VERIFICATION SUCCESSFUL", 0, "proven"),
     ],
 )
 def test_a_project_is_generated_and_judged_by_name(
@@ -147,7 +148,7 @@ CHANGES = [  # of the file, by what a careless edit may change
     (r"fl_high_i32\((t\d+), 32U\)", r"fl_high_i32(\1, 31U)"),
     (r"fl_high_i32\((t\d+), 32U\)", r"fl_high_i32(\1, 30U)"),
     (r"fl_clamp_i32\(self->(\w+), -?\d+, \d+\)", r"self->\1"),
-    (r"fl_wrap_i32\(self->(\w+), \d+U\)", r"self->\1"),
+    (r"fl_mac_i64\((t\d+), (.*), -?\d+\)", r"fl_mac_i64(\1, \2, 2147483647)"),
     (r"fl_clamp_i32\((self->\w+), (-?\d+), \d+\)", r"fl_clamp_i32(\1, \2, 2147483647)"),
     (r"fl_min_i32\((t\d+), \d+\)", r"\1"),
     (r"fl_max_i32\((\w+), -\d+\)", r"\1"),
@@ -166,8 +167,7 @@ def test_esbmc_refutes_a_wrong_shift_a_wrong_bound_and_a_dropped_limit(
     write_files({path.name: path.read_text() for path in delivered.folder.iterdir()}, tmp_path)
     source = tmp_path / f"{delivered.claims.name}.c"
     text, count = re.subn(*change, source.read_text(), count=1)
-    if not count:
-        pytest.skip("this controller has no such line")
+    assert count == 1
     source.write_text(text)
     found = ESBMC.judge(replace(delivered, folder=tmp_path))
-    assert found.result == REFUTED and source.name in found.says + source.name
+    assert found.result == REFUTED and "line" in found.says

@@ -49,7 +49,7 @@ void __ESBMC_assume(_Bool holds);
 """
 _LINE = re.compile(r"    const (?P<kind>int32_t|int64_t) (?P<name>\w+) = (?P<expression>.*); /\*.*\*/")
 _VIOLATED = re.compile(r"Violated property:\n\s+(.*)\n\s+(.*)")
-_COUNT = re.compile(r"of ([1-9]\d*) properties failed|Generated ([1-9]\d*) VCC")
+_ALL_PASSED = re.compile(r"\b0 of ([1-9]\d*) properties failed, \1 passed")
 
 
 def _program() -> str | None:
@@ -170,7 +170,7 @@ def read(said: str) -> tuple[str, str]:
         if "unwinding assertion" in what:
             return UNKNOWN, f"a loop runs more than {LAPS} times"
         return REFUTED, f"{Path(place[1]).name}, line {place[2]}: {what}" if place else what
-    if "VERIFICATION SUCCESSFUL" in said and _COUNT.search(said):
+    if "VERIFICATION SUCCESSFUL" in said and _ALL_PASSED.search(said):
         return PROVEN, ""
     if re.search(r"timed? ?out", said, re.IGNORECASE):
         return TIMEOUT, f"no result in {LONGEST} s"
