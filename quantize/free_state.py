@@ -1,8 +1,8 @@
 """Follow what the values of a fixed-point program may be in one step from a state that holds anything.
 
 A value is harmed that may leave its word, or, as an output or a next state, its range; or on the way to which a part
-of the C expression may. What an operation over a table computes is proven for the ranges of what it reads, so what
-reads more than that is harmed too.
+of the C expression may. What an operation over a table computes, or one whose C has a file of its own, is proven for
+the ranges of what it reads, so what reads more than that is harmed too.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def free_state(program: Program, free: Collection[str]) -> FreeState:
     found: dict[str, tuple[int, int]] = {}
     for op in program.body:
         name = op.result.name
-        if op.function in LARGE:
+        if op.function in LARGE or EVERY[op.function].support:
             read = [a for a in op.arguments if isinstance(a, str) and a in usual]
             fits = all(usual[a][0] <= known[a][0] and known[a][1] <= usual[a][1] for a in read)
             known[name] = usual[name]

@@ -153,7 +153,7 @@ def prove(folder: Path, named: Sequence[Judge]) -> Proving:
         claims = read_claims(document)
     except ProofError as error:
         raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
-    delivered = Delivered(claims, folder)
+    delivered = Delivered(claims, folder / claims.name / "src")
     rest = [judge for judge in every_judge().values() if not (named or judge.asked(claims))]
     judgements = tuple(judge.judge(delivered) for judge in named or every_judge().values() if judge not in rest)
     absent = tuple(judge.judge(delivered) for judge in rest if judge.version() is None)
