@@ -105,7 +105,7 @@ JUDGED: dict[str, Change] = {
     "asr by -1": more("asr", ["short", -1], *FULL),
     "wrap by 0": more("wrap", ["short", 0], -5, 5),
     "wrap by 32": more("wrap", ["short", 32], -5, 5),
-    "wrap that leaves too few bits": more("wrap", ["short", 29], -5, 5),
+    "wrap into more than is claimed": more("wrap", ["short", 29], -4, 2),
     "wrap that says too little": more("wrap", ["in.reference", 4], -(2**27) + 1, 2**27 - 1),
     "mul_shift by 0": more("mul_shift", ["short", "short", 0], -25, 25),
     "mul_shift by 64": more("mul_shift", ["short", "short", 64], 0, 0),
