@@ -119,6 +119,10 @@ def supports_of(program: Program) -> list[str]:
     return ["fl_float.h" if program.arithmetic.startswith("float") else "fl_fixed.h", *own]
 
 
+KEPT = ""
+STORED_AGAIN = "\n *  Not for an interrupt that can cut into step(), which stores the value again, within its range."
+
+
 def setter_name(program: Program, parameter: Value) -> str:
     """Return the name of the C function that sets a parameter."""
     return f"{program.name}_set_{parameter.name}"
@@ -138,6 +142,7 @@ def _parameters(program: Program) -> list[dict[str, str]]:
             "high": literal(value.high, value.number),
             "note": _member(value)["note"],
             "default_note": f"{physical(program.start[first + k], value.number):.6g} {value.unit or '1'}",
+            "keeping": KEPT if program.next_state[first + k].source == f"self.{value.name}" else STORED_AGAIN,
         }
         for k, value in enumerate(program.parameters)
     ]
@@ -238,7 +243,7 @@ def _stores(program: Program) -> list[dict[str, str]]:
     states = [
         {"target": f"self->{a.target}", "source": _argument(a.source, TYPE_INT)}
         for a in program.next_state
-        if a.target not in program.tunable
+        if a.source != f"self.{a.target}"  # a parameter that a step leaves alone
     ]
     outputs = []
     for a in program.results:

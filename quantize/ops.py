@@ -227,6 +227,13 @@ OPERATIONS: dict[str, Operation] = {
         _both("fl_shr_i32({0}, {1}U)"),
         whole=(1,),
     ),
+    "wrap": Operation(
+        "read as a number of so many bits less, the upper ones of the word left out",
+        lambda a, s: (a << (32 + s)) >> (32 + s),
+        lambda a, s: a if -(2 ** (31 - s)) <= a[0] and a[1] < 2 ** (31 - s) else (-(2 ** (31 - s)), 2 ** (31 - s) - 1),
+        {"fixed": "fl_wrap_i32({0}, {1}U)"},
+        whole=(1,),
+    ),
     "shl": Operation(
         "multiplied by a power of two",
         lambda a, s: a << s,
@@ -381,3 +388,9 @@ LARGE: dict[str, Operation] = {
 }
 
 EVERY = OPERATIONS | LARGE
+
+
+def as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
+    """Literals become degenerate intervals, except shifts and clamp limits, which the rules take as numbers."""
+    plain = (1, 2) if function in LIMITS else EVERY[function].whole
+    return [a if isinstance(a, tuple) or k in plain else (a, a) for k, a in enumerate(arguments)]

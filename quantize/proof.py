@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from firmloop.quantize.free_state import free_state
 from firmloop.quantize.program import Op, Program, Table, Value
 
 ARGUMENTS = {
@@ -38,7 +39,10 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
     `start` is in the range of the state, or the least value of its type where the state is `unset` (null: no number).
     `safe` of an output, in floating point, is what it is where the last of `status` tells that an input is not a
     number; the state then stays, and no other bit is set.
-    Each of `parameters` is a state that a step keeps; its setter takes the values from `low` to `high`, no others.
+    `any_state`, in fixed point: while state words hold anything at all, every operation still fits its word, in the
+    range of this list where it stands there, else in its own; and outputs and next states keep their ranges.
+    Each of `parameters` is a state that a step keeps, within its range; its setter takes the values from `low` to
+    `high`, no others.
     """
     return {
         "schema": 1,
@@ -60,11 +64,25 @@ def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
             for v, x in zip(program.parameters, program.start[len(program.start) - len(program.tunable) :], strict=True)
         ],
         "operations": [_operation(op) for op in program.body],
+        **_any_state(program),
         "next_state": [{"state": a.target, "value": a.source} for a in program.next_state],
         "outputs": [_output(program, k) for k in range(len(program.outputs))],
         "status": [{"name": b.name, "bit": b.bit, "value": b.source} for b in program.status],
         "rounding": [{"output": r.output, "bound": _finite(r.bound), "unit": r.unit} for r in program.rounding],
     }
+
+
+def _any_state(program: Program) -> dict[str, object]:
+    if not program.arithmetic.startswith("fixed"):
+        return {}
+    found = free_state(program, [value.name for value in program.state])
+    assert not found.harmed, f"{found.harmed} is harmed by a state word that holds anything"
+    wider = [
+        {"name": op.result.name, "low": low, "high": high}
+        for op, (low, high) in zip(program.body, found.ranges.values(), strict=True)
+        if low < op.result.low or high > op.result.high
+    ]
+    return {"any_state": wider}
 
 
 def _value(value: Value) -> dict[str, object]:

@@ -13,6 +13,7 @@ COUNTS: Mapping[str, tuple[int, int, int]] = {  # the argument that counts, the 
     "shl": (1, 0, 30),  # 2**31 is no factor of 32 bits
     "shr": (1, 1, 30),
     "asr": (1, 1, 31),
+    "wrap": (1, 1, 31),
     "high": (1, 1, 62),
     "high_down": (1, 1, 62),
     "mul_shift": (2, 1, 62),

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from firmloop.verify.compare import First
+from firmloop.verify.judgement import Judgement
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +154,7 @@ class Verdict:
     searches: Searches | None = None  # where instructions are counted, of a controller that searches
     host: HostRun | None = None
     undefined: Undefined | None = None  # what a sanitizer found
+    proofs: tuple[Judgement, ...] = ()  # what each judge said of every input and state, not only of those tried
     sanitizers_not_run: str = ""  # why not all of these steps ran, where a sanitizer or time was missing
 
     @property
@@ -245,6 +247,7 @@ class Verdict:
                 "infeasible_steps": self.searches.infeasible,
                 "within_ranges_steps": self.searches.within,
             },
+            "proofs": [judgement.as_dict() for judgement in self.proofs],
             "verdict": "agrees" if self.agrees else "differs",
         }
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from firmloop.quantize.lower.builder import as_intervals
-from firmloop.quantize.ops import EVERY, LARGE
+from firmloop.quantize.ops import EVERY, LARGE, as_intervals
 from firmloop.quantize.program import Op, Program
 
 LEAVES = 2  # values that boxes are made of

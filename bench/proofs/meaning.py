@@ -235,6 +235,7 @@ class Meaning:
         found["fl_shl_i32"] = lambda a, s: a << s
         found["fl_shr_i32"] = lambda a, s: (a + (one << (s - 1))) >> s
         found["fl_asr_i32"] = lambda a, s: a >> s
+        found["fl_wrap_i32"] = lambda a, s: (a << (s + WIDE - 32)) >> (s + WIDE - 32)
         found["fl_mul_down_i32"] = lambda a, b, s: (a * b) >> s
         found["fl_down_i32"] = lambda acc, s: acc >> s
         found["fl_wide_i64"] = lambda a, b: a * b

@@ -146,7 +146,7 @@ def verify_for(campaign: Campaign, code: Code, data: Data, stage: Stage, tell: T
     for name in campaign.targets:
         if isinstance(trial, Trial):
             with stage(f"verifying on {name}") as report:
-                outcome = verify_target(project, design, code.plant, trial, name, campaign, report)
+                outcome = verify_target(project, design, code.plant, code.generated, trial, name, campaign, report)
         else:
             outcome = trial[len(outcomes)]
         tell(outcome)

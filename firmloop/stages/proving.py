@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,15 @@ from firmloop.codegen.emit import with_included
 from firmloop.codegen.environment import text_of
 from firmloop.identify.regular_file import read_text
 from firmloop.project.table import ProjectError
+from firmloop.verify.judgement import PROVEN, REFUTED, Judgement
 from firmloop.verify.proofs.c_checker import check_header, check_source, support_files
-from firmloop.verify.proofs.claims import Claims, ProofError, read_claims
-from firmloop.verify.proofs.interval_checker import check_intervals
-from firmloop.verify.proofs.z3_checker import check_with_z3, judge
+from firmloop.verify.proofs.claims import Claims, ProofError
+from firmloop.verify.proofs.judge import Delivered, Judge
+from firmloop.verify.proofs.judges import every_judge
+from firmloop.verify.proofs.reading import read_claims
 
 MOST_BYTES = 64 * 2**20  # of a file; a generated controller has a thousandth of it
-INTERVALS, COMPARED = "interval rules", "compared with the proof, word by word"
+RANGES, COMPARED = ("intervals", "z3"), "compared with the proof, word by word"
 Judged = list[tuple[str, str]]  # claim, and who judged it
 NOT_JUDGED = (
     "the rounding bounds and the search for limit cycles in proof.json: `firmloop verify` measures them",
@@ -27,28 +29,21 @@ NOT_JUDGED = (
 )
 
 
-def _judge_claims(claims: Claims, judged: Judged) -> None:
-    """Let each judge say what it can by itself."""
-    check_intervals(claims)
-    judges = INTERVALS
+def _say_claims(claims: Claims, who: str, judged: Judged) -> None:
+    """Say what the judges of the ranges have proven."""
     if claims.fixed:
-        check_with_z3(claims)
-        judges = f"{INTERVALS}; {judge()}"
-        judged.append((f"{len(claims.operations)} operations: ranges, words, constants, shift counts", judges))
-        judged.append(
-            (f"{len(claims.state) + len(claims.outputs)} stores: within the ranges of state and output", judges)
-        )
-        judged += [
-            (f"table {one['name']}: every sum of its search fits", f"{INTERVALS} alone") for one in claims.tables
-        ]
+        judged.append((f"{len(claims.operations)} operations: ranges, words, constants, shift counts", who))
+        judged.append((f"{len(claims.state) + len(claims.outputs)} stores: within the ranges of state and output", who))
+        judged.append((f"{len(claims.state)} state words that hold anything: nothing overflows, all is in range", who))
+        judged += [(f"table {one['name']}: every sum of its search fits", "intervals alone") for one in claims.tables]
     else:
         judged.append(
             (f"{len(claims.operations)} operations: nothing is claimed of words in floating point", "no judge")
         )
-    judged.append((f"{len(claims.state)} first values: within the range of their state", judges))
+    judged.append((f"{len(claims.state)} first values: within the range of their state", who))
     if claims.parameters:
         names = ", ".join(name for name, *_ in claims.parameters)
-        judged.append((f"setters of {names}: within the range of their state, kept by a step", judges))
+        judged.append((f"setters of {names}: within the range of their state, kept by a step", who))
 
 
 def _judge_c(claims: Claims, folder: Path, judged: Judged) -> None:
@@ -111,32 +106,65 @@ def _text(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Proving:
-    """What was judged and by whom, and what was refuted; empty where nothing was."""
+    """What was judged and by whom, what each judge said, and what was refuted; empty where nothing was.
+
+    `absent` are judges that nobody named and that are not installed.
+    """
 
     claims: Claims
     judged: Judged
+    judgements: tuple[Judgement, ...]
+    absent: tuple[Judgement, ...]
     refuted: str
 
+    @property
+    def undecided(self) -> tuple[Judgement, ...]:
+        """What was asked and not decided."""
+        return tuple(one for one in self.judgements if one.result not in (PROVEN, REFUTED))
 
-def prove(folder: Path) -> Proving:
+
+def chosen(names: Sequence[str]) -> tuple[Judge, ...]:
+    """Return the judges of these names.
+
+    Raises
+    ------
+    ProjectError
+        when there is no judge of a name.
+    """
+    known = every_judge()
+    for name in names:
+        if name not in known:
+            raise ProjectError(f"judge {name[:40]!r} is unknown; known: {', '.join(known)}")
+    return tuple(known[name] for name in dict.fromkeys(names))
+
+
+def prove(folder: Path, named: Sequence[Judge]) -> Proving:
     """Prove FOLDER/proof.json again, and that the C in FOLDER states what it proves.
+
+    Without names, all judges are asked that are installed and have something to say.
 
     Raises
     ------
     ProjectError
         when there is no such proof.
-    ToolError
-        when z3 is not installed.
     """
     document = _document(folder / "proof.json")
     try:
         claims = read_claims(document)
     except ProofError as error:
         raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
+    delivered = Delivered(claims, folder / claims.name / "src")
+    rest = [judge for judge in every_judge().values() if not (named or judge.asked(claims))]
+    judgements = tuple(judge.judge(delivered) for judge in named or every_judge().values() if judge not in rest)
+    absent = tuple(judge.judge(delivered) for judge in rest if judge.version() is None)
     judged: Judged = []
+    ranged = [one for one in judgements if one.result == PROVEN and one.judge in RANGES]
+    if ranged:
+        _say_claims(claims, "; ".join(f"{one.judge} {one.version}" for one in ranged), judged)
+    refuted = [one.says for one in judgements if one.result == REFUTED]
     try:
-        _judge_claims(claims, judged)
-        _judge_c(claims, folder, judged)
+        if not refuted:
+            _judge_c(claims, folder, judged)
     except ProofError as error:
-        return Proving(claims, judged, str(error))
-    return Proving(claims, judged, "")
+        refuted.append(str(error))
+    return Proving(claims, judged, judgements, absent, refuted[0] if refuted else "")

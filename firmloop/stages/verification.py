@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,7 @@ def verify_target(
     project: Project,
     designed: Design,
     plant: Plant | None,
+    generated: Generated,
     trial: Trial,
     name: str,
     campaign: Campaign,
@@ -78,7 +79,8 @@ def verify_target(
         verdict = verify_on(trial, target, port, report, loop_of(project, designed, plant))
     except (ToolError, LinkError) as error:
         return Outcome(target.name, None, str(error))
-    return Outcome(target.name, verdict, "")
+    proofs = generated.checked.judgements if generated.checked is not None else ()
+    return Outcome(target.name, replace(verdict, proofs=proofs), "")
 
 
 def loop_of(project: Project, designed: Design, plant: Plant | None) -> PlantLoop | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from firmloop.quantize.ops import EVERY, LIMITS, Interval
+from firmloop.quantize.ops import EVERY, Interval, as_intervals
 from firmloop.quantize.program import Number, Op, QuantizeError, Value
 
 TRUTH = Number("fixed", 32, 0)
@@ -108,9 +108,3 @@ class Builder:
             k += 1
         self.taken.add(f"{name}{k}")
         return f"{name}{k}"
-
-
-def as_intervals(function: str, arguments: list[Interval | int | float]) -> list[object]:
-    """Literals become degenerate intervals, except shifts and clamp limits, which the rules take as numbers."""
-    plain = (1, 2) if function in LIMITS else EVERY[function].whole
-    return [a if isinstance(a, tuple) or k in plain else (a, a) for k, a in enumerate(arguments)]

@@ -17,6 +17,7 @@ from firmloop.quantize.lower.first_sample import in_one_branch
 from firmloop.quantize.lower.fixed import FixedBuilder
 from firmloop.quantize.lower.floating import FloatBuilder
 from firmloop.quantize.lower.graph import FLOATING_ONLY, Node, needed, with_own_constants
+from firmloop.quantize.lower.held_state import from_any_state
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
 from firmloop.quantize.lower.q_formats import Formats, choose_formats
@@ -80,7 +81,7 @@ def _bare(law: Law, arithmetic: str, rounds: str) -> Program:
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
     builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds])
-    return replace(_Lowering(found, sums, arithmetic, formats, builder).program(), rounds=rounds)
+    return replace(from_any_state(_Lowering(found, sums, arithmetic, formats, builder).program()), rounds=rounds)
 
 
 class _Lowering:

@@ -16,7 +16,7 @@ from firmloop.verify.build.host import FLAGS
 
 STYLES = {"fixed": Number("fixed", 32, 0), "float32": Number("float", 32, 0), "float64": Number("float", 64, 0)}
 KINDS = {"fixed": "i8", "float32": "f4", "float64": "f8"}
-SHIFTED = {"shr", "asr", "shl", "mul_shift", "mul_down"}
+SHIFTED = {"shr", "asr", "wrap", "shl", "mul_shift", "mul_down"}
 WIDE = {"wide", "mac", "high", "high_down"}  # of 64-bit sums
 CURVED = {name for name, operation in OPERATIONS.items() if operation.support == "fl_curved_i32.h"}  # test_curved.py
 TRUTHS = {"and", "or", "not"}

@@ -23,7 +23,8 @@ from firmloop.verify.compare import compare
 from firmloop.verify.explain import explain
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.c_checker import check_header, check_source
-from firmloop.verify.proofs.claims import ProofError, read_claims
+from firmloop.verify.proofs.claims import ProofError
+from firmloop.verify.proofs.reading import read_claims
 from firmloop.verify.reference import element_type, run
 from firmloop.verify.run import verify
 from firmloop.verify.stimuli.stimuli import singles, stimuli

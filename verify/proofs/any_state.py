@@ -2,8 +2,8 @@
 
 Some states take inputs for days to be reached, others are not known to be reached at all; what the C makes of them is
 compared too, with the state that it leaves. The state is drawn, and brought to the edges of limits, as if it were more
-inputs. A step counts only where every value of the reference keeps the range proven for it: elsewhere together the
-state is none that the proof lets happen. Only a link into this process can set a state.
+inputs. In fixed point the words of the state hold anything besides: no init(), a flipped bit, another build's flash.
+Only a link into this process can set a state.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from firmloop.codegen.view import physical
 from firmloop.quantize.not_a_number import spelled_out
-from firmloop.quantize.program import Op, Program, Value
+from firmloop.quantize.program import Assign, Op, Program, Value
 from firmloop.verify.compare import record_type
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.packing import records
@@ -24,6 +24,7 @@ from firmloop.verify.stimuli.stimuli import singles
 from firmloop.verify.verdict import Difference
 
 STEPS = 20_000
+LEAST = -(2**31)  # of a state's word in fixed point
 BEYOND = 4.0  # times its range on both sides, that an input is drawn from
 STEPS_SOLVING = 2_000  # of a program that solves: each takes long
 
@@ -51,8 +52,12 @@ def any_state(program: Program, seed: int, steps: int) -> AnyState:
         return AnyState([], [])
     program = spelled_out(program)
     step = opened(program)
-    columns, values = _kept(program, step, _drawn(program, step, seed, steps))
-    return AnyState(columns, _expected(program, step, values, len(columns[0])))
+    columns = _drawn(program, step, seed, steps)
+    machine, kind, count = Machine(step), working_type(program), len(columns[0])
+    with np.errstate(all="ignore"):
+        named = machine.named(machine.step([column.astype(kind) for column in columns], []))
+    ends = {a.source for a in step.results} | {b.source for b in program.status}
+    return AnyState(columns, _expected(program, step, {end: np.broadcast_to(named[end], count) for end in ends}, count))
 
 
 def departures(program: Program, link: LibraryLink, drawn: AnyState) -> Departures:
@@ -85,14 +90,14 @@ def _first(program: Program, drawn: AnyState, got: list[Raw], wrong: NDArray[np.
 
 
 def opened(program: Program) -> Program:
-    """Return one step of the program with its state among the inputs, by the name that operations know it by."""
-    renamed = {f"self.{v.name}": f"in.self.{v.name}" for v in program.state}
+    """Return one step of the program with its state among inputs and outputs: `self_x` for the state x."""
+    renamed = {f"self.{v.name}": f"in.self_{v.name}" for v in program.state}
     body = tuple(
         Op(op.result, op.function, tuple(renamed.get(a, a) if isinstance(a, str) else a for a in op.arguments))
         for op in program.body
     )
-    state = tuple(replace(v, name=f"self.{v.name}") for v in _left(program))
-    stores = tuple(replace(a, source=renamed.get(a.source, a.source)) for a in program.next_state)
+    state = tuple(replace(v, name=f"self_{v.name}") for v in _left(program))
+    stores = tuple(Assign(f"self_{a.target}", renamed.get(a.source, a.source)) for a in program.next_state)
     return replace(
         program,
         inputs=(*program.inputs, *state),
@@ -120,7 +125,10 @@ def _left(program: Program) -> list[Value]:
 
 
 def _drawn(program: Program, step: Program, seed: int, steps: int) -> list[Raw]:
-    """Return columns of inputs and state, one step each, the state within its ranges and never -0."""
+    """Return columns of inputs and state, one step each, the state within its ranges and never -0.
+
+    In fixed point the same inputs come a second time, with random bits in every word of the state.
+    """
     steps = min(steps, STEPS_SOLVING if program.tables else STEPS)
     blocks = singles(step, steps, seed)
     if not program.arithmetic.startswith("fixed"):  # which takes inputs from beyond their ranges too
@@ -130,7 +138,12 @@ def _drawn(program: Program, step: Program, seed: int, steps: int) -> list[Raw]:
     for j, value in enumerate(step.inputs[len(program.inputs) :], len(program.inputs)):
         inside = (columns[j] >= value.low) & (columns[j] <= value.high)
         columns[j] = np.where(inside, columns[j], np.array(_middle(value), columns[j].dtype)) + columns[j].dtype.type(0)
-    return columns
+    if not program.arithmetic.startswith("fixed"):
+        return columns
+    random, count, given = np.random.default_rng(seed), len(columns[0]), len(program.inputs)
+    words = random.integers(LEAST, -LEAST, size=(len(program.state), count), dtype=np.int64)
+    held = [*columns[:given], *words.astype(np.int32)]
+    return [np.concatenate([one, other.astype(one.dtype)]) for one, other in zip(columns, held, strict=True)]
 
 
 def _beyond(value: Value) -> Value:
@@ -141,20 +154,6 @@ def _beyond(value: Value) -> Value:
 def _middle(value: Value) -> float:
     low, high = (x if np.isfinite(x) else 0.0 for x in (value.low, value.high))
     return float(np.floor((low + high) / 2)) if value.number.kind == "fixed" else (low + high) / 2
-
-
-def _kept(program: Program, step: Program, columns: list[Raw]) -> tuple[list[Raw], dict[str, Raw]]:
-    """Return the steps whose values all keep their ranges, and these values by name."""
-    machine, kind, count = Machine(step), working_type(program), len(columns[0])
-    with np.errstate(all="ignore"):
-        named = machine.named(machine.step([column.astype(kind) for column in columns], []))
-    keeps = np.ones(count, bool)
-    for op in step.body if program.arithmetic.startswith("fixed") else ():
-        values = np.asarray(named[op.result.name])
-        if values.ndim <= 1:
-            keeps &= (values >= op.result.low) & (values <= op.result.high)
-    ends = {a.source for a in step.results} | {b.source for b in program.status}
-    return [c[keeps] for c in columns], {name: np.broadcast_to(named[name], count)[keeps] for name in ends}
 
 
 def _expected(program: Program, step: Program, slots: dict[str, Raw], count: int) -> list[Raw]:

@@ -6,18 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmloop.verify.proofs.claims import ProofError, read_claims
-from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.judgement import PROVEN, Judgement
+from firmloop.verify.proofs.claims import ProofError
+from firmloop.verify.proofs.judge import Delivered
+from firmloop.verify.proofs.judges import every_judge
+from firmloop.verify.proofs.reading import read_claims
 
 __all__ = ["Checked", "ProofError", "check_proof"]
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """How many operations and stores were proven again."""
+    """How many operations and stores were proven again, and what each judge said."""
 
     operations: int
     stores: int
+    judgements: tuple[Judgement, ...]
 
 
 def check_proof(document: Mapping[str, Any]) -> Checked | None:
@@ -29,10 +33,12 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
         when the document is no proof, or at the first claim that one of the judges refuses.
     """
     claims = read_claims(document)
-    check_intervals(claims)
+    found = [
+        judge.judge(Delivered(claims, None)) for judge in every_judge().values() if judge.own and judge.asked(claims)
+    ]
+    for judgement in found:
+        if judgement.result != PROVEN:
+            raise ProofError(judgement.says)
     if not claims.fixed:
         return None
-    from firmloop.verify.proofs.z3_checker import check_with_z3  # only fixed point waits for z3
-
-    check_with_z3(claims)
-    return Checked(len(claims.operations), len(claims.state) + len(claims.outputs))
+    return Checked(len(claims.operations), len(claims.state) + len(claims.outputs), tuple(found))

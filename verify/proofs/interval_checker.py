@@ -37,6 +37,8 @@ class IntervalRule:
 def check_intervals(claims: Claims) -> None:
     """Prove every operation, store and first value; in floating point only these, for its ranges claim no word.
 
+    Operations and stores are proven from every state in its range, and from every state that the words can hold.
+
     Raises
     ------
     ProofError
@@ -45,6 +47,14 @@ def check_intervals(claims: Claims) -> None:
     _check_starts(claims)
     if not claims.fixed:
         return
+    words, ranges = _check_operations(claims)
+    _check_stores(claims, words, ranges)
+    words, ranges = _check_operations(claims.from_any_state())
+    _check_stores(claims, words, ranges)
+
+
+def _check_operations(claims: Claims) -> tuple[dict[str, int], dict[str, Interval]]:
+    """Prove every operation, and return word and range of each value."""
     words: dict[str, int] = {f"in.{v.name}": 32 for v in claims.inputs}  # what is read of an int16_t is an int
     ranges: dict[str, Interval] = {}
     for value in claims.inputs:
@@ -69,7 +79,8 @@ def check_intervals(claims: Claims) -> None:
         else:
             _check_operation(op, claimed, words, ranges)
         words[name], ranges[name] = op.result.bits, claimed
-    _check_stores(claims, words, ranges)
+        _check_store(f"{name}, as a word,", claimed, (-(1 << (op.result.bits - 1)), (1 << (op.result.bits - 1)) - 1))
+    return words, ranges
 
 
 def _check_operation(
@@ -169,7 +180,7 @@ def _check_starts(claims: Claims) -> None:
             )
         if first != start:
             raise ProofError(f"parameter {name} is first {first}, its state starts at {start}")
-        if claims.following[name] != f"self.{name}":
+        if not claims.keeps(name):
             raise ProofError(f"parameter {name} is given {claims.following[name]} by a step, which must keep it")
 
 
@@ -194,6 +205,11 @@ def _down(a: Interval, s: Interval) -> Interval:
 def _near(a: Interval, s: Interval) -> Interval:
     half = 1 << (s[0] - 1)
     return (a[0] + half) >> s[0], (a[1] + half) >> s[0]
+
+
+def _low_bits(a: Interval, s: Interval) -> Interval:
+    half = 1 << (31 - s[0])
+    return a if -half <= a[0] and a[1] < half else (-half, half - 1)
 
 
 def _absolute(a: Interval) -> Interval:
@@ -236,6 +252,7 @@ def _rules() -> Iterator[tuple[str, IntervalRule]]:
     yield "shl", IntervalRule("vs", lambda a, s: (a[0] << s[0], a[1] << s[0]), counts=(0, 30))
     yield "shr", IntervalRule("vs", _near, counts=(1, 31), inner=lambda a, s: [_sum(a, (1 << (s[0] - 1),) * 2)])
     yield "asr", IntervalRule("vs", _down, counts=(1, 31))
+    yield "wrap", IntervalRule("vs", _low_bits, counts=(1, 31))
     yield "wide", IntervalRule("vv", _product, bits=64)
     yield "mac", IntervalRule("wvv", lambda total, a, b: _sum(total, _product(a, b)), bits=64)
     yield "mul_down", IntervalRule("vvs", lambda a, b, s: _down(_product(a, b), s), counts=(1, 63))

@@ -171,7 +171,7 @@ def _row(
             return None if moving == [0, 1] else _product(op.function, a, b, values, own, order)
         case "select":
             return None if 0 in moving else given[1 if values[0] else 2]
-        case "min" | "max" | "clamp":
+        case "min" | "max" | "clamp" | "wrap":
             return _kept(a, values, op.function, conditions) if moving == [0] else None
         case "lt" | "le" | "eq" | "ne" if values[0] != values[1]:
             conditions.append((a - b, abs(values[0] - values[1])))
@@ -204,10 +204,11 @@ def _rounded(row: Array, own: int, order: int) -> Array:
 
 def _kept(a: Array, values: list[float], function: str, conditions: list[tuple[Array, float]]) -> Array | None:
     """Return the row of a limited value: its own inside the limits, none beyond one, no linear one at one."""
-    low = values[1] if function in ("max", "clamp") else -math.inf
-    high = {"min": values[1], "max": math.inf, "clamp": values[-1]}[function]
+    half = 2.0 ** (31 - values[1]) if function == "wrap" else math.inf
+    low = values[1] if function in ("max", "clamp") else -half
+    high = {"min": values[1], "max": math.inf, "clamp": values[-1], "wrap": half - 1}[function]
     margin = min(values[0] - low, high - values[0])
-    if margin == 0:
+    if margin == 0 or (function == "wrap" and margin < 0):  # beyond, it is another number
         return None
     conditions.append((a, abs(margin)))
     return a if margin > 0 else np.zeros_like(a)

@@ -1,9 +1,9 @@
 """Measure how far a Program stands from its Law, in physical units.
 
-Two figures per output. `worst` compares one step from the same state and inputs, all within their ranges: this is what
-the proven bound speaks of. It is sought along the stimuli, and by a search among all states and inputs that climbs
-from the farthest ones found. `drift` lets the law run on its own state through each lane; nothing bounds it, for an
-integrator keeps what it rounded until feedback or a limit removes it.
+Two figures per output. `worst` compares one step from the same state, as the program reads it, and the same inputs, all
+within their ranges: this is what the proven bound speaks of. It is sought along the stimuli, and by a search among all
+states and inputs that climbs from the farthest ones found. `drift` lets the law run on its own state through each lane;
+nothing bounds it, for an integrator keeps what it rounded until feedback or a limit removes it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from firmloop.design.law import Law
 from firmloop.quantize.lower.graph import Graph, evaluate, law_graph
-from firmloop.quantize.program import Program, Value
+from firmloop.quantize.ops import EVERY
+from firmloop.quantize.program import Op, Program, Value
 from firmloop.verify.block import Block, by_length, side_by_side
 from firmloop.verify.reference import Machine, Raw, Trace, working_type
 from firmloop.verify.scaling import to_physical
@@ -88,7 +89,8 @@ def _apart(
     valid = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=0)
     own = [fresh | _inside(v, x) for v, x in zip(program.state, held, strict=True)]
     valid &= np.all(own, axis=0) if own else True
-    by_name = dict(zip((v.name for v in program.state), map(to_physical, program.state, held), strict=True))
+    read = _as_read(program, held)
+    by_name = {v.name: to_physical(v, x) for v, x in zip(program.state, read, strict=True)}
     state = []
     for signal, start in zip(law.state, law.start, strict=True):
         if signal.name == law.opening:
@@ -100,6 +102,19 @@ def _apart(
     inputs = [to_physical(v, x) for v, x in zip(program.inputs, raw, strict=True)]
     expected = evaluate(graph, [[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
     return [np.where(valid, np.abs(g - e), 0.0).astype(np.float64) for g, e in zip(got, expected, strict=True)]
+
+
+def _as_read(program: Program, held: Sequence[Raw]) -> list[Raw]:
+    """Return the state as a fixed-point program reads it, where it limits the words as it does so."""
+    reads: dict[object, Op] = {}
+    for op in program.body if program.arithmetic.startswith("fixed") else ():
+        if op.function in ("clamp", "wrap"):
+            reads.setdefault(op.arguments[0], op)
+    found = []
+    for value, x in zip(program.state, held, strict=True):
+        read = reads.get(f"self.{value.name}")
+        found.append(np.asarray(EVERY[read.function].run(x, *read.arguments[1:])) if read is not None else x)
+    return found
 
 
 def _fresh(program: Program, raw: Sequence[Raw], held: Sequence[Raw]) -> NDArray[np.bool_]:

@@ -32,6 +32,7 @@ CALLS = {  # function: C name, and how many counts its arguments end with
     "mul_down": ("fl_mul_down_i32", 1),
     "high_down": ("fl_down_i32", 1),
     "asr": ("fl_asr_i32", 1),
+    "wrap": ("fl_wrap_i32", 1),
     "shr": ("fl_shr_i32", 1),
     "shl": ("fl_shl_i32", 1),
     **CURVED,
@@ -112,9 +113,8 @@ class Writer:
         for output, source in zip(claims.outputs, claims.results, strict=True):
             cast = "(int16_t)" if c_type(output) == "int16_t" else ""
             yield f"output {output.name} = {source}", f"out->{output.name} = {cast}{_placed(source)};"
-        kept = {parameter for parameter, *_ in claims.parameters}
         for state, source in claims.following.items():
-            if state not in kept:
+            if source != f"self.{state}":
                 yield f"state {state} = {source}", f"self->{state} = {_placed(source)};"
         open_bits = claims.status[:-1] if claims.safe else claims.status
         bits = " | ".join(

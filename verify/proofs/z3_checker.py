@@ -8,9 +8,9 @@ counterexample. For every operation, over all operand values inside their claime
 - no operand, constant or intermediate of the C expression leaves its type, and no shift count the width of its operand;
 
 and for every state variable and output, that the value stored lies in the range claimed for it, as the first value of a
-state and all that a setter lets through do. A product is taken with each factor at both ends of its range: in between
-it lies between these products, a lemma that z3 proves once over the reals. So no bit-vector is ever multiplied by
-another, and a query takes a millisecond.
+state and all that a setter lets through do. Both are asked a second time of a state that holds anything. A product is
+taken with each factor at both ends of its range: in between it lies between these products, a lemma that z3 proves once
+over the reals. So no bit-vector is ever multiplied by another, and a query takes a millisecond.
 
 A state variable that is `unset` until the first sample may hold the least integer besides. What a search over a table
 gives is left to the interval rules, and so is what a sine, root or reciprocal gives.
@@ -37,8 +37,17 @@ PRODUCTS = {
     "mac": (1, 2),
 }  # places of the factors
 READS = {"mac": (64, 32, 32), "high": (64, 0), "high_down": (64, 0)}  # bits of each operand; 0 is a shift count;
-SHIFTS = {"shl": 1, "shr": 1, "asr": 1, "mul_shift": 2, "mul_down": 2, "high": 1, "high_down": 1}  # place of the count
-MOST = {"shl": 30, "shr": 31, "asr": 31}  # of a count; 63 for the others
+SHIFTS = {
+    "shl": 1,
+    "shr": 1,
+    "asr": 1,
+    "wrap": 1,
+    "mul_shift": 2,
+    "mul_down": 2,
+    "high": 1,
+    "high_down": 1,
+}  # place of the count
+MOST = {"shl": 30, "shr": 31, "asr": 31, "wrap": 31}  # of a count; 63 for the others
 GIVES = {"wide": 64, "mac": 64}  # bits of the result; 32 for all others
 ARITY = {"neg": 1, "abs": 1, "copy": 1, "not": 1, "clamp": 3, "select": 3, "mac": 3, "mul_shift": 3, "mul_down": 3}
 Ranges = Mapping[str, tuple[int, int]]
@@ -52,6 +61,22 @@ def check_with_z3(claims: Claims) -> None:
     ProofError
         at the first that does not hold.
     """
+    _check_stores(claims, *_check_operations(claims))
+    _check_stores(claims, *_check_operations(claims.from_any_state()))
+    ranges = {v.name: (int(v.low or 0), int(v.high or 0)) for v in claims.state}
+    for value, start in zip(claims.state, claims.start, strict=True):
+        if value.name != claims.unset or start != LEAST:
+            first = int(start or 0)
+            _check_inside(f"{value.name} at the start", (first, first), ranges[value.name])
+    for name, low, high, begins in claims.parameters:
+        _check_inside(f"{name} by its setter", (int(low), int(high)), ranges[name])
+        _check_inside(f"{name} at the start", (int(begins), int(begins)), (int(low), int(high)))
+        if not claims.keeps(name):
+            raise ProofError(f"parameter {name} is given {claims.following[name]} by a step, which must keep it")
+
+
+def _check_operations(claims: Claims) -> tuple[dict[str, int], dict[str, tuple[int, int]]]:
+    """Prove every operation, and return word and range of each value."""
     words: dict[str, int] = {}
     ranges: dict[str, tuple[int, int]] = {}
     for value in claims.inputs:
@@ -70,6 +95,11 @@ def check_with_z3(claims: Claims) -> None:
             for arguments in _cases(op, ranges):
                 _check_case(op, claimed, arguments, ranges)
         words[op.result.name], ranges[op.result.name] = op.result.bits, claimed
+        _check_inside(op.result.name, claimed, (-(1 << (op.result.bits - 1)), (1 << (op.result.bits - 1)) - 1))
+    return words, ranges
+
+
+def _check_stores(claims: Claims, words: Mapping[str, int], ranges: Ranges) -> None:
     for value, source in (
         *((v, claims.following[v.name]) for v in claims.state),
         *zip(claims.outputs, claims.results, strict=True),
@@ -77,15 +107,6 @@ def check_with_z3(claims: Claims) -> None:
         if words.get(source, 32) != 32:
             raise ProofError(f"{value.name} is given {source}, which has {words[source]} bits")
         _check_inside(value.name, ranges[source], (int(value.low or 0), int(value.high or 0)))
-    for value, start in zip(claims.state, claims.start, strict=True):
-        if value.name != claims.unset or start != LEAST:
-            first = int(start or 0)
-            _check_inside(f"{value.name} at the start", (first, first), ranges[f"self.{value.name}"])
-    for name, low, high, begins in claims.parameters:
-        _check_inside(f"{name} by its setter", (int(low), int(high)), ranges[f"self.{name}"])
-        _check_inside(f"{name} at the start", (int(begins), int(begins)), (int(low), int(high)))
-        if claims.following[name] != f"self.{name}":
-            raise ProofError(f"parameter {name} is given {claims.following[name]} by a step, which must keep it")
 
 
 def judge() -> str:
@@ -208,6 +229,8 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return rounded >> a[1], [(rounded, 32)]
         case "asr":
             return a[0] >> a[1], []
+        case "wrap":
+            return (a[0] << (a[1] + WIDE - 32)) >> (a[1] + WIDE - 32), []
         case "mul_shift":
             product = a[0] * a[1]
             return (product >> a[2]) + ((product >> (a[2] - 1)) & one), [(product, 64), (product >> a[2], 32)]

@@ -38,6 +38,11 @@ static inline int32_t fl_asr_i32(int32_t a, uint32_t s) {
     return a >> s;
 }
 
+/* x read as a number of 32 - s bits: what is above them is left out; s from 1 to 31. */
+static inline int32_t fl_wrap_i32(int32_t x, uint32_t s) {
+    return (int32_t)((uint32_t)x << s) >> s;
+}
+
 /* A sum of products, rounded once: it starts as a product, ... */
 static inline int64_t fl_wide_i64(int32_t a, int32_t b) {
     return (int64_t)a * b;

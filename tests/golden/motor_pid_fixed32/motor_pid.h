@@ -4,7 +4,7 @@
  *
  *   period    0.001 s between two calls of step()
  *   number    32-bit fixed point, 64-bit products, saturating, rounding to nearest; no overflow, proven
- *   program   74b445c620e0f198
+ *   program   ed36f7576b070aed
  *   rounding  output differs from the exact law by at most 1.57e-07 V in one step
  */
 #ifndef MOTOR_PID_H
@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-#define MOTOR_PID_PROGRAM_ID "74b445c620e0f198" /* a board answers with this; the verifier compares it */
+#define MOTOR_PID_PROGRAM_ID "ed36f7576b070aed" /* a board answers with this; the verifier compares it */
 #define MOTOR_PID_PERIOD_S 0.001
 #define MOTOR_PID_REFERENCE_Q 22 /* reference: physical = raw / 2^22 */
 #define MOTOR_PID_MEASUREMENT_Q 22 /* measurement: physical = raw / 2^22 */
@@ -40,8 +40,8 @@ typedef struct {
 
 /** One controller: the caller owns it, any number may exist. */
 typedef struct {
-    int32_t integral; /**< V, Q23, -128 to 128 */
-    int32_t filtered; /**< rad/s, Q20, -512 to 512 */
+    int32_t integral; /**< V, Q23, -133.998 to 133.998 */
+    int32_t filtered; /**< rad/s, Q20, -726.109 to 726.109 */
 } motor_pid_t;
 
 /** Put the controller into its first state; call once before step() and to start over. */

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,10 +15,13 @@ from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
+from firmloop.verify.block import run_blocks
 from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.proofs.any_state import STEPS, Departures, any_state, departures
 from firmloop.verify.run import verify
+from firmloop.verify.stimuli.stimuli import stimuli
 from firmloop.verify.verdict import Verdict
 
 
@@ -59,8 +63,10 @@ def test_states_are_drawn_from_what_a_step_can_leave() -> None:
     drawn = any_state(program, 1, STEPS)
     limit = next(op for op in program.body if op.result.name == "p12_new").result.high
     column = drawn.columns[len(program.inputs) + [v.name for v in program.state].index("p12")]
-    assert (column.min(), column.max()) == (-limit, limit)
-    assert len(np.unique(column)) > 1000
+    reached, random = np.split(column, 2)
+    assert (reached.min(), reached.max()) == (-limit, limit)
+    assert len(np.unique(reached)) > 1000
+    assert random.min() < -(2**31) * 0.99 and random.max() > 2**31 * 0.99
 
 
 def _verdict(name: str, arithmetic: str, text: str, what: str, steps: int) -> Verdict:
@@ -81,3 +87,25 @@ def test_a_parameter_that_init_sets_wrongly_differs() -> None:
 
 def test_a_state_that_init_leaves_out_differs() -> None:
     assert _verdict("state_space", "float32", "self->x_1 = 0", "store dropped", 1000).differences > 0
+
+
+@pytest.mark.parametrize("arithmetic", ["fixed32", "float32"])
+def test_a_status_word_that_says_nothing_differs_on_the_host(arithmetic: str) -> None:
+    """Outputs and state are right: the status word alone is not."""
+    program, steps = _lowered("full pid", arithmetic), 20_000
+    bundle = emit(program, "firmloop generate x.toml")
+    source = next(name for name in bundle.files if name.endswith(f"{program.name}.c"))
+    head, step, body = bundle.files[source].partition("return (uint32_t)saturated;")
+    assert step
+    silent = replace(bundle, files={**bundle.files, source: f"{head}(void)saturated; return 0U;{body}"})
+    verdict = verify(
+        laws()["full pid"], program, silent, load_target("host"), [], steps, 1, None, lambda share, doing: None
+    )
+    assert verdict.differences > 0 and verdict.first is not None and verdict.first.output == "status"
+    link = LibraryLink(build_host(silent, load_target("host")), program)
+    found = departures(program, link, any_state(program, 1, steps))
+    assert found.differences > 0 and found.first is not None and found.first.output == "status"
+    blocks = stimuli(program, [], steps, 1)
+    traces = run_blocks(program, blocks)
+    compared = compare(program, link, blocks, traces, lambda share, doing: None)
+    assert compared.differences == sum(np.count_nonzero(trace.status & 1) for trace in traces) > 0

@@ -1,19 +1,27 @@
 """The second proof holds for what the generator emits, and fails for what is wrong."""
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.proof import proof
 from firmloop.verify.proofs.checker import ProofError, check_proof
+from firmloop.verify.proofs.claims import Claims
+from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.proofs.reading import read_claims
+from firmloop.verify.proofs.z3_checker import check_with_z3
 from tests.laws import FULL, TABLES, pid, random_law
+
+TUNED = {**FULL, "tunable": ["kp"], "ranges": {"kp": [0.0, 0.2]}}
 
 
 def document(arithmetic: str, table: str = "full") -> dict[str, Any]:
-    law = pid(TABLES[table])
+    law = pid(TUNED if table == "tuned" else TABLES[table])
     return json.loads(json.dumps(proof(lower(law, arithmetic), law.reasons)))
 
 
@@ -60,10 +68,48 @@ def test_a_state_that_is_not_set_yet_is_read_by_its_test_alone() -> None:
 
 def test_a_missing_limit_is_refused() -> None:
     found = document("fixed32")
-    store = next(s for s in found["next_state"] if s["state"] == "integral")
-    store["value"] = "integral_new"
-    with pytest.raises(ProofError, match="integral may be given"):
+    sums = [op for op in found["operations"] if "integral_held" in op["arguments"]]
+    assert [op["function"] for op in sums] == ["add", "add"]
+    for op in sums:
+        op["arguments"][0] = "self.integral"
+    with pytest.raises(ProofError, match=r"add\(self\.integral, t\d+\) breaks its range"):
         check_proof(found)
+
+
+@pytest.mark.parametrize("judge", [check_intervals, check_with_z3])
+def test_a_limit_that_only_a_flipped_bit_can_reach_is_missed_when_it_is_gone(judge: Callable[[Claims], None]) -> None:
+    law = kinds()["transfer_function"].design(kinds()["transfer_function"].example).law
+    found = json.loads(json.dumps(proof(lower(law, "fixed32"), law.reasons)))
+    cut = next(op for op in found["operations"] if op["function"] == "wrap")
+    state = next(v for v in found["state"] if f"self.{v['name']}" == cut["arguments"][0])
+    assert (state["low"], state["high"]) == (cut["low"], cut["high"])  # the wrap changes nothing there
+    judge(read_claims(found))
+    for op in found["operations"]:
+        op["arguments"] = [cut["arguments"][0] if a == cut["name"] else a for a in op["arguments"]]
+    with pytest.raises(ProofError, match=rf"\(self\.{state['name']}, .* breaks its range"):
+        judge(read_claims(found))
+
+
+@pytest.mark.parametrize("judge", [check_intervals, check_with_z3])
+def test_a_range_from_any_state_that_is_claimed_too_small_is_refused(judge: Callable[[Claims], None]) -> None:
+    found = document("fixed32")
+    found["any_state"] = [{"name": "t3", "low": -5, "high": 5}]
+    with pytest.raises(ProofError, match=r"t3 = high.* breaks its range"):
+        judge(read_claims(found))
+
+
+@pytest.mark.parametrize("arithmetic", ["fixed32", "fixed16"])
+@pytest.mark.parametrize("judge", [check_intervals, check_with_z3])
+def test_a_parameter_that_a_flipped_bit_may_change_is_limited_and_stored(
+    judge: Callable[[Claims], None], arithmetic: str
+) -> None:
+    found = document(arithmetic, "tuned")
+    stored = next(s for s in found["next_state"] if s["state"] == "kp")
+    assert stored["value"] == "kp_held"
+    judge(read_claims(found))
+    stored["value"] = "self.kp"
+    with pytest.raises(ProofError, match="kp may be given"):
+        judge(read_claims(found))
 
 
 def test_a_rounding_constant_that_overflows_is_refused() -> None:

@@ -15,8 +15,9 @@ from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.proof import proof
 from firmloop.verify.proofs.checker import check_proof
-from firmloop.verify.proofs.claims import ProofError, read_claims
+from firmloop.verify.proofs.claims import ProofError
 from firmloop.verify.proofs.interval_checker import check_intervals
+from firmloop.verify.proofs.reading import read_claims
 from firmloop.verify.proofs.z3_checker import check_with_z3
 from tests.laws import pid
 from tests.quantize.test_sweeps import sweeping
@@ -102,6 +103,10 @@ JUDGED: dict[str, Change] = {
     "asr by 32": more("asr", ["in.reference", 32], -1, 0),
     "asr by 33": more("asr", ["in.reference", 33], -1, 0),
     "asr by -1": more("asr", ["short", -1], *FULL),
+    "wrap by 0": more("wrap", ["short", 0], -5, 5),
+    "wrap by 32": more("wrap", ["short", 32], -5, 5),
+    "wrap into more than is claimed": more("wrap", ["short", 29], -4, 2),
+    "wrap that says too little": more("wrap", ["in.reference", 4], -(2**27) + 1, 2**27 - 1),
     "mul_shift by 0": more("mul_shift", ["short", "short", 0], -25, 25),
     "mul_shift by 64": more("mul_shift", ["short", "short", 64], 0, 0),
     "mul_shift by -2": more("mul_shift", ["short", "short", -2], *FULL),

@@ -1,0 +1,68 @@
+"""A state word that holds anything leads to no undefined behavior, and is back in its range one step later."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.codegen.example_laws import laws
+from bench.proofs.flipped_bits import Flipped, fixed_programs, on_core, on_host
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import Op, Program
+from firmloop.verify.reference import Machine
+
+STEPS = 10_000
+FIXED = fixed_programs(laws())
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_every_fixed_point_kind_steps_from_random_states_under_the_sanitizers(name: str) -> None:
+    assert on_host(FIXED[name], STEPS) == Flipped(STEPS, 0, 0, "")
+
+
+@pytest.mark.parametrize("name", ["full pid, fixed16", "transfer_function, fixed32", "self_tuning, fixed16"])
+def test_an_emulated_core_steps_from_random_states(name: str) -> None:
+    assert on_core(FIXED[name], "qemu_mps2_an386", 2000) == Flipped(2000, 0, 0, "")
+
+
+def _bare(program: Program) -> Program:
+    """Read every state word as it is."""
+    held = {op.result.name: op for op in program.body if op.result.name.endswith("_held")}
+    body = tuple(
+        op
+        if op.result.name not in held
+        else Op(replace(op.result, low=-(2**31), high=2**31 - 1), "copy", op.arguments[:1])
+        for op in program.body
+    )
+    return replace(program, body=body)
+
+
+def test_the_sanitizers_see_a_state_that_is_read_as_it_is() -> None:
+    found = on_host(_bare(FIXED["full pid, fixed32"]), STEPS)
+    assert found.wrong and "overflow" in found.says and found.away
+
+
+@pytest.mark.parametrize("name", sorted({name.partition(",")[0] for name in FIXED} | {"mpc", "nmpc"}))
+@pytest.mark.parametrize("arithmetic", ["float32", "float64"])
+def test_a_state_that_is_no_number_in_floats_leaves_the_outputs_in_range_and_is_gone_soon(
+    name: str, arithmetic: str
+) -> None:
+    program = lower(laws()[name], arithmetic)
+    count = 200 if program.tables else 2000
+    random, kind = np.random.default_rng(1), np.dtype(arithmetic)
+    inputs = [random.uniform(v.low, v.high, count).astype(kind) for v in program.inputs]
+    lost = np.array([np.nan, np.inf, -np.inf], kind)
+    mortal = len(program.state) - len(program.tunable)
+    state = [np.full(count, start, kind) for start in program.start]
+    for j in range(mortal):
+        state[j] = np.where(random.random(count) < 0.5, lost[random.integers(0, 3, count)], state[j])
+    machine = Machine(program)
+    with np.errstate(all="ignore"):
+        for _ in range(mortal + 1):
+            values = machine.step(inputs, state)
+            for slot, output in zip(machine.results, program.outputs, strict=True):
+                assert np.all((values[slot] >= output.low) & (values[slot] <= output.high))
+            state = [np.broadcast_to(values[slot], count) for slot in machine.next]
+    assert all(np.all(np.isfinite(column)) for column in state)

@@ -1,0 +1,48 @@
+"""A Judge: a program that proves a claim on a delivered controller, or refutes it, and imports nothing it judges."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmloop.verify.judgement import NOT_RUN, Judgement
+from firmloop.verify.proofs.claims import Claims
+
+
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """What is judged: the claims of proof.json, and the folder of the C beside it, None where there is none yet."""
+
+    claims: Claims
+    folder: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """One judge. `version` is None where it is not installed; `run` gives the result, and words on it."""
+
+    name: str
+    claim: str
+    install: str
+    own: bool  # comes with firmloop or what it depends on, so that it is always asked
+    floats: bool  # has something to say of floating point
+    version: Callable[[], str | None]
+    run: Callable[[Delivered], tuple[str, str]]
+
+    def asked(self, claims: Claims) -> bool:
+        """Tell whether it is asked of these claims where nobody names judges."""
+        return (self.floats or claims.fixed) and (self.own or self.version() is not None)
+
+    def judge(self, delivered: Delivered) -> Judgement:
+        """Judge the claim, if the judge is there."""
+        version = self.version()
+        if version is None:
+            says = f"{self.name} is not installed; install it with: {self.install}"
+            return Judgement(self.claim, self.name, "", NOT_RUN, 0.0, says)
+        if not (self.floats or delivered.claims.fixed):
+            return Judgement(self.claim, self.name, version, NOT_RUN, 0.0, "it judges fixed point alone")
+        start = time.perf_counter()
+        result, says = self.run(delivered)
+        return Judgement(self.claim, self.name, version, result, time.perf_counter() - start, says)
