@@ -124,7 +124,6 @@ def test_a_verdict_holds_no_infinite_figure(figures: list[float]) -> None:
     json.dumps(outcome.verdict.as_dict(), allow_nan=False)
 
 
-@pytest.mark.filterwarnings("ignore")  # as the commands do: ticks overflow near the end of all numbers
 @pytest.mark.parametrize("odd", [math.nan, math.inf, -math.inf, 1e308])
 def test_a_page_draws_a_run_that_left_all_numbers(odd: float) -> None:
     page = "\n".join(targets_section([outcome_of([odd] * 6 + [0.0, 1.0, odd, odd])], Design(pid(FULL), {}, None)))
