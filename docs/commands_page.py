@@ -18,7 +18,7 @@ STATUS = """## Exit status
 | 0 | the C agrees with its reference; no mismatch between simulation and recording |
 | 1 | the C differs, or a sanitizer found undefined behavior; a mismatch was found; a cost has grown too much |
 | 2 | the project file, a recording or the command line is wrong: the message names file, key, value and rule |
-| 3 | a tool, sanitizer, port or board is not there: the message names what to install |
+| 3 | a tool, sanitizer, port or board is not there, or memory ran out: the message names the way out |
 | 70 | a fault of firmloop itself; `FIRMLOOP_DEBUG=1` shows where |
 | 130 | stopped by Ctrl-C or SIGTERM |
 | 141 | the reader of a pipe went away |

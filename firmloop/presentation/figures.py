@@ -25,6 +25,7 @@ INK = "#0a0b0c"  # stands for the color of the text around the figure
 MODEL, DATA, DRIVE, LIMIT = "#e4572e", "#4c86b8", "#2a9d62", "#8a8f98"  # readable on white and on black
 WIDE, FINE = 1.9, 0.9  # of the recorded and of every other curve: both are seen where they agree
 COLUMNS = 500  # a curve keeps the lowest and the highest sample of this many stretches
+FARTHEST = 1e100  # that is drawn: ticks are multiples of a span, and leave all numbers near the end of them
 STYLE: Mapping[str, Any] = {
     "svg.hashsalt": "firmloop",
     "svg.fonttype": "none",
@@ -161,7 +162,8 @@ def _draw_comparison(axes: Axes, comparison: CurvePair) -> None:
 
 
 def _draw_step(axes: Axes, step: Step) -> None:
-    axes.step(step.time, step.reference, color=LIMIT, where="post", label="reference", linestyle="--")
+    told = np.where(np.abs(step.reference) < FARTHEST, step.reference, np.nan)
+    axes.step(step.time, told, color=LIMIT, where="post", label="reference", linestyle="--")
     _curve(axes, step.time, step.measurement, DATA, "measurement")
     axes.set_title("closed loop")
     axes.set_ylabel(_label("", step.measured_unit))
@@ -188,7 +190,8 @@ def _label(name: str, unit: str) -> str:
 
 
 def _curve(axes: Axes, time: Array, values: Array, color: str, label: str) -> None:
-    thin_time, thin_values = thinned(time, values, COLUMNS)
+    drawn = np.where(np.abs(values) < FARTHEST, values, np.nan)  # a run that left all numbers ends where it left
+    thin_time, thin_values = thinned(time, drawn, COLUMNS)
     axes.plot(thin_time, thin_values, color=color, label=label, linewidth=WIDE if color == DATA else FINE)
 
 

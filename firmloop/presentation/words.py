@@ -160,10 +160,17 @@ def about_outcome(outcome: Outcome) -> list[str]:
     elif first:
         where = f"  first at step {first.step} ({first.lane}): {first.output}"
         lines += [
-            f"{where} is {first.got:.9g}, expected {in_unit(f'{first.expected:.9g}', first.unit)}",
+            f"{where} is {_exactly(first.got)}, expected {in_unit(_exactly(first.expected), first.unit)}",
             f"  {first.operation}",
         ]
     return lines
+
+
+def _exactly(value: float) -> str:
+    """Say a value of the C to all its digits, and in words where it is none."""
+    if math.isfinite(value):
+        return f"{value:.9g}"
+    return "no number" if math.isnan(value) else f"{'below' if value < 0 else 'above'} all numbers"
 
 
 def verdict_word(verdict: Verdict) -> str:
@@ -229,7 +236,7 @@ def rounding_rows(verdict: Verdict) -> list[tuple[str, str]]:
     return [
         (
             f"rounding of {entry.output}",
-            f"worst {in_unit(f'{entry.worst:.2g}', entry.unit)}, "
+            (f"worst {in_unit(f'{entry.worst:.2g}', entry.unit)}, " if math.isfinite(entry.worst) else "no worst, ")
             + (f"bound {in_unit(f'{entry.bound:.2g}', entry.unit)}" if math.isfinite(entry.bound) else "no bound"),
         )
         for entry in verdict.rounding

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,14 @@ from hypothesis import strategies as st
 
 from firmloop.cli import main
 from firmloop.design.analysis.loop import Margins, StepMetrics, Trajectory
+from firmloop.design.design import Design
 from firmloop.presentation.documents import fields_document, result_json
-from firmloop.presentation.words import about_loop
+from firmloop.presentation.sections import targets_section
+from firmloop.presentation.words import about_loop, about_outcome
 from firmloop.stages.analysis import Loop
+from firmloop.stages.verification import Outcome
+from firmloop.verify.verdict import NO_COST, ClosedLoop, Difference, Rounded, Verdict, Worst
+from tests.laws import FULL, pid
 
 PROJECT = """schema = 1
 name = "loop"
@@ -93,3 +99,34 @@ def test_words_and_documents_hold_no_infinite_figure(figures: list[float], halve
     written = json.loads(result_json({"step": fields_document(metrics)}), parse_constant=pytest.fail)
     for name, value in written["step"].items():
         assert (value is None) == (not math.isfinite(getattr(metrics, name)))
+
+
+def outcome_of(figures: list[float]) -> Outcome:
+    """A difference whose values, rounding and run against the plant are these figures."""
+    expected, got, worst, bound, drift, read, *run = figures
+    verdict = Verdict(
+        program_id="0123456789abcdef", target="host", link="library", compiler="gcc", flags=(), steps=10, lanes=1,
+        seed=1, stimuli={"noise": 10}, saturated=0.0, differences=1,
+        first=Difference(3, "noise 0", "output", expected, got, "V", "t1 = a + b"),
+        rounding=(Rounded("output", worst, bound, "V", drift),),
+        cost=replace(NO_COST, worst=Worst(3, "noise 0", {"reference": read})),
+        sanitized=10, closed_loop=ClosedLoop(len(run), 1, run, run[::-1], run),
+    )  # fmt: skip
+    return Outcome("host", verdict, "")
+
+
+@given(figures=st.lists(ANY, min_size=10, max_size=10))
+def test_a_verdict_holds_no_infinite_figure(figures: list[float]) -> None:
+    outcome = outcome_of(figures)
+    said = "\n".join(about_outcome(outcome))
+    assert not NO_FIGURE.search(said), said
+    assert outcome.verdict is not None
+    json.dumps(outcome.verdict.as_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("odd", [math.nan, math.inf, -math.inf, 1e308])
+def test_a_page_draws_a_run_that_left_all_numbers(odd: float) -> None:
+    page = "\n".join(targets_section([outcome_of([odd] * 6 + [0.0, 1.0, odd, odd])], Design(pid(FULL), {}, None)))
+    shown = re.sub(r"<svg.*?</svg>", lambda found: found.group().partition("<defs")[0], page, flags=re.DOTALL)
+    assert not NO_FIGURE.search(shown), shown
+    assert not re.search(r"[\s\"]-?(inf|nan)[\s\"]", page), "in a figure"
