@@ -40,8 +40,8 @@ def _stationary(residuals: Sequence[Array]) -> Noise:
 class Pure:
     """Slopes of an experiment's residuals for the parameters, without what its initial state can do as well.
 
-    They are `columns` (q r, k) times `scale` (k,), less their part in the orthonormal `own` (q r, n); `shape` is (q, r).
-    The columns are long, and one combination of them is wanted at a time.
+    They are `columns` (q r, k) times `scale` (k,), less their part in the orthonormal `own` (q r, n); `shape` is
+    (q, r). The columns are long, and one combination of them is wanted at a time.
     """
 
     columns: Array
@@ -52,7 +52,7 @@ class Pure:
     @property
     def parameters(self) -> int:
         """How many columns there are."""
-        return self.columns.shape[1]
+        return len(self.scale)
 
     def along(self, direction: Array) -> Array:
         """Return a combination (k,) of the columns, (q, r)."""

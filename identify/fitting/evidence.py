@@ -121,7 +121,7 @@ def _block_diagonal(blocks: Sequence[Array]) -> Array:
         seen = weights > 1e-9 * max(float(weights.max(initial=0.0)), 1e-300)
         kept = block @ (turned[seen].T / weights[seen] / sizes[:, None])
         if len(blocks) == 1:
-            return kept
+            return np.asarray(kept)
         whole = np.zeros((rows, kept.shape[1]))
         whole[at : at + len(block)] = kept
         spans.append(whole)
@@ -131,11 +131,14 @@ def _block_diagonal(blocks: Sequence[Array]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What a column explains of what is left, `share`; how often it is in there, `size`; and what is then `left`."""
+    """What a column explains of what is left, `share`, and how often it is in there, `size`.
+
+    The parameters would follow by `taken` (k,).
+    """
 
     share: float
     size: float
-    left: tuple[Array, ...]  # (q, r) of each recording, in units of the noise
+    taken: Array
 
 
 def explained(parts: Sequence[Remainder], weights: Array, columns: Sequence[Array]) -> Explanation:
@@ -157,8 +160,19 @@ def explained(parts: Sequence[Remainder], weights: Array, columns: Sequence[Arra
     power, size = float(rest @ rest), float(bare @ bare)
     shared = float(bare @ rest) / size if size > 1e-12 * float(column @ column) else 0.0
     taken = back @ (span.T @ (residual - shared * column))
-    left = tuple(_left(*each, taken, shared) for each in zip(parts, columns, scales, strict=True))
-    return Explanation(shared**2 * size / power if power > 0.0 else 0.0, shared, left)
+    return Explanation(shared**2 * size / power if power > 0.0 else 0.0, shared, taken)
+
+
+def left_after(found: Explanation, parts: Sequence[Remainder], weights: Array, columns: Sequence[Array]) -> list[Array]:
+    """Return what is left (q, r) of each recording, in units of the noise, once the columns explain their share."""
+    rest = []
+    for part, column in zip(parts, columns, strict=True):
+        scale = np.tile(weights, len(part.residual))
+        own, _ = np.linalg.qr(part.own * scale[:, None])
+        slopes = part.slopes.reshape(len(scale), -1)
+        flat = scale * (part.residual.ravel() - found.size * column.ravel() - slopes @ found.taken)
+        rest.append((flat - own @ (own.T @ flat)).reshape(part.residual.shape))
+    return rest
 
 
 def _without_own(part: Remainder, column: Array, scale: Array) -> Array:
@@ -170,12 +184,6 @@ def _without_own(part: Remainder, column: Array, scale: Array) -> Array:
         for first in range(0, rows, _ROWS)
     )
     return triangle_of(blocks)[own:, own:]
-
-
-def _left(part: Remainder, column: Array, scale: Array, taken: Array, shared: float) -> Array:
-    own, _ = np.linalg.qr(part.own * scale[:, None])
-    flat = scale * (part.residual.ravel() - shared * column.ravel() - part.slopes.reshape(len(scale), -1) @ taken)
-    return np.asarray(flat - own @ (own.T @ flat)).reshape(part.residual.shape)
 
 
 def independent(residuals: Sequence[Array]) -> float:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ class Minimum:
     evaluations: int
 
 
-def triangle(*columns: Array) -> Array:
+def triangle(*columns: NDArray[np.floating[Any]]) -> Array:
     """Return R (m, m) of a QR decomposition of columns (rows, m_i) side by side, without forming Q.
 
     The rows are taken in by blocks, so that no more than the columns themselves is kept of them.

@@ -1,9 +1,10 @@
-"""Choose the stretches of long recordings that are enough to find the basin of a fit; the fit itself takes every row."""
+"""Choose the stretches of long recordings that find the basin of a fit; the fit itself takes every row."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,9 @@ def stretches(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
         return tuple(experiments)
     pieces = [piece for made in experiments for piece in _cut(made)]
     spread = np.std(np.concatenate([piece.measured for piece in pieces]), axis=0)
-    motion = [float(np.sum((np.std(piece.measured, axis=0) / np.where(spread > 0, spread, 1)) ** 2)) for piece in pieces]
+    motion = [
+        float(np.sum((np.std(piece.measured, axis=0) / np.where(spread > 0, spread, 1)) ** 2)) for piece in pieces
+    ]
     chosen, rows = [], 0
     for k in np.argsort(motion)[::-1]:
         if rows < _PLENTY:
@@ -34,7 +37,9 @@ def _cut(made: Experiment) -> list[Experiment]:
     edges = np.linspace(first, end, max(round((end - first) / _STRETCH), 1) + 1).astype(int).tolist()
     return [
         replace(
-            made, course=replace(made.course, first=here, end=there), measured=made.measured[here - first : there - first]
+            made,
+            course=replace(made.course, first=here, end=there),
+            measured=made.measured[here - first : there - first],
         )
-        for here, there in zip(edges[:-1], edges[1:], strict=True)
+        for here, there in pairwise(edges)
     ]

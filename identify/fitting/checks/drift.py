@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, explained, independent, remainders
+from firmloop.identify.fitting.evidence import Evidence, explained, independent, left_after, remainders
 
 _SHARE = 0.3  # of what is left
 _CERTAIN = 24.0  # by which twice the log likelihood rises: many slow noises look like a line for a while
@@ -26,8 +26,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         for column, part in zip(columns, parts, strict=True):
             column[:, k] = part.time - part.time.mean()
         line = explained(parts, weights, columns)
-        samples = independent([left[:, k] for left in line.left])
-        if line.share < _SHARE or -samples * math.log(max(1.0 - line.share, 1e-300)) < _CERTAIN:
+        if line.share < _SHARE:
+            continue
+        samples = independent([left[:, k] for left in left_after(line, parts, weights, columns)])
+        if -samples * math.log(max(1.0 - line.share, 1e-300)) < _CERTAIN:
             continue
         span = max(float(np.ptp(part.time)) for part in parts)
         found.append(

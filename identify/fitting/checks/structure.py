@@ -62,8 +62,8 @@ def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
     drive = recording.columns[plant.inputs[0].name]
     rows = len(drive)
     lags = np.unique(np.round(np.geomspace(1.0, max(rows / 4.0, 2.0), _LAGS)).astype(int))
-    turned = (np.multiply(drive, np.abs(drive)), np.abs(drive), np.tanh(20.0 * drive / _size(drive)))
-    found = np.empty((rows, len(lags) + (4 + len(turned)) * outputs.shape[1]), np.float32)
+    turns = (lambda u: u * np.abs(u), np.abs, lambda u: np.tanh(20.0 * u / _size(u)))
+    found = np.empty((rows, len(lags) + (4 + len(turns)) * outputs.shape[1]), np.float32)
     count = 0
 
     def keep(column: Array) -> None:
@@ -79,8 +79,9 @@ def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
         keep(np.abs(column))
         keep(np.tanh(20.0 * column / _size(column)))
         keep(column**3)
-    for bent in turned:
-        run = run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: bent}))
+    for turn in turns:
+        bent = {**recording.columns, plant.inputs[0].name: turn(drive)}
+        run = run_as_given(plant, replace(recording, columns=bent))
         for column in run.T if run is not None else ():
             keep(column)
     return found[:, :count]
