@@ -25,6 +25,7 @@ from firmloop.diagnose.rival import (
     contain,
     creeps,
     faint,
+    farther,
     larger,
     rated,
     relieved,
@@ -97,7 +98,8 @@ def search(scene: Scene, progress: Progress) -> Search:
         base = best
         if best.score > rivals[0].score:  # what it won may be that the others were further from their end
             again = fit(scene, scene.train, best.fitted.causes, best.fitted.point, rivals[0].noises, LONG)
-            base = min((rated(scene, again), best), key=lambda each: each.score)
+            further_on = rated(scene, again)
+            base = best if farther(further_on, best) else min((further_on, best), key=lambda each: each.score)
         chosen = _nearer(scene, simplest(rivals, base.score), base)
         rounds.append(rivals)
         if larger(chosen, base):
@@ -341,9 +343,12 @@ def _nominal(scene: Scene) -> Rival:
     fitted = min(trials, key=lambda each: each.cost)
     for _ in range(2):
         fitted = fit(scene, scene.train, (), fitted.point, flat(noises_of(scene, fitted.residuals)), LONG)
-    fits = [rated(scene, fitted)]
+    plain = last = rated(scene, fitted)
+    fits = [plain]
     for _ in range(3):
-        fits.append(rated(scene, fit(scene, scene.train, (), fits[-1].fitted.point, fits[-1].noises, LONG)))
+        last = rated(scene, fit(scene, scene.train, (), last.fitted.point, last.noises, LONG))
+        if not farther(last, plain):  # what simulates worse than the plain refit has made noise of the motion
+            fits.append(last)
     return min(fits, key=lambda each: each.score)
 
 

@@ -126,6 +126,11 @@ def larger(rival: Rival, base: Rival) -> bool:
     return any(mine.rms > max(_WIDER, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
 
 
+def farther(rival: Rival, base: Rival) -> bool:
+    """Tell whether simulations of some output are farther off than there, however well innovations foresee each row."""
+    return any(mine.rms > _WIDER * theirs.rms for mine, theirs in zip(rival.noises, base.noises, strict=True))
+
+
 def tells(rival: Rival, base: Rival) -> bool:
     """Tell whether an explanation is better on train alone, where it was fitted: unseen recordings only confirm.
 
