@@ -41,7 +41,7 @@ from firmloop.identify.simulation.course import LONGEST_CHANGE
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/diagnose/blind.py measures the rate of false alarms
+THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/diagnose/nulls.py measures the rate of false alarms
 COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
 SLOW_THRESHOLD = 80.0  # and there for effects that look like one
 _STEPPED = 500.0  # the same of a limit of a sensor of coarse steps: the last of them looks like one
