@@ -163,13 +163,14 @@ def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[st
     """Return coordinates a term could follow, (n,) by name.
 
     Speeds and currents are simulated, not measured: the noise of a measured one would correlate with what is left.
-    A simulated position drifts, so that is smoothed.
+    A simulated position that nothing pulls back drifts, so that is smoothed.
     """
     rows = len(seen.time)
-    moved = _simulated_states(plant, recording)[:rows]
+    moved, pulled = _simulated_states(plant, recording)[:rows], linearize(plant).a
     table: dict[str, Array] = {}
     for index, signal in enumerate(plant.states):
-        values = seen.states[:, index] if signal.name.startswith("position_") else moved[:, index]
+        drifts = signal.name in _POSITIONS and not np.any(pulled[:, index])
+        values = seen.states[:, index] if drifts else moved[:, index]
         table[f"{signal.name}{_TURNING}" if signal.name == "position_rad" else signal.name] = values
     known = {signal.name for signal in plant.states}
     for name, unit, told in (("position_rad", "rad", f"angle{_TURNING}"), ("position_m", "m", "position_m")):
