@@ -37,9 +37,12 @@ def least_left(simulation: Simulation, seen: Array, begin: Array) -> float:
         away = np.linalg.lstsq(slopes.reshape(len(at), -1).T, left.ravel(), rcond=1e-8)[0]
         away *= min(1.0, 1.0 / max(float(np.max(np.abs(away))), 1e-12))  # logarithms: at most e times in one step
         for _ in range(6):
-            tried = seen - simulation(at + away)
-            if np.sum(tried**2) < np.sum(left**2):
-                break
+            try:
+                tried = seen - simulation(at + away)
+                if np.sum(tried**2) < np.sum(left**2):
+                    break
+            except ArithmeticError:
+                pass  # where the truth diverges nothing is met
             away = 0.5 * away
         else:
             break
