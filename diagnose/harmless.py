@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from firmloop.diagnose.hypothesis import Scene
 from firmloop.diagnose.policy import REFITS, SAME_RMS, STEPS_OF_A_REFIT
 from firmloop.diagnose.refit import Fitted, fit
-from firmloop.diagnose.rival import rms_of
+from firmloop.diagnose.rival import believable, rms_of
+from firmloop.diagnose.swap import as_large, exchanged, mistaken
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
 from firmloop.identify.fitting.noise import white
@@ -62,6 +63,19 @@ def by_simulation_error(scene: Scene, begin: Fitted) -> Fitted:
         sizes = [white(float(rms)) for rms in left]
         fitted = fit(scene, scene.train, fitted.causes, fitted.point, sizes, STEPS_OF_A_REFIT)
     return fitted
+
+
+def same_function(scene: Scene, fitted: Fitted) -> tuple[Fitted, ...]:
+    """Return the explanations with one effect exchanged for what it may be mistaken for that simulate just as well."""
+    found = []
+    for gone, come in mistaken(scene, fitted):
+        for start in as_large(scene, fitted, gone, come, scene.starts[come.label][:1]):
+            causes, point = exchanged(fitted, gone, come, start)
+            sizes = [white(float(size)) for size in rms_of(fitted.residuals)]
+            other = by_simulation_error(scene, fit(scene, scene.train, causes, point, sizes, STEPS_OF_A_REFIT))
+            if believable(other) and np.all(rms_of(other.residuals) <= SAME_RMS * rms_of(fitted.residuals)):
+                found.append(other)
+    return tuple(found)
 
 
 def simulated_figures(

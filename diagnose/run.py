@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.further import completed
-from firmloop.diagnose.harmless import by_simulation_error, harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.harmless import (
+    by_simulation_error,
+    harmless,
+    held,
+    plain_refit,
+    same_function,
+    simulated_figures,
+)
 from firmloop.diagnose.held import HOLD_WORTH
 from firmloop.diagnose.hypothesis import make_scene
 from firmloop.diagnose.improved import improved_plant
@@ -91,16 +98,19 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
 def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Search | None:
     """Return the search, its best explanation with values that harm no simulation; None where there are none.
 
-    As found, or else by plain simulation error.
+    As found, or else by plain simulation error, beside the names that simulate just as well.
     """
     if not found.best.fitted.causes or harmless(improved_plant(found, found.best), refit, recordings):
         return found
     scene = found.scene
     fitted = by_simulation_error(scene, found.best.fitted)
     fitted = ended(scene, fitted, independent(fitted.residuals))
-    other = replace(found, best=replace(found.best, fitted=fitted))
-    good = believable(fitted) and harmless(improved_plant(other, other.best), refit, recordings)
-    return other if good else None
+    best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
+    other = replace(found, best=best)
+    if not believable(fitted) or not harmless(improved_plant(other, best), refit, recordings):
+        return None
+    same = tuple(Rival(each, independent(each.residuals), best.score) for each in same_function(scene, fitted))
+    return replace(other, rounds=(*other.rounds, same))
 
 
 def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> _Found:

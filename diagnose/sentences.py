@@ -29,7 +29,7 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
     elif finding.verdict == "ambiguous":
         names = ", ".join(each.name for each in finding.effects)
         said.append(f"More than one explanation stands: {names}.")
-        for each in finding.effects:
+        for each in sorted(finding.effects, key=lambda one: one.probability):  # the surest is not in question
             cause = search.scene.cause(each.name)
             if cause is not None:
                 said.append(f"To tell {each.name} apart: {cause.effect.experiment.rstrip('.')}.")

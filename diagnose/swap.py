@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from firmloop.diagnose.descent import residual_of
 from firmloop.diagnose.hypothesis import Cause, Point, Scene, entered
 from firmloop.diagnose.refit import Fitted, evidence, fit, own_evidence
 from firmloop.diagnose.rival import (
@@ -20,6 +21,7 @@ from firmloop.diagnose.rival import (
     rated,
     related,
     richer,
+    rms_of,
     without,
 )
 
@@ -36,7 +38,7 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
     tried: list[Rival] = []
     seen = {frozenset(cause.label for cause in best.fitted.causes)}
     begun = scene.engine.steps
-    for gone, come in _mistaken(scene, best):
+    for gone, come in mistaken(scene, best.fitted):
         labels = frozenset(c.label for c in (*best.fitted.causes, come) if c != gone)
         if labels not in seen and scene.engine.steps - begun < _PATIENCE:
             seen.add(labels)
@@ -58,15 +60,15 @@ def swapped(scene: Scene, best: Rival, gain: float) -> tuple[Rival, tuple[Rival,
     return best, tuple(sorted(tried, key=lambda each: each.score))
 
 
-def _mistaken(scene: Scene, best: Rival) -> list[tuple[Cause, Cause]]:
+def mistaken(scene: Scene, best: Fitted) -> list[tuple[Cause, Cause]]:
     """Return each cause of the best with what it may be mistaken for, first what is most likely for each."""
     found: list[tuple[int, Cause, Cause]] = []
-    for gone in best.fitted.causes:
+    for gone in best.causes:
         names = (*gone.effect.confusable_with, *related(gone.effect.name))
         for come in scene.causes:
-            if come not in best.fitted.causes and come.effect.name in names:
+            if come not in best.causes and come.effect.name in names:
                 found.append((names.index(come.effect.name), gone, come))
-            elif come not in best.fitted.causes and gone.effect.name in come.effect.confusable_with:
+            elif come not in best.causes and gone.effect.name in come.effect.confusable_with:
                 found.append((len(names), gone, come))
     return [(gone, come) for _, gone, come in sorted(found, key=lambda each: each[0])]
 
@@ -192,3 +194,31 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
     if own_evidence(scene, best) - evidence(rival.fitted, rival.noises) > behind:
         return rated(scene, best)
     return rated(scene, fit(scene, scene.train, best.causes, best.point, rival.noises, _LONG))
+
+
+def as_large(
+    scene: Scene, fitted: Fitted, gone: Cause, come: Cause, starts: Sequence[Mapping[str, float]]
+) -> list[Mapping[str, float]]:
+    """Return the starts with their sizes scaled so that one cause does most nearly what the other did.
+
+    Where both are one function of the recordings a fit from there has nothing left to do. None where it would have to
+    do the opposite.
+    """
+    _, bare = without(fitted, gone)
+    ours = [residual_of(scene, each, bare, k) for k, each in enumerate(scene.train)]
+    aims = [before - after for before, after in zip(ours, fitted.residuals, strict=True)]
+    weights = 1.0 / np.maximum(rms_of(fitted.residuals), 1e-300)
+    unit = come.parameters[0].unit if come.parameters else ""
+    found: list[Mapping[str, float]] = []
+    for start in starts:
+        _, point = exchanged(fitted, gone, come, start)
+        theirs = [
+            before - residual_of(scene, each, point, k)
+            for k, (before, each) in enumerate(zip(ours, scene.train, strict=True))
+        ]
+        size = sum(float(np.sum((weights * each) ** 2)) for each in theirs)
+        share = sum(float(np.sum(weights**2 * each * aim)) for each, aim in zip(theirs, aims, strict=True))
+        if np.isfinite(size) and size > 0.0 and share > 0.0:
+            scaled = {key for key, each in zip(come.keys, come.parameters, strict=True) if each.unit == unit}
+            found.append({key: value * share / size if key in scaled else value for key, value in start.items()})
+    return found
