@@ -49,7 +49,8 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
     assert before is not None
     output = before.plant.outputs[k]
     own = kinds()[before.plant.kind].optional if before.plant.kind in kinds() else None
-    in_kind = own is not None and OUTPUT in {c.name for c in own("", (output.name,))}
+    inputs = tuple(each.name for each in before.plant.inputs)
+    in_kind = own is not None and OUTPUT in {c.name for c in own(inputs, (output.name,))}
     if in_kind and OUTPUT in {parameter.name for parameter in before.plant.parameters}:
         return ""
     if any(use.name == "sensor_offset" and use.output in (output.name, None) for use in before.plant.effects):
