@@ -2,74 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from bench.diagnose.hidden import Truth, write_truth
+from bench.diagnose.linear_plants import Linear, drawn_motor, drawn_stage, moved, project_text
 from firmloop.identify.recordings.recording import make_recording, write_recording
 
 Array = NDArray[np.float64]
 COLORS = ("white", "first_order", "one_over_f", "hum", "disturbance")
-
-
-@dataclass(frozen=True, slots=True)
-class Linear:
-    """A plant x' = A x + B u, y = C x + D u (n; r), and the text of its `[plant]` with true parameters."""
-
-    table: str  # all of [plant] but its parameters
-    parameters: Mapping[str, float]
-    held: Sequence[str]  # parameters that a user knows
-    matrices: tuple[Array, Array, Array, Array]
-    input: str
-    outputs: Sequence[str]
-    top: float  # largest input
-    step: float  # s, a row
-
-
-def _motor(rng: np.random.Generator) -> Linear:
-    resistance, constant = 10.0 ** rng.uniform(-0.5, 1.2), 10.0 ** rng.uniform(-2.0, -0.8)
-    mechanical, electrical = rng.uniform(0.02, 0.2), rng.uniform(1e-3, 4e-3)  # s
-    inertia = mechanical * constant**2 / resistance
-    damping = rng.uniform(0.01, 0.3) * constant**2 / resistance
-    inductance = electrical * resistance
-    sensors = (("speed_rad_s", "current_A"), ("position_rad", "current_A"), ("speed_rad_s",))[int(rng.integers(3))]
-    a = np.array([
-        [-resistance / inductance, -constant / inductance, 0.0], [constant / inertia, -damping / inertia, 0.0],
-        [0.0, 1.0, 0.0],
-    ])  # fmt: skip
-    place = {"current_A": 0, "speed_rad_s": 1, "position_rad": 2}
-    values = {
-        "R_ohm": resistance, "L_H": inductance, "ke_V_s_rad": constant, "kt_N_m_A": constant, "J_kg_m2": inertia,
-        "b_N_m_s_rad": damping,
-    }  # fmt: skip
-    held = ("kt_N_m_A",) if "current_A" in sensors else ("L_H", "kt_N_m_A", "R_ohm")
-    c = np.eye(3)[[place[name] for name in sensors]]
-    matrices = (a, np.array([1.0 / inductance, 0.0, 0.0]), c, np.zeros(len(sensors)))
-    return Linear('kind = "dc_motor"', values, held, matrices, "voltage_V", sensors, 12.0, 1e-3)
-
-
-def _stage(rng: np.random.Generator) -> Linear:
-    linear = bool(rng.integers(2))
-    names, unit = (("mass_kg", "b_N_s_m"), "m") if linear else (("J_kg_m2", "b_N_m_s_rad"), "rad")
-    body = 10.0 ** (rng.uniform(-0.5, 1.5) if linear else rng.uniform(-5.0, -2.0))
-    damping = body / rng.uniform(0.03, 0.5)
-    sensors = ((f"position_{unit}",), (f"position_{unit}", f"speed_{unit}_s"), (f"speed_{unit}_s",))
-    shown = sensors[int(rng.integers(3))]
-    a = np.array([[-damping / body, 0.0], [1.0, 0.0]])
-    c = np.eye(2)[[int(name.startswith("position")) for name in shown]]
-    matrices = (a, np.array([1.0 / body, 0.0]), c, np.zeros(len(shown)))
-    kind, drive = ("linear_stage", "force_N") if linear else ("rotary_stage", "torque_N_m")
-    return Linear(
-        f'kind = "{kind}"', dict(zip(names, (body, damping), strict=True)), (), matrices, drive, shown,
-        20.0 * damping, 2e-3,
-    )  # fmt: skip
 
 
 def _first_order(rng: np.random.Generator) -> Linear:
@@ -140,23 +85,9 @@ shell_K = "(h*(core_K - shell_K) - g*shell_K)/C2"
 core_K = { kind = "flow", per = "1/C1" }
 shell_K = { kind = "flow", per = "1/C2" }"""
 PLANTS: Mapping[str, Callable[[np.random.Generator], Linear]] = {
-    "motor": _motor, "stage": _stage, "first_order": _first_order, "second_order": _second_order,
+    "motor": drawn_motor, "stage": drawn_stage, "first_order": _first_order, "second_order": _second_order,
     "two_bodies": _two_bodies, "two_lumps": _two_lumps,
 }  # fmt: skip
-
-
-def moved(plant: Linear, drive: Array, push: Array) -> Array:
-    """Return the outputs (n, r) from rest; `drive` and `push`, which adds to it unrecorded, are held row by row."""
-    a, b, c, d = plant.matrices
-    n = len(b)
-    both = np.zeros((n + 1, n + 1))
-    both[:n, :n], both[:n, n] = a, b
-    step = expm(both * plant.step)
-    x, outputs = np.zeros(n), np.zeros((len(drive), len(c)))
-    for k, u in enumerate(drive + push):
-        outputs[k] = c @ x + d * u
-        x = step[:n, :n] @ x + step[:n, n] * u
-    return outputs
 
 
 def colored(color: str, rows: int, rng: np.random.Generator, step: float) -> Array:
@@ -211,8 +142,8 @@ def write(seed: int, folder: Path) -> None:
         push = np.zeros(rows)
         if color == "disturbance":
             push = rng.uniform(0.005, 0.02) * plant.top * colored("first_order", rows, rng, plant.step)
-        clean = moved(plant, drive, np.zeros(rows))
-        shown = moved(plant, drive, push)
+        clean = moved(plant.matrices, plant.step, drive)
+        shown = moved(plant.matrices, plant.step, drive + push)
         sizes = level * np.maximum(np.std(clean, axis=0), 1e-12)
         shown = shown + np.stack([size * colored(color, rows, rng, plant.step) for size in sizes], axis=1)
         grid = fineness * sizes
@@ -221,22 +152,8 @@ def write(seed: int, folder: Path) -> None:
         columns = {plant.input: drive, **dict(zip(plant.outputs, shown.T, strict=True))}
         recording = make_recording(np.arange(rows) * plant.step, columns, "train", "")
         write_recording(recording, folder / f"train_{k + 1}.csv")
-    (folder / "project.toml").write_text(_project(plant, count, rng), encoding="utf-8")
+    (folder / "project.toml").write_text(project_text(plant, count, rng), encoding="utf-8")
     noise = np.sqrt(np.mean(np.concatenate(added) ** 2, axis=0))
     about = {"machine": form, "color": color, "colored": color != "white", "rows": rows, "train": count, "test": 0}
     named = dict(zip(plant.outputs, noise.tolist(), strict=True))
     write_truth(Truth("nulls", seed, (), "", 0.0, plant.parameters, named, about), folder)
-
-
-def _project(plant: Linear, count: int, rng: np.random.Generator) -> str:
-    """Give nominal parameters that are off by up to 10 %, free but for those that a user knows."""
-    lines = ["schema = 1", 'name = "null"', "[recordings]"]
-    lines += [f"train = {json.dumps([f'train_{k + 1}.csv' for k in range(count)])}", "[plant]"]
-    ode = plant.table.startswith('kind = "ode"')
-    lines += [] if ode else [f'input = "{plant.input}"', f"outputs = {json.dumps(list(plant.outputs))}"]
-    lines += [plant.table, "[plant.parameters]"]
-    for name, true in plant.parameters.items():
-        held = name in plant.held
-        value = float(true * (1.0 if held else rng.uniform(0.9, 1.1)))
-        lines.append(f"{name} = {{ value = {value!r}, free = {str(not held).lower()} }}")
-    return "\n".join(lines) + "\n"
