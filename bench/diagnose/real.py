@@ -41,7 +41,6 @@ def project_of(machine: Machine, folder: Path) -> Path:
 def measure(machine: Machine, folder: Path) -> Mapping[str, Any]:
     """Refit and diagnose one machine; return its figures."""
     project = project_of(machine, folder)
-    tests = [folder / name for name in machine.test]
     refused, words, _ = command("identify", project, "--out", folder / "refit")
     status, said, seconds = command("diagnose", project, "--out", folder / "out")
     (folder / "said.txt").write_text(said, encoding="utf-8")
@@ -52,6 +51,7 @@ def measure(machine: Machine, folder: Path) -> Mapping[str, Any]:
         return {**found, "verdict": failure(status, said), "says": lines[-1], "rows": [], "met": False}
     document = json.loads((folder / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     projects = {"given": project, "refit": folder / "refit" / "project.toml", "after": folder / "out" / "project.toml"}
+    projects = {key: path for key, path in projects.items() if path.is_file()}
     rows = []
     for part, names in (("train", machine.train), ("test", machine.test)):
         for name in names:
@@ -64,7 +64,8 @@ def measure(machine: Machine, folder: Path) -> Mapping[str, Any]:
                 refit = by["refit"][output] if "refit" in by else None
                 rows.append([part, name, output, by["given"][output], refit, after])
     named = [effect["name"] for effect in document["effects"]]
-    judged = {key: machine.score(path, tests, folder) for key, path in projects.items() if path.is_file()}
+    files = [folder / name for name in machine.judged or machine.test]
+    judged = {key: machine.score(path, files, folder) for key, path in projects.items()}
     met = judged["after"] <= machine.bar and not set(named) & set(machine.unwanted)
     met &= not machine.wanted or bool(set(named) & set(machine.wanted))
     found |= {"verdict": document["verdict"], "names": named, "rows": rows, "judged": judged, "bar": machine.bar}

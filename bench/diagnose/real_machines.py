@@ -42,6 +42,7 @@ class Machine:
     prepare: Callable[[Path, Path], None]
     score: Callable[[Path, Sequence[Path], Path], float]
     file: str = "project.toml"
+    judged: tuple[str, ...] = ()  # files; none means those of test
 
     @property
     def label(self) -> str:
@@ -261,7 +262,7 @@ MACHINES = (
     ),
     Machine(
         "lab_dc_motor_dead_time", ("r2.csv",), ("r4.csv",), "", "rad/s", 5.0, (), (), linked, free("speed_rad_s"),
-        "brake.toml",
+        "brake.toml", ("r2.csv",),
     ),
     Machine(
         "two_motor_rig", ("pos_0p065_1.csv.gz", "pos_0p06_1.csv.gz"), ("pos_0p065_3.csv.gz", "pos_0p06_3.csv.gz"), "",
