@@ -72,9 +72,9 @@ _ALARMS = ("wrong", "part", "unknown", "exact", "one function", "holds it")
 def _differences(cases: Sequence[Scored]) -> list[str]:
     found: dict[tuple[str, str], list[str]] = {}
     for each in cases:
-        right = "silent" if not each.hidden else "exact"
-        right = "unknown" if each.truth.outside else right
-        if column_of(each) != right:
+        right = ("exact", "one function") if each.hidden else ("silent",)
+        right = ("unknown",) if each.truth.outside else right
+        if column_of(each) not in right:
             hidden = " + ".join(each.hidden) or each.truth.outside or "nothing"
             hidden += "" if each.visible or hidden == "nothing" else " (below the noise)"
             said = f"{each.verdict}: {' + '.join(sorted(each.names))}" if each.names else each.verdict

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 NAME = "truth.json"
-DEVELOPMENT = 910000  # seeds below serve development; those from 950000 on stay undrawn until the final report
 
 
 @dataclass(frozen=True, slots=True)

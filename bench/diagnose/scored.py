@@ -21,7 +21,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.recording import read_recording
 from firmloop.project.project import read_project
 from firmloop.project.table import ProjectError
-from firmloop.stages.prediction import at_rest, predicted
+from firmloop.stages.prediction import Start, at_rest, predicted
 
 SHOWN = 1.0  # times the noise that the best refit leaves without an effect, from which it counts as visible
 LONGEST = 900  # s of CPU time, after which a case is cut
@@ -133,14 +133,14 @@ def harm(folder: Path, out: Path, said: Mapping[str, Any]) -> float:
     for part, files in (("train", recordings.train), ("test", recordings.test)):
         told = said["simulation_rms"].get(part, {})
         paths = [folder / Path(each).name for each in files]
-        for output, rms in (simulated_rms(out / "project.toml", paths) if paths else {}).items():
+        for output, rms in (simulated_rms(out / "project.toml", paths, at_rest) if paths else {}).items():
             refit = told.get(output, {}).get("refit")
             shares += [rms / refit] if refit else []
     return max(shares)
 
 
-def simulated_rms(project: Path, recordings: Sequence[Path]) -> Mapping[str, float]:
-    """Return the rms of measured - simulated of every output over all recordings, from the input alone and at rest.
+def simulated_rms(project: Path, recordings: Sequence[Path], start: Start) -> Mapping[str, float]:
+    """Return the rms of measured - simulated of every output over all recordings, from the input alone.
 
     It is infinite where the project does not simulate.
     """
@@ -150,7 +150,7 @@ def simulated_rms(project: Path, recordings: Sequence[Path]) -> Mapping[str, flo
     for path in recordings:
         real = read_recording(path, {})
         try:
-            ours = predicted(made, real, at_rest)
+            ours = predicted(made, real, start)
         except (IdentifyError, ProjectError):
             return dict.fromkeys(lefts, math.inf)
         for name, left in lefts.items():

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -243,7 +244,11 @@ def write(seed: int, folder: Path) -> None:
     all_hidden = (Hidden(name, output, told, same_function(name, plant.outputs), left),) if known else ()
     outside = name if name in OUTSIDE else ""
     sensors = [each.rsplit("_rad", 1)[0] for each in plant.outputs]
-    about = {"machine": "motor" if reach.motor else "stage", "color": color, "colored": color != "white"}
+    about: dict[str, Any] = {
+        "machine": "motor" if reach.motor else "stage",
+        "color": color,
+        "colored": color != "white",
+    }
     about = {**about, "sensors": sensors, "size": size, "train": count, "test": 0, "linear_leaves": left}
     named = dict(zip(plant.outputs, noise.tolist(), strict=True))
     nominal = {**plant.parameters, "J_kg_m2": rigid}

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bench.diagnose.real import ROOT
+from bench.diagnose.real_machines import ROOT
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit
 from firmloop.identify.normal import NORMAL_95
