@@ -67,14 +67,18 @@ def by_simulation_error(scene: Scene, begin: Fitted) -> Fitted:
 
 def same_function(scene: Scene, fitted: Fitted) -> tuple[Fitted, ...]:
     """Return the explanations with one effect exchanged for what it may be mistaken for that simulate just as well."""
+    left = rms_of(fitted.residuals)
+    sizes = [white(float(size)) for size in left]
     found = []
     for gone, come in mistaken(scene, fitted):
-        for start in as_large(scene, fitted, gone, come, scene.starts[come.label][:1]):
-            causes, point = exchanged(fitted, gone, come, start)
-            sizes = [white(float(size)) for size in rms_of(fitted.residuals)]
-            other = by_simulation_error(scene, fit(scene, scene.train, causes, point, sizes, STEPS_OF_A_REFIT))
-            if believable(other) and np.all(rms_of(other.residuals) <= SAME_RMS * rms_of(fitted.residuals)):
-                found.append(other)
+        first = next(iter(scene.starts[come.label]), None)
+        start = None if first is None else as_large(scene, fitted, gone, come, first)
+        if start is None:
+            continue
+        causes, point = exchanged(fitted, gone, come, start)
+        other = by_simulation_error(scene, fit(scene, scene.train, causes, point, sizes, STEPS_OF_A_REFIT))
+        if believable(other) and np.all(rms_of(other.residuals) <= SAME_RMS * left):
+            found.append(other)
     return tuple(found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -197,28 +197,24 @@ def _translated(scene: Scene, rival: Rival, gone: Cause, come: Cause, behind: fl
 
 
 def as_large(
-    scene: Scene, fitted: Fitted, gone: Cause, come: Cause, starts: Sequence[Mapping[str, float]]
-) -> list[Mapping[str, float]]:
-    """Return the starts with their sizes scaled so that one cause does most nearly what the other did.
+    scene: Scene, fitted: Fitted, gone: Cause, come: Cause, start: Mapping[str, float]
+) -> Mapping[str, float] | None:
+    """Return a start with its size scaled so that one cause does most nearly what the other did.
 
     Where both are one function of the recordings a fit from there has nothing left to do. None where it would have to
-    do the opposite.
+    do the opposite, or does nothing.
     """
     _, bare = without(fitted, gone)
-    ours = [residual_of(scene, each, bare, k) for k, each in enumerate(scene.train)]
-    aims = [before - after for before, after in zip(ours, fitted.residuals, strict=True)]
+    _, point = exchanged(fitted, gone, come, start)
     weights = 1.0 / np.maximum(rms_of(fitted.residuals), 1e-300)
+    size = share = 0.0
+    for k, (each, left) in enumerate(zip(scene.train, fitted.residuals, strict=True)):
+        before = residual_of(scene, each, bare, k)
+        does = before - residual_of(scene, each, point, k)
+        size += float(np.sum((weights * does) ** 2))
+        share += float(np.sum(weights**2 * does * (before - left)))
+    if not (np.isfinite(size) and size > 0.0 and share > 0.0):
+        return None
     unit = come.parameters[0].unit if come.parameters else ""
-    found: list[Mapping[str, float]] = []
-    for start in starts:
-        _, point = exchanged(fitted, gone, come, start)
-        theirs = [
-            before - residual_of(scene, each, point, k)
-            for k, (before, each) in enumerate(zip(ours, scene.train, strict=True))
-        ]
-        size = sum(float(np.sum((weights * each) ** 2)) for each in theirs)
-        share = sum(float(np.sum(weights**2 * each * aim)) for each, aim in zip(theirs, aims, strict=True))
-        if np.isfinite(size) and size > 0.0 and share > 0.0:
-            scaled = {key for key, each in zip(come.keys, come.parameters, strict=True) if each.unit == unit}
-            found.append({key: value * share / size if key in scaled else value for key, value in start.items()})
-    return found
+    scaled = {key for key, each in zip(come.keys, come.parameters, strict=True) if each.unit == unit}
+    return {key: value * share / size if key in scaled else value for key, value in start.items()}

@@ -13,7 +13,7 @@ from firmloop.diagnose.locate import Latent
 from firmloop.diagnose.response import disturbed
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.identify.simulation.simulate import course_of
 from firmloop.identify.simulation.superset import travelled
 
@@ -166,10 +166,11 @@ def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[st
     A simulated position that nothing pulls back drifts, so that is smoothed.
     """
     rows = len(seen.time)
-    moved, pulled = _simulated_states(plant, recording)[:rows], linearize(plant).a
+    bare = linearize(plant)
+    moved = _simulated_states(plant, bare, recording)[:rows]
     table: dict[str, Array] = {}
     for index, signal in enumerate(plant.states):
-        drifts = signal.name in _POSITIONS and not np.any(pulled[:, index])
+        drifts = signal.name in _POSITIONS and not np.any(bare.a[:, index])
         values = seen.states[:, index] if drifts else moved[:, index]
         table[f"{signal.name}{_TURNING}" if signal.name == "position_rad" else signal.name] = values
     known = {signal.name for signal in plant.states}
@@ -181,9 +182,9 @@ def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[st
     return table
 
 
-def _simulated_states(plant: Plant, recording: Recording) -> Array:
+def _simulated_states(plant: Plant, bare: Linear, recording: Recording) -> Array:
     """Return the states (n, s) of the linear plant from rest."""
-    course, bare = course_of(plant, recording), linearize(plant)
+    course = course_of(plant, recording)
     states, inputs = bare.b.shape
     whole = np.zeros((states + inputs, states + inputs))
     whole[:states, :states], whole[:states, states:] = bare.a, bare.b

@@ -47,8 +47,8 @@ class PlantKind:
     inputs: tuple[tuple[str, ...], ...]  # what may drive it, names that go together; empty: any one
     outputs: tuple[str, ...]  # names it insists on, empty: any one
     build: Callable[[tuple[Signal, ...], tuple[Signal, ...], tuple[Parameter, ...]], Plant]
-    shapes: Callable[[float, float], tuple[Mapping[str, float], ...]]
     scale: str | None
+    shapes: Callable[[float, float], tuple[Mapping[str, float], ...]] = lambda step, span: ()
     per_unit: str | None = None  # the constant that turns a named drive signal into the input it insists on
     optional: Callable[[Sequence[str], Sequence[str]], tuple[PlantConstant, ...]] = lambda inputs, outputs: ()
 

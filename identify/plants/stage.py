@@ -49,7 +49,6 @@ def stage_kind(
         inputs=((effort,),),
         outputs=(position.name, speed.name),
         build=build,
-        shapes=lambda step, span: (),
         scale=None,
         per_unit=f"{effort.partition('_')[0]}_per_unit",
     )

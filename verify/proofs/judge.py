@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.verify.judgement import NOT_RUN, Judgement
-from firmloop.verify.proofs.claims import Claims
+from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, Judgement
+from firmloop.verify.proofs.claims import Claims, ProofError
+
+RANGES = "every operation, store and first value keeps its range and word, from every state a word can hold"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,3 +48,12 @@ class Judge:
         start = time.perf_counter()
         result, says = self.run(delivered)
         return Judgement(self.claim, self.name, version, result, time.perf_counter() - start, says)
+
+
+def result_of(check: Callable[[Claims], None], delivered: Delivered) -> tuple[str, str]:
+    """Return what a check says that raises ProofError at the first claim that does not hold."""
+    try:
+        check(delivered.claims)
+    except ProofError as error:
+        return REFUTED, str(error)
+    return PROVEN, ""

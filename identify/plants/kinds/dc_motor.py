@@ -7,7 +7,6 @@ torques of its balance: n^2 J dwo/dt = n kt i - n^2 b wo. The parameters stay th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import casadi as ca
 
@@ -82,11 +81,6 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
     )
 
 
-def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
-    """Propose nothing: the nameplate values are a better start than any guess."""
-    return ()
-
-
 KIND = PlantKind(
     name="dc_motor",
     constants=(
@@ -100,7 +94,6 @@ KIND = PlantKind(
     inputs=(("voltage_V",),),
     outputs=("speed_rad_s", "position_rad", "current_A"),
     build=build,
-    shapes=shapes,
     scale=None,
     optional=lambda inputs, outputs: (PlantConstant(GEAR, "", 0.0, math.inf, open_low=True, guessable=False),),
 )

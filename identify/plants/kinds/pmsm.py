@@ -21,7 +21,6 @@ among the outputs. Where |i| is below some 0.1 V/R the sign is a steep line, as 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import casadi as ca
 
@@ -107,11 +106,6 @@ def _turned(a: ca.SX, b: ca.SX, c: ca.SX, supply: ca.SX, angle: ca.SX) -> tuple[
     return ca.cos(angle) * one + ca.sin(angle) * other, ca.cos(angle) * other - ca.sin(angle) * one
 
 
-def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
-    """Propose nothing: the nameplate values are a better start than any guess."""
-    return ()
-
-
 KIND = PlantKind(
     name="pmsm",
     constants=(
@@ -126,6 +120,5 @@ KIND = PlantKind(
     inputs=(_VOLTAGES, _DUTIES),
     outputs=("current_d_A", "current_q_A", "current_a_A", "current_b_A", "speed_rad_s", "position_rad"),
     build=build,
-    shapes=shapes,
     scale=None,
 )

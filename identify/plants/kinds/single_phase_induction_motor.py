@@ -172,11 +172,6 @@ def _ramp(share: ca.SX) -> ca.SX:
     return inner**2 * (3.0 - 2.0 * inner)
 
 
-def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
-    """Propose nothing: the standard tests (`induction_tests.py`) give a better start than any guess."""
-    return ()
-
-
 def _positive(name: str, unit: str) -> PlantConstant:
     return PlantConstant(name, unit, 0.0, math.inf, open_low=True, guessable=False)
 
@@ -218,6 +213,5 @@ KIND = PlantKind(
         "rise_K",
     ),
     build=build,
-    shapes=shapes,
     scale=None,
 )

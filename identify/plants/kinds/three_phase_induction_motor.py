@@ -105,11 +105,6 @@ def _equations(
     }
 
 
-def shapes(step: float, span: float) -> tuple[Mapping[str, float], ...]:
-    """Propose nothing: a datasheet gives a better start than any guess."""
-    return ()
-
-
 KIND = PlantKind(
     name="three_phase_induction_motor",
     constants=tuple(
@@ -130,6 +125,5 @@ KIND = PlantKind(
     inputs=(("voltage_rms_V",),),
     outputs=("speed_rad_s", "phase_current_A", "torque_N_m"),
     build=build,
-    shapes=shapes,
     scale=None,
 )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from firmloop.verify.judgement import PROVEN, REFUTED
-from firmloop.verify.proofs.claims import ProofError
-from firmloop.verify.proofs.judge import Delivered, Judge
+from firmloop.verify.proofs.judge import RANGES, Delivered, Judge, result_of
 
 
 def _version() -> str | None:
@@ -18,16 +16,12 @@ def _version() -> str | None:
 def _run(delivered: Delivered) -> tuple[str, str]:
     from firmloop.verify.proofs.z3_checker import check_with_z3  # with z3
 
-    try:
-        check_with_z3(delivered.claims)
-    except ProofError as error:
-        return REFUTED, str(error)
-    return PROVEN, ""
+    return result_of(check_with_z3, delivered)
 
 
 JUDGE = Judge(
     name="z3",
-    claim="every operation, store and first value keeps its range and word, from every state a word can hold",
+    claim=RANGES,
     install="pip install z3-solver",
     own=True,
     floats=False,

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from firmloop.verify.judgement import PROVEN, REFUTED
-from firmloop.verify.proofs.claims import ProofError
 from firmloop.verify.proofs.interval_checker import check_intervals
-from firmloop.verify.proofs.judge import Delivered, Judge
+from firmloop.verify.proofs.judge import RANGES, Delivered, Judge, result_of
 
 
 def _run(delivered: Delivered) -> tuple[str, str]:
-    try:
-        check_intervals(delivered.claims)
-    except ProofError as error:
-        return REFUTED, str(error)
-    return PROVEN, ""
+    return result_of(check_intervals, delivered)
 
 
 JUDGE = Judge(
     name="intervals",
-    claim="every operation, store and first value keeps its range and word, from every state a word can hold",
+    claim=RANGES,
     install="pip install firmloop",
     own=True,
     floats=True,
