@@ -1,4 +1,4 @@
-"""A Finding: what was left out, where, with which parameters, how sure, and what would tell rivals apart."""
+"""A Finding: what was left out, where, with which parameters, how sure, and what would tell candidates apart."""
 
 from __future__ import annotations
 

@@ -15,3 +15,9 @@ ON_BOUND = 1e-3
 # A motor's torque and voltage constants are one constant in SI units: up to this much of log(kt / ke) apart they are
 # meant to be, and the difference is the doubt of the scale of torques.
 SAME_CONSTANT = 0.3
+
+# BIC by which a short fit is too far behind to catch up, or has clearly gained.
+CLEAR_GAIN = 150.0
+
+# Steps of a trial, of a final fit, and of one that only follows a new noise model.
+STEPS_OF_A_TRIAL, STEPS_OF_A_FIT, STEPS_OF_A_LAST_FIT = 3, 24, 4

@@ -5,9 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from firmloop.diagnose.completion import completed
+from firmloop.diagnose.data.channels import check_sound
+from firmloop.diagnose.data.checks import Preflight, preflight
+from firmloop.diagnose.data.intersample import HOLD_WORTH
+from firmloop.diagnose.data.prepare import prepared
+from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
-from firmloop.diagnose.further import completed
-from firmloop.diagnose.harmless import (
+from firmloop.diagnose.model.candidate import Candidate, believable, rated
+from firmloop.diagnose.model.fit import ended
+from firmloop.diagnose.model.hypothesis import make_problem
+from firmloop.diagnose.search.found import Progress, Search
+from firmloop.diagnose.search.harmless import (
     by_simulation_error,
     harmless,
     held,
@@ -15,19 +24,11 @@ from firmloop.diagnose.harmless import (
     same_function,
     simulated_figures,
 )
-from firmloop.diagnose.held import HOLD_WORTH
-from firmloop.diagnose.hypothesis import make_scene
-from firmloop.diagnose.improved import improved_plant
-from firmloop.diagnose.judge import judge, spoiled
-from firmloop.diagnose.plain import independent
-from firmloop.diagnose.preflight import Preflight, preflight
-from firmloop.diagnose.prepare import prepared
-from firmloop.diagnose.rank import Progress, Search, search
-from firmloop.diagnose.refit import ended
-from firmloop.diagnose.regauge import regauged
-from firmloop.diagnose.rival import Rival, believable, rated
-from firmloop.diagnose.shape import Shape
-from firmloop.diagnose.sound import check_sound
+from firmloop.diagnose.search.improved import improved_plant
+from firmloop.diagnose.search.simulation_error import independent
+from firmloop.diagnose.search.stepwise import search
+from firmloop.diagnose.search.wrap_range import regauged
+from firmloop.diagnose.verdict import judge, spoiled
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
@@ -44,10 +45,10 @@ class Diagnosis:
     @property
     def hold(self) -> str:
         """What the input did between rows."""
-        return self.search.scene.train[0].hold
+        return self.search.problem.train[0].hold
 
     @property
-    def shown(self) -> Rival:
+    def shown(self) -> Candidate:
         """The explanation that the finding stands for."""
         explained = self.finding.verdict in ("explained", "ambiguous")
         return self.search.best if explained else self.search.nominal
@@ -71,19 +72,19 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     seen, unseen = prepared(plant, train, test)
     preflight(plant, seen, unseen)  # a test recording that cannot be of this plant is refused as well
     made = _explained(plant, seen, progress)
-    if seen[0].hold != given and any(cause.effect.late for cause in made.search.best.fitted.causes):
+    if seen[0].hold != given and any(term.effect.late for term in made.search.best.fitted.terms):
         # Half a row of delay may have looked like another hold to the nominal plant alone.
         as_given = held(seen, given)
         other = _explained(plant, as_given, progress)
-        scores = [rated(each.search.scene, each.search.best.fitted).score for each in (other, made)]
+        scores = [rated(each.search.problem, each.search.best.fitted).score for each in (other, made)]
         if scores[0] < scores[1] + HOLD_WORTH:
             made, unseen = other, held(unseen, given)
-    hold = made.search.scene.train[0].hold
+    hold = made.search.problem.train[0].hold
     whole, later = held(train, hold), held(test, hold)
     refit = plain_refit(plant, whole, improved_plant(made.search, made.search.nominal))
     safe = _harmless(made.search, refit, whole)
-    scene = make_scene(plant, seen, unseen, made.checks.floors) if unseen else made.search.scene
-    found = replace(made.search if safe is None else safe, scene=replace(made.search.scene, test=scene.test))
+    problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
+    found = replace(made.search if safe is None else safe, problem=replace(made.search.problem, test=problem.test))
     finding, unnamed = judge(found, made.checks, made.shape)
     explained = finding.verdict in ("explained", "ambiguous")
     if explained and safe is None:
@@ -100,23 +101,23 @@ def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> S
 
     As found, or else by plain simulation error, beside the names that simulate just as well.
     """
-    if not found.best.fitted.causes or harmless(improved_plant(found, found.best), refit, recordings):
+    if not found.best.fitted.terms or harmless(improved_plant(found, found.best), refit, recordings):
         return found
-    scene = found.scene
-    fitted = by_simulation_error(scene, found.best.fitted)
-    fitted = ended(scene, fitted, independent(fitted.residuals))
+    problem = found.problem
+    fitted = by_simulation_error(problem, found.best.fitted)
+    fitted = ended(problem, fitted, independent(fitted.residuals))
     best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
     other = replace(found, best=best)
     if not believable(fitted) or not harmless(improved_plant(other, best), refit, recordings):
         return None
-    same = tuple(Rival(each, independent(each.residuals), best.score) for each in same_function(scene, fitted))
+    same = tuple(Candidate(each, independent(each.residuals), best.score) for each in same_function(problem, fitted))
     return replace(other, rounds=(*other.rounds, same))
 
 
 def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> _Found:
     checks = preflight(plant, train, ())
-    scene = make_scene(plant, train, (), checks.floors)
-    found = search(scene, progress)
+    problem = make_problem(plant, train, (), checks.floors)
+    found = search(problem, progress)
     again = regauged(found, train, ())
     if again is not None:  # a range a little off is a step at every turn, which another effect may soak up
         found = min(search(again, progress), found, key=lambda each: each.best.score)

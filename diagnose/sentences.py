@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding, Shift
-from firmloop.diagnose.rank import THRESHOLD, Search
-from firmloop.diagnose.shape import Shape
+from firmloop.diagnose.model.candidate import HELD
+from firmloop.diagnose.search.found import Search
+from firmloop.diagnose.search.stepwise import THRESHOLD
+
+FAR = 20.0  # residual over noise on unseen recordings from which nothing that was fitted holds there
+WORSE = 10.0  # times the residual on those that were fitted
 
 
 def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[str, ...]:
@@ -30,9 +36,9 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
         names = ", ".join(each.name for each in finding.effects)
         said.append(f"More than one explanation stands: {names}.")
         for each in sorted(finding.effects, key=lambda one: one.probability):  # the surest is not in question
-            cause = search.scene.cause(each.name)
-            if cause is not None:
-                said.append(f"To tell {each.name} apart: {cause.effect.experiment.rstrip('.')}.")
+            term = search.problem.term(each.name)
+            if term is not None:
+                said.append(f"To tell {each.name} apart: {term.effect.experiment.rstrip('.')}.")
                 break
     said += [f"{each.name} ({100.0 * each.probability:.0f} %): {each.says}" for each in finding.effects]
     if finding.effects:
@@ -60,6 +66,22 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
     if finding.untestable:
         said.append(f"Cannot be tested with these recordings: {', '.join(sorted(finding.untestable))}.")
     return tuple(said)
+
+
+def with_doubt(finding: Finding) -> Finding:
+    """Return the finding, with a note where train and test contradict each other."""
+    test, train = finding.test, finding.train
+    if test is None or test.after is None or train.after is None:
+        return finding
+    if test.after < FAR or test.after < WORSE * train.after:
+        return finding
+    if test.refit is not None and test.after < HELD * test.refit:
+        return finding
+    said = (
+        f"the test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is "
+        f"left there, {train.after:.3g} times here; another machine, unit or regime, so check that all are of one plant"
+    )
+    return replace(finding, notes=(*finding.notes, said), says=(*finding.says, f"Note: {said}."))
 
 
 def _moved(shift: Shift) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.diagnose.cut import Cut
+from firmloop.diagnose.controller.replay import Cut
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.run import Diagnosis
 from firmloop.output import save

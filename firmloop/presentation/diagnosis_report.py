@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.descent import residual_of
-from firmloop.diagnose.hypothesis import outputs_of
-from firmloop.diagnose.locate import Latent, latent, nominal_plant
-from firmloop.diagnose.refit import fit_starts
+from firmloop.diagnose.discrepancy.disturbance_smoother import Latent, latent, nominal_plant
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import fit_starts
+from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, styled, svg, thinned
 from firmloop.presentation.report import STYLE
@@ -22,10 +22,10 @@ from firmloop.presentation.sections import page_table
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from firmloop.diagnose.cut import Cut
+    from firmloop.diagnose.controller.replay import Cut
+    from firmloop.diagnose.discrepancy.fit import Shape
     from firmloop.diagnose.finding import Finding
     from firmloop.diagnose.run import Diagnosis
-    from firmloop.diagnose.shape import Shape
     from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]
@@ -95,19 +95,19 @@ def _effects(finding: Finding) -> list[str]:
 
 def _courses(made: Diagnosis) -> list[str]:
     """Draw the first train recording and, where there is one, the first test recording."""
-    scene, shown = made.search.scene, made.shown
-    given = {p.name: p.value for p in scene.plant.parameters}
+    problem, shown = made.search.problem, made.shown
+    given = {p.name: p.value for p in problem.plant.parameters}
     drawn = []
-    for role, recordings in (("train", scene.train[:1]), ("test", scene.test[:1])):
+    for role, recordings in (("train", problem.train[:1]), ("test", problem.test[:1])):
         for recording in recordings:
-            measured = outputs_of(scene, recording)
+            measured = outputs_of(problem, recording)
             runs = []
             for values in (given, made.search.nominal.fitted.point.values, shown.fitted.point.values):
-                point = fit_starts(scene, [recording], values, made.search.best.noises)
-                runs.append(measured - residual_of(scene, recording, point, 0))
+                point = fit_starts(problem, [recording], values, made.search.best.noises)
+                runs.append(measured - residual_of(problem, recording, point, 0))
             if made.shape is not None and role == "train":
                 runs[-1] = measured - made.shape.train[0]
-            for index, signal in enumerate(scene.plant.outputs):
+            for index, signal in enumerate(problem.plant.outputs):
                 title = f"{role}: {recording.source}, {signal.name}"
                 drawn.append(_course(title, recording.time, measured[:, index], [run[:, index] for run in runs]))
     return drawn
@@ -138,13 +138,13 @@ def _scatter(made: Diagnosis) -> list[str]:
 
     Over it what the same smoother sees where the explanation has made the outputs: the fitted law, without noise.
     """
-    scene, shown = made.search.scene, made.shown
+    problem, shown = made.search.problem, made.shown
     plant = nominal_plant(made.search, shown)
-    recording = scene.train[0]
+    recording = problem.train[0]
     seen = latent(plant, recording, [noise.rms for noise in made.search.best.noises])
     if seen is None:
         return ["<p>The equations of this plant allow no latent torque.</p>"]
-    law = _explained(made, plant) if shown.fitted.causes else None
+    law = _explained(made, plant) if shown.fitted.terms else None
     with styled(8.6, 2.6 * len(seen.kinds)) as figure:
         count = len(plant.states)
         every = figure.subplots(len(seen.kinds), count, squeeze=False)
@@ -182,12 +182,12 @@ def _unnamed(finding: Finding) -> list[str]:
 
 def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
     """See the outputs that the explanation simulates as the nominal plant sees the recorded ones."""
-    scene, recording = made.search.scene, made.search.scene.train[0]
-    point = fit_starts(scene, [recording], made.shown.fitted.point.values, made.search.best.noises)
-    simulated = outputs_of(scene, recording) - residual_of(scene, recording, point, 0)
+    problem, recording = made.search.problem, made.search.problem.train[0]
+    point = fit_starts(problem, [recording], made.shown.fitted.point.values, made.search.best.noises)
+    simulated = outputs_of(problem, recording) - residual_of(problem, recording, point, 0)
     if not np.all(np.isfinite(simulated)):
         return None
-    columns = {signal.name: simulated[:, index] for index, signal in enumerate(scene.plant.outputs)}
+    columns = {signal.name: simulated[:, index] for index, signal in enumerate(problem.plant.outputs)}
     shown = replace(recording, columns={**recording.columns, **columns})
     return latent(plant, shown, [noise.rms for noise in made.search.best.noises])
 
@@ -230,10 +230,10 @@ def _law(axes: Axes, shape: Shape | None, kind: str, coordinate: str) -> None:
 
 def _ranking(made: Diagnosis) -> str:
     rows = []
-    for turn, rivals in enumerate(made.search.rounds):
-        for rival in rivals:
-            names = " + ".join(cause.label for cause in rival.fitted.causes)
-            rows.append((str(turn + 1), names, f"{made.search.nominal.score - rival.score:.1f}"))
+    for turn, candidates in enumerate(made.search.rounds):
+        for candidate in candidates:
+            names = " + ".join(term.label for term in candidate.fitted.terms)
+            rows.append((str(turn + 1), names, f"{made.search.nominal.score - candidate.score:.1f}"))
     return page_table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
 
 
@@ -242,8 +242,8 @@ def _untestable(finding: Finding, made: Diagnosis) -> list[str]:
         return []
     rows = []
     for name, why in sorted(finding.untestable.items()):
-        cause = made.search.scene.cause(name)
-        rows.append((name, why, cause.effect.experiment if cause is not None else ""))
+        term = made.search.problem.term(name)
+        rows.append((name, why, term.effect.experiment if term is not None else ""))
     return [
         "<h2>What these recordings cannot test</h2>",
         page_table(("effect", "because", "the experiment that would"), rows),

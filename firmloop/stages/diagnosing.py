@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
-from firmloop.diagnose.cut import Cut, cut
-from firmloop.diagnose.doubt import with_doubt
-from firmloop.diagnose.halves import with_controller
-from firmloop.diagnose.prepare import as_conditioned
+from firmloop.diagnose.controller.replay import Cut, cut
+from firmloop.diagnose.controller.report import with_controller
+from firmloop.diagnose.data.prepare import as_conditioned
 from firmloop.diagnose.run import Diagnosis, diagnose
+from firmloop.diagnose.sentences import with_doubt
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.fitting import identify

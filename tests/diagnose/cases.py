@@ -10,9 +10,9 @@ from typing import Any
 from bench.diagnose.blind_cases import Case, draw_case, single_case, write_case
 from bench.diagnose.concealed import MACHINES
 from firmloop.cli import main
-from firmloop.diagnose.hypothesis import Cause, Point, Scene, make_scene
-from firmloop.diagnose.preflight import preflight
-from firmloop.diagnose.refit import Fitted, fit, noises_of
+from firmloop.diagnose.data.checks import preflight
+from firmloop.diagnose.model.fit import Fitted, fit, noises_of
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, make_problem
 from firmloop.identify.fitting.noise import Noise, white
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
@@ -44,19 +44,21 @@ def truths(folder: Path, effect: str) -> dict[str, float]:
     return {name: float(value) for name, value in label["effects"][effect].items()}
 
 
-def scene_of(project: Path) -> Scene:
+def problem_of(project: Path) -> Problem:
     """Return a project's plant and recordings as a search sees them."""
     made = read_project(project)
     plant, data = plant_of(made), read_data(made)
-    return make_scene(plant, data.train, data.test, preflight(plant, data.train, data.test).floors)
+    return make_problem(plant, data.train, data.test, preflight(plant, data.train, data.test).floors)
 
 
-def refitted(scene: Scene, cause: Cause, begin: Point, sizes: Sequence[float]) -> tuple[Fitted, tuple[Noise, ...]]:
-    """Fit one cause, at last with the noise it leaves; `sizes` are those of the outputs' noise to begin with."""
-    found = fit(scene, scene.train, (cause,), begin, [white(size) for size in sizes], 12)
+def refitted(
+    problem: Problem, term: LibraryTerm, begin: Point, sizes: Sequence[float]
+) -> tuple[Fitted, tuple[Noise, ...]]:
+    """Fit one term, at last with the noise it leaves; `sizes` are those of the outputs' noise to begin with."""
+    found = fit(problem, problem.train, (term,), begin, [white(size) for size in sizes], 12)
     for _ in range(3):
-        noises = noises_of(scene, found.residuals)
-        found = fit(scene, scene.train, (cause,), found.point, noises, 12)
+        noises = noises_of(problem, found.residuals)
+        found = fit(problem, problem.train, (term,), found.point, noises, 12)
     return found, noises
 
 

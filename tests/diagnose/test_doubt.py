@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from firmloop.diagnose.doubt import with_doubt
 from firmloop.diagnose.finding import Finding, Named, Ratio
+from firmloop.diagnose.sentences import with_doubt
 
 FRICTION = Named("coulomb_friction", None, "torque", 0.99, {}, "dry friction opposes motion.")
 

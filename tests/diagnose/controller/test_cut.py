@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from firmloop.diagnose.cut import Cut, cut
+from firmloop.diagnose.controller.replay import Cut, cut
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data

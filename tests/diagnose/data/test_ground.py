@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from bench.diagnose.truth import FINE, run
-from firmloop.diagnose.hypothesis import make_scene
-from firmloop.diagnose.prepare import check_apart, check_clock, check_nominal, check_same
+from firmloop.diagnose.data.prepare import check_apart, check_clock, check_nominal, check_same
+from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
@@ -154,12 +154,12 @@ def test_a_test_that_was_fitted_is_told() -> None:
 def test_a_wave_along_a_way_has_a_period_in_it() -> None:
     """A longer one is a load or a spring under another name."""
     seen = SEEN["stage"]
-    scene = make_scene(BARE["stage"], [seen], (), np.zeros(2))
+    problem = make_problem(BARE["stage"], [seen], (), np.zeros(2))
     travel = np.ptp(seen.columns["position_m"])
     for name in ("cogging_torque", "torque_ripple"):
-        cause = scene.cause(name)
-        assert cause is not None
-        (low,) = [each.low for each in cause.parameters if each.name == "periods_per_m"]
+        term = problem.term(name)
+        assert term is not None
+        (low,) = [each.low for each in term.parameters if each.name == "periods_per_m"]
         assert low == pytest.approx(1.0 / travel, rel=0.05)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmloop.diagnose.preflight import preflight
-from firmloop.diagnose.prepare import check_nominal
+from firmloop.diagnose.data.checks import preflight
+from firmloop.diagnose.data.prepare import check_nominal
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import draw_case, write_case
-from firmloop.diagnose.held import believed_hold
-from firmloop.diagnose.prepare import shortened
+from firmloop.diagnose.data.intersample import believed_hold
+from firmloop.diagnose.data.prepare import shortened
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant

@@ -1,0 +1,206 @@
+"""Go on searching as long as what is left moves slowly or has a shape: a large effect must not hide a small one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weighed
+from firmloop.diagnose.model.batch_means import FEW, with_lasting
+from firmloop.diagnose.model.candidate import MINOR, TIE, Candidate, rated, without
+from firmloop.diagnose.model.continuation import met
+from firmloop.diagnose.model.fit import Fitted, ended, evidence, fit, noises_of, strength
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
+from firmloop.diagnose.model.kinks import limits, polished
+from firmloop.diagnose.model.profile_likelihood import profiled
+from firmloop.diagnose.model.sandwich_covariance import doubtful, with_pushes
+from firmloop.diagnose.model.scale_doubt import with_scale_doubt
+from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.diagnose.search.at_rest import rested
+from firmloop.diagnose.search.exhaustive import exhausted
+from firmloop.diagnose.search.found import Progress, Search
+from firmloop.diagnose.search.late_sensor import retimed
+from firmloop.diagnose.search.multiple_shooting import in_pieces
+from firmloop.diagnose.search.simulation_error import independent, needed, strays
+from firmloop.diagnose.search.stepwise import MOST_EFFECTS, THRESHOLD, further, levelled, pruned, settled
+from firmloop.identify.fitting.noise import colored, flat
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.simulation.course import LONGEST_CHANGE
+
+LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
+_LITTLE = 150.0  # drop of BIC up to which a name says little
+_STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had no memory
+_POLISH = 30  # solves past kinks, of a few steps each
+_CONTACTS = 80.0  # million steps of simulation where bodies meet
+_VALLEYS = 4  # times that a fit goes on which a curved valley had held a deviation from its end
+_LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
+_PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
+_PATIENCE = 100.0  # million steps of simulation after which nothing further is looked for
+
+
+def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
+    """Return the search that is believed, with what slow misfits and shapes still show, and the shape that is left."""
+    begun, tried = found.problem.engine.steps, found
+    pieced = in_pieces(found, progress)
+    if pieced is not None:
+        found = _resumed(pieced)
+    progress(0.75, "looking for what has no name")
+    shape = best_shape(found, found.best)
+    while (
+        shape is not None
+        and shape.gain > LEFT
+        and len(found.best.fitted.terms) < MOST_EFFECTS
+        and found.problem.engine.steps - begun < _PATIENCE
+    ):
+        more = further(found, weighed(found))
+        rest = None if more is None else best_shape(more, more.best)
+        if more is None or (rest is not None and rest.gain > shape.gain):
+            break
+        found, shape = more, rest
+    alone = _alone(found)
+    whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
+    if strays(found, _LOST) or alone is not None or not whole:
+        others = (None if found is tried else in_pieces(found, progress), exhausted(found))
+        other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
+        if other is not None:
+            found = _resumed(other)
+            shape, alone = best_shape(found, found.best), _alone(found)
+    if alone is not None:
+        return replace(found, best=found.nominal), alone
+    sure = _confirmed(rested(levelled(retimed(found))))
+    if doubtful(sure.best.fitted, sure.best.noises) is not None:
+        other = exhausted(found)
+        if other is not None:
+            found = _resumed(other)
+            sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
+        elif len(sure.best.fitted.terms) == 1 and found.nominal.score - found.best.score < FEW:
+            return replace(found, best=found.nominal), best_shape(found, found.nominal)
+    return sure, shape
+
+
+def _resumed(found: Search) -> Search:
+    """Return the search gone on with until no effect is found beside it, and settled."""
+    begun, gone_on = found.problem.engine.steps, None
+    while len(found.best.fitted.terms) < MOST_EFFECTS and found.problem.engine.steps - begun < _PATIENCE:
+        more = further(found)
+        if more is None:
+            break
+        found = gone_on = more
+    return gone_on or settled(found)
+
+
+def _alone(found: Search) -> Shape | None:
+    """Return the one shape that says more than several names; None where there is none.
+
+    Or clearly more than one name, where unseen recordings speak against that, or far more where that says little.
+    """
+    best, nominal = found.best, found.nominal
+    explained = nominal.score - best.score
+    told = evidence(nominal.fitted, nominal.noises) - evidence(best.fitted, best.noises)
+    least = 0.0 if len(best.fitted.terms) > 1 else LEFT if explained < told else LEFT + explained
+    if not best.fitted.terms or (least > LEFT and explained > _LITTLE):
+        return None
+    shape = best_shape(found, nominal)
+    return shape if shape is not None and shape.gain > explained + least else None
+
+
+def _confirmed(found: Search) -> Search:
+    """Fit the best once more by finer steps and with the noise it leaves, so that its intervals are its own.
+
+    The score stays that of the search, by which candidates were compared; but an effect that only stood for how far the
+    others were from their best goes.
+    """
+    problem, best = found.problem, found.best
+    if not best.fitted.terms:
+        return found
+    problem.engine.hasten(LONGEST_CHANGE)
+    finer = _finer(problem, best)
+    if len(best.fitted.terms) > 1:
+        whole = rated(problem, finer)
+        slim = pruned(problem, whole) if abs(best.score - whole.score) > TIE else whole
+        slim = _past_kinks(problem, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
+        if slim is not whole:
+            finer = _finer(problem, slim)
+    finer = _certain(problem, with_doubts(problem, finer))
+    finer = _untraced(problem, finer, MINOR * (found.nominal.score - best.score))
+    return replace(found, best=replace(best, fitted=finer, noises=noises_of(problem, finer.residuals)))
+
+
+def _certain(problem: Problem, fitted: Fitted) -> Fitted:
+    """Drop effects of which a slow disturbance leaves nothing certain, as long as simulations without come as near."""
+    noises, plain = noises_of(problem, fitted.residuals), not colored(fitted.noises)
+    while len(fitted.terms) > 1 and (least := doubtful(fitted, noises)) is not None:
+        terms, point = without(fitted, least)
+        slim = fit(problem, problem.train, terms, point, flat(noises), _SLIM)  # whitened edges are traps
+        if needed(fitted, slim, least):
+            break
+        noises = noises_of(problem, slim.residuals)
+        by = independent(slim.residuals) if plain else noises
+        slim = fit(problem, problem.train, terms, slim.point, by, _STEPS)
+        fitted = with_doubts(problem, profiled(problem, ended(problem, slim, by), by))
+    return fitted
+
+
+def _untraced(problem: Problem, fitted: Fitted, owed: float) -> Fitted:
+    """Drop effects that may be none by their own intervals, beside white noise too, and brought less than `owed`."""
+    while len(fitted.terms) > 1:
+        least = min(fitted.terms, key=lambda term: strength(fitted, term))
+        if strength(fitted, least) > NORMAL_95:
+            break
+        noises = noises_of(problem, fitted.residuals)
+        slim = fit(problem, problem.train, *without(fitted, least), noises, _SLIM)
+        if rated(problem, slim).score - rated(problem, fitted).score > owed:
+            break
+        fitted = with_doubts(problem, profiled(problem, ended(problem, slim, noises), noises))
+    return fitted
+
+
+def with_doubts(problem: Problem, fitted: Fitted) -> Fitted:
+    """Widen the deviations to what slow disturbances and a torque constant as given leave of them."""
+    noises = noises_of(problem, fitted.residuals)
+    fitted = with_lasting(problem, with_pushes(problem, fitted, noises), noises)
+    return with_scale_doubt(problem, fitted)
+
+
+def _past_kinks(problem: Problem, candidate: Candidate, owed: float) -> Candidate:
+    """Drop effects that only make up for the kinks at which a fit of the others had ended.
+
+    `owed` is the drop of BIC that an effect may owe to them.
+    """
+    for term in candidate.fitted.terms:
+        terms, point = without(candidate.fitted, term)
+        if not _kinked(terms, candidate):
+            continue
+        slim = fit(problem, problem.train, terms, point, candidate.noises, _STEPS)
+        if rated(problem, slim).score - candidate.score < owed:
+            one = rated(problem, polished(problem, slim, candidate.noises, _POLISH))
+            candidate = one if one.score - candidate.score < THRESHOLD else candidate
+    return candidate
+
+
+def _kinked(terms: Sequence[LibraryTerm], candidate: Candidate) -> bool:
+    """Tell whether plain squared error, which tells all where noise is white, has the kinks of limits."""
+    return bool(limits(terms)) and not colored(candidate.noises)
+
+
+def _met(problem: Problem, candidate: Candidate) -> Fitted:
+    """Lead a fit past the kinks of contacts, where there are any, by finer steps."""
+    if not meeting(candidate.fitted.terms):
+        return candidate.fitted
+    return met(problem, ended(problem, candidate.fitted, candidate.noises), candidate.noises, _CONTACTS)
+
+
+def _finer(problem: Problem, candidate: Candidate) -> Fitted:
+    """Take a fit to its end; past the kinks of limits, where noise is white and plain squared error tells all."""
+    fitted, noises = _met(problem, candidate), candidate.noises
+    if fitted is not candidate.fitted:
+        noises = noises_of(problem, fitted.residuals)
+    if _kinked(fitted.terms, candidate):
+        fitted = polished(problem, fitted, noises, _POLISH)
+    fitted = fit(problem, problem.train, fitted.terms, fitted.point, noises, 0)
+    for _ in range(_VALLEYS):
+        further_on = fit(problem, problem.train, fitted.terms, fitted.point, noises, STEPS_OF_A_FIT)
+        if fitted.cost - further_on.cost < 1.0:
+            break
+        fitted = further_on
+    return profiled(problem, ended(problem, fitted, noises), noises)

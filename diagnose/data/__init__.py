@@ -1,0 +1,1 @@
+"""Data: recordings checked, unrolled and made ready before any effect is searched for."""

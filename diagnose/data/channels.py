@@ -1,0 +1,82 @@
+"""Refuse channels that no plant could have produced: one wild row, a sensor that dies half-way, nothing at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.data.checks import check_rows
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
+
+Array = NDArray[np.float64]
+
+_WILD = 3.0  # spans of all other values by which a row must lie outside of them
+_FEW = 0.01  # share of rows up to which they are wild and not a part of the motion
+_LONG = 0.2  # share of rows from which a value that stands still is a dead sensor
+_MOVES = 0.5  # of the plant's whole motion, that the nominal plant must make meanwhile
+
+
+def check_sound(plant: Plant, recordings: Sequence[Recording]) -> None:
+    """Raise IdentifyError at the first channel that is not sound, with its rows and the way out."""
+    for recording in recordings:
+        check_rows(plant, recording)
+        values = measured(plant, recording)
+        for signal, column in zip(plant.outputs, values.T, strict=True):
+            _check_wild(recording, signal.name, column)
+        _check_dead(plant, recording, values)
+
+
+def _check_wild(recording: Recording, name: str, column: Array) -> None:
+    """Look for the few rows that lie further outside of all others than those reach, each way and back in one row."""
+    low, high = np.quantile(column, [_FEW, 1.0 - _FEW])
+    span = float(high - low)
+    wild = np.flatnonzero((column > high + _WILD * span) | (column < low - _WILD * span))
+    alone = [
+        int(k)
+        for k in wild
+        if span > 0.0
+        and 0 < k < len(column) - 1
+        and all(low - span <= column[j] <= high + span for j in (k - 1, k + 1))
+    ]
+    if alone:
+        row = alone[0]
+        more = f" (and {len(alone) - 1} more rows)" if len(alone) > 1 else ""
+        raise IdentifyError(
+            f"{recording.source}: column {name} is {column[row]:.6g} at {recording.time[row]:.6g} s{more}, far outside "
+            "of the rows before and after; it is no motion: delete those rows, or fill them from their neighbours"
+        )
+
+
+def _check_dead(plant: Plant, recording: Recording, values: Array) -> None:
+    """Look for an output that stands still for long although the nominal plant moves: not at rest, nor at a limit."""
+    constants = np.array([p.value for p in plant.parameters])
+    if np.any(np.isnan(constants)):
+        return
+    engine = simulator(plant, recording.hold)
+    simulated = engine.run(course_of(plant, recording), constants, rest_start(plant, recording))
+    if not np.all(np.isfinite(simulated)):
+        return
+    for k, signal in enumerate(plant.outputs):
+        column, model = values[:, k], simulated[:, k]
+        ends = [0, *(np.flatnonzero(np.diff(column) != 0.0) + 1), len(column)]
+        first, last = max(pairwise(ends), key=lambda run: run[1] - run[0])
+        held, moves = column[first], model[first:last]
+        whole = float(np.ptp(model))
+        crossed = float(np.min(moves)) < held < float(np.max(moves)) or held == 0.0
+        if held != 0.0 and abs(held) == np.max(np.abs(column)):
+            continue  # a sensor at its limit
+        if last - first > _LONG * len(column) and float(np.ptp(moves)) > _MOVES * whole > 0.0 and crossed:
+            steps = np.diff(np.unique(column))
+            if len(steps) and float(np.max(np.abs(moves - held))) < float(steps.min()):
+                continue  # a sensor whose steps are wider than what moves there
+            raise IdentifyError(
+                f"{recording.source}: column {signal.name} stands at {held:g} from {recording.time[first]:.4g} s to "
+                f"{recording.time[last - 1]:.4g} s while {plant.inputs[0].name} goes on moving the plant; the sensor "
+                "or its wire is dead there: check it, and cut the recording before that"
+            )

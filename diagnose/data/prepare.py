@@ -1,0 +1,390 @@
+"""Make recordings ready to be searched: refuse what cannot be, and keep what a search can afford."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.data.intersample import believed_hold, fitted_nominal
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.linear_forms import form_writer
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.clipping import gathering
+from firmloop.identify.recordings.conditioning import Conditioning, check_conditioning, condition_input
+from firmloop.identify.recordings.hold import FINER, HOLDS
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.linear_response import disturbed
+from firmloop.identify.simulation.simulate import simulate
+
+Array = NDArray[np.float64]
+
+_ALIKE_ROWS = 60  # rows in a row that two recordings share only where one is the other
+_ALIKE_VALUES = 10  # different values that those must hold
+_TRIAL_ROWS = 2000
+_FAR = 6.0  # factor on a parameter that is far off
+_FAR_BETTER = 0.5  # of the power that the fit from where it is given leaves
+_SOAK = ("b_", "L_", "delay_")  # parameters that move far to imitate an effect
+_TORQUE, _VOLTAGE = "kt_N_m_A", "ke_V_s_rad"
+_SAME_CONSTANT = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
+_PINNED = 30.0  # weight of their ratio beside the parameters' own shifts
+_CLOSE = 0.01  # of the outputs' power: where a fit leaves less, no other start is tried
+_MET = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
+_GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clock
+_CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
+_APART = 5.0  # times the power that separate fits leave, from which recordings are of different machines
+_OTHER = 1.3  # factor between their parameters
+_GOES_ON = 0.05  # of the span of an input, as a deviation, from which it does not stay
+_UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
+_MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
+_BENT = 8  # times as long takes a row of a plant whose equations are not linear
+_PLACES = 8  # where a stretch of a long recording may begin
+_MOMENTS = 8  # at which loads may change
+_LATEST = 200  # rows by which readings may come late or early
+_LONGER = 16  # of one that parameters are read off
+
+
+def prepared(
+    plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """Return the recordings to search, those that are too long cut to their liveliest stretch."""
+    check_apart(plant, train, test)
+    check_clock(plant, (*train, *test))
+    check_nominal(plant, train)
+    check_same(plant, train)
+    hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
+    rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
+    if not form_writer(plant).linear_rate:
+        rows = rows // _BENT
+    seen, unseen = (shortened(plant, part, rows) for part in (train, test))
+    return tuple(replace(each, hold=hold) for each in seen), tuple(replace(each, hold=hold) for each in unseen)
+
+
+def check_apart(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
+    """Refuse a test recording that is a train recording, or a part of one, under another name or with another clock."""
+    names = [signal.name for signal in (*plant.inputs, *plant.outputs)]
+    for one in test:
+        rows = np.column_stack([one.columns[name] for name in names if name in one.columns])
+        for other in train:
+            held = np.column_stack([other.columns[name] for name in names if name in other.columns])
+            if held.shape[1] != rows.shape[1]:
+                continue
+            for begin in np.linspace(0, max(len(rows) - _ALIKE_ROWS, 0), _PLACES).astype(int):
+                part = rows[begin : begin + _ALIKE_ROWS]
+                if len(part) < _ALIKE_ROWS or len(np.unique(part[:, -1])) < _ALIKE_VALUES:
+                    continue
+                for at in np.flatnonzero(np.all(held == part[0], axis=1)):
+                    if np.array_equal(held[at : at + _ALIKE_ROWS], part):
+                        raise IdentifyError(
+                            f"recordings.test: {one.source} repeats {other.source} from {other.time[at]:.6g} s on, "
+                            "value for value; what was fitted cannot judge the fit, so record another one"
+                        )
+
+
+def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
+    """Refuse a clock that jumps where the motion goes on: rows that are missing leave a gap in both."""
+    for recording in recordings:
+        gaps = np.diff(recording.time)
+        step, worst = float(np.median(gaps)), int(np.argmax(gaps))
+        if gaps[worst] < _GAP * step:
+            continue
+        near = slice(max(worst - _TRIAL_ROWS // 2, 0), worst + _TRIAL_ROWS // 2)
+        part = replace(recording, time=recording.time[near], columns={k: v[near] for k, v in recording.columns.items()})
+        stamps = part.time.copy()
+        stamps[worst + 1 - near.start :] -= gaps[worst] - step
+        try:
+            open_, closed = (_trial(plant, [each]).power for each in (part, replace(part, time=stamps)))
+        except IdentifyError:
+            continue
+        if closed < _CLOSED * open_:
+            raise IdentifyError(
+                f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s, but the "
+                "motion goes on as if it had not; correct the time stamps, or cut the recording there"
+            )
+
+
+def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
+    """Refuse nominal parameters that are far off: what is missing would then be named after them.
+
+    The nominal plant is fitted from where it is given and from a tenth and ten times each free parameter; the last is
+    believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
+    combinations that the outputs cannot see.
+    """
+    # No linear fit meets a sensor that ends: what it says of the parameters is worth nothing, unless it does meet it.
+    ends = any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs)
+    given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
+    short = shortened(plant, train, _TRIAL_ROWS)
+    try:
+        begun = _trial(plant, short)
+        best = begun if begun.power < _CLOSE * len(begun.slopes) else _best_trial(plant, short, begun)
+    except IdentifyError:
+        return  # preflight will say it better
+    found = best if best.power < _FAR_BETTER * begun.power else begun
+    shifts = _seen_shifts(found, given)
+    far, rows = [name for name in _far(shifts) if _tells(found, name)], found.slopes.shape[0]
+    met = found.power < (_CLOSE if ends else _MET) * rows
+    near = found is not begun and not _far(_seen_shifts(begun, given))
+    if not (far and met) or (near and _pushed(plant, short, begun, found.power)) or _late(plant, short, found.power):
+        return
+    said = ", ".join(f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far)
+    raise IdentifyError(
+        f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
+        "named after that; check the values and their units, or identify the plant first"
+    )
+
+
+def _far(shifts: Mapping[str, float]) -> list[str]:
+    """Return the parameters that have moved too far, by their logarithms, furthest first."""
+    return sorted((name for name in shifts if abs(shifts[name]) > np.log(_FAR)), key=lambda each: -abs(shifts[each]))
+
+
+def _tells(found: _Trial, name: str) -> bool:
+    """Tell whether a parameter e times as large would move the outputs by more than what is left.
+
+    A mass may grow until no input moves it, and how each recording began is all that such a fit follows.
+    """
+    return float(np.sum(found.slopes[:, found.names.index(name)] ** 2)) > found.power
+
+
+def _late(plant: Plant, train: Sequence[Recording], power: float) -> bool:
+    """Tell whether readings that come late or early, all by as much, leave no more than `power` beside the plant.
+
+    A clock that runs slow has fallen behind where a stretch of a long recording begins.
+    """
+    try:
+        return _trial(plant, [_aligned(plant, recording) for recording in train]).power < power
+    except IdentifyError:
+        return False
+
+
+def _pushed(plant: Plant, train: Sequence[Recording], begun: _Trial, power: float) -> bool:
+    """Tell whether loads that change now and then leave no more than `power` beside a fit near where it began."""
+    balances = sum(each.state >= 0 for each in plant.balances)
+    total = 0.0
+    for recording, (residual, slopes) in zip(train, begun.pairs, strict=True):
+        moments = np.linspace(recording.time[0], recording.time[-1], _MOMENTS, endpoint=False)
+        pushes = (recording.time[:, None] >= moments).astype(float)
+        loads = [disturbed(plant, begun.values, recording, pushes, k) * begun.weights[:, None] for k in range(balances)]
+        tall = np.concatenate([slopes, *loads], axis=2).reshape(residual.size, -1)
+        sizes = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+        answer = np.linalg.lstsq(tall / sizes, residual.ravel(), rcond=None)[0]
+        total += float(np.sum((residual.ravel() - tall / sizes @ answer) ** 2))
+    return total < power
+
+
+def _aligned(plant: Plant, recording: Recording) -> Recording:
+    """Return the recording with its outputs moved to where the first of them is most like the simulated one."""
+    outputs = [each.name for each in plant.outputs]
+    ours = simulate(plant, recording, None)[:, 0]
+    most = min(_LATEST, len(ours) // 4)
+    inner = recording.columns[outputs[0]][most : len(ours) - most]
+    alike = [float(np.corrcoef(inner, ours[lag : lag + len(inner)])[0, 1]) for lag in range(2 * most + 1)]
+    lag = most - int(np.argmax(np.nan_to_num(alike)))
+    late, early = slice(max(lag, 0), len(ours) + min(lag, 0)), slice(max(-lag, 0), len(ours) + min(-lag, 0))
+    columns = {name: values[late if name in outputs else early] for name, values in recording.columns.items()}
+    return replace(recording, time=recording.time[early], columns=columns)
+
+
+def _at_limit(plant: Plant, recording: Recording, output: str) -> bool:
+    """Tell whether readings gather at their largest magnitude while the input goes on: rest needs one that stays."""
+    column, drive = recording.columns[output], recording.columns[plant.inputs[0].name]
+    found = gathering([column])
+    if found is None:
+        return False
+    standing = np.abs(np.abs(column) - found.level) <= found.half
+    pushed = (drive * np.sign(column))[standing]
+    return float(np.std(pushed)) > _GOES_ON * float(np.ptp(drive))
+
+
+def check_same(plant: Plant, train: Sequence[Recording]) -> None:
+    """Refuse train recordings of two machines: each alone is met well, and by other parameters than the next.
+
+    Where there are more than two, all of either machine must be met together: what a missing effect makes of one
+    machine's parameters differs from recording to recording.
+    """
+    short = shortened(plant, train, _TRIAL_ROWS)
+    if len(short) < 2:
+        return
+    columns = [np.column_stack([each.columns[signal.name] for signal in plant.outputs]) for each in short]
+    whole = np.std(np.concatenate(columns), axis=0)
+    if any(np.any(np.std(each, axis=0) == 0.0) for each in columns):
+        return
+    try:
+        alone = [_best_trial(plant, [each], _trial(plant, [each])) for each in short]
+        together = _trial(plant, short)
+    except IdentifyError:
+        return
+    powers = [_scaled(each, [column], whole) for each, column in zip(alone, columns, strict=True)]
+    if together.power < _APART * sum(powers):
+        return
+    free = {p.name for p in plant.parameters if p.free}
+    first = {name: value for name, value in alone[0].values.items() if name in free}
+    shifts = [_seen_shifts(other, first) for other in alone]
+    for index, moved in enumerate(shifts):
+        far = max(moved, key=lambda each: abs(moved[each]), default="")
+        if far and abs(moved[far]) > np.log(_OTHER):
+            first_one = [abs(each.get(far, 0.0)) < abs(each.get(far, 0.0) - moved[far]) for each in shifts]
+            groups = [[k for k, mine in enumerate(first_one) if mine == which] for which in (True, False)]
+            both = 0.0
+            for group in groups:
+                parts = [columns[k] for k in group]
+                found = alone[group[0]] if len(group) == 1 else _trial(plant, [short[k] for k in group])
+                both += _scaled(found, parts, whole)
+            if together.power < _APART * both:
+                continue
+            raise IdentifyError(
+                f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
+                f"{far} = {first[far]:.3g} and {first[far] * np.exp(moved[far]):.3g}, together "
+                f"{together.power / sum(powers):.2g} times as much is left; diagnose one machine at a time"
+            )
+
+
+def _scaled(trial: _Trial, columns: Sequence[Array], whole: Array) -> float:
+    """Return what is left in units of the spread (r,) of all recordings; a fit weighs by that of its own."""
+    return trial.power * float(np.max((np.std(np.concatenate(columns), axis=0) / whole) ** 2))
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms.
+
+    `pairs` are the residuals (n, r) of every recording and the slopes (n, r, c) of all unknowns, times `weights` (r,).
+    """
+
+    power: float
+    values: Mapping[str, float]
+    slopes: Array
+    names: tuple[str, ...]
+    pairs: Sequence[tuple[Array, Array]]
+    weights: Array
+
+
+def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Trial:
+    """Return the best of the fit from where the plant is given and those from a tenth and ten times each parameter."""
+    best = begun
+    for index, parameter in enumerate(plant.parameters):
+        for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
+            value = parameter.value * factor
+            if parameter.low <= value <= parameter.high:
+                moved = list(plant.parameters)
+                for place in _together(plant, index):
+                    moved[place] = replace(moved[place], value=moved[place].value * factor)
+                best = min(best, _trial(replace(plant, parameters=tuple(moved)), train), key=lambda each: each.power)
+    return best
+
+
+def _together(plant: Plant, index: int) -> tuple[int, ...]:
+    """Return the places of what a parameter is wrong together with: a motor's two constants, given as the same."""
+    names = [parameter.name for parameter in plant.parameters]
+    if names[index] not in (_TORQUE, _VOLTAGE) or not {_TORQUE, _VOLTAGE} <= set(names):
+        return (index,)
+    both = tuple(names.index(name) for name in (_TORQUE, _VOLTAGE))
+    one, other = (plant.parameters[place].value for place in both)
+    return both if one > 0.0 and other > 0.0 and abs(np.log(one / other)) < _SAME_CONSTANT else (index,)
+
+
+def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
+    problem, point, pairs = fitted_nominal(plant, train, _LONGER)
+    power = sum(float(np.sum(residual**2)) for residual, _ in pairs)
+    every = [parameter.name for parameter in plant.parameters]
+    values = dict(zip(every, map(float, point.constants), strict=True))
+    names = tuple(every[index] for index in problem.free)
+    scale = np.where(problem.logarithmic, 1.0, [values[name] for name in names])
+    slopes = np.concatenate([part[..., : len(names)].reshape(-1, len(names)) * scale for _, part in pairs])
+    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names, pairs, problem.weights)
+
+
+def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
+    """Return the logarithms by which the judged parameters moved, the least ones that do the same to the outputs.
+
+    In SI units a motor's torque constant is its voltage constant: where they were given so, they move together, and
+    where they were given far apart, one of them is wrong.
+    """
+    names = [name for name in found.names if given.get(name, 0.0) > 0.0 and found.values[name] > 0.0]
+    shift = np.array([np.log(found.values[name] / given[name]) for name in names])
+    slopes = found.slopes[:, [found.names.index(name) for name in names]]
+    sizes = np.linalg.norm(slopes, axis=0)
+    if not names or not np.all(np.isfinite(sizes)) or np.any(sizes == 0.0):
+        return {}
+    _, size, basis = np.linalg.svd(slopes, full_matrices=False)
+    unseen = basis[size < _UNSEEN * size[0]].T
+    judged = np.array([not name.startswith(_SOAK) for name in names])
+    if unseen.size:
+        weight, aim = np.diag(np.where(judged, 1.0, 1e-3)), np.zeros(len(names))
+        if {_TORQUE, _VOLTAGE} <= set(names):
+            apart = float(np.log(given[_TORQUE] / given[_VOLTAGE]))
+            if abs(apart) < _SAME_CONSTANT or abs(apart) > np.log(_FAR):
+                ratio = np.zeros((1, len(names)))
+                ratio[0, [names.index(_TORQUE), names.index(_VOLTAGE)]] = _PINNED, -_PINNED
+                weight = np.concatenate([weight, ratio])
+                aim = np.append(aim, 0.0 if abs(apart) < _SAME_CONSTANT else -_PINNED * apart)
+        move, *_ = np.linalg.lstsq(weight @ unseen, aim - weight @ shift, rcond=None)
+        shift = shift + unseen @ move
+    return {name: float(each) for name, each, yes in zip(names, shift, judged, strict=True) if yes}
+
+
+def as_conditioned(
+    plant: Plant, recordings: Sequence[Recording], conditioning: Conditioning
+) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
+    """Do to the recordings what the project asks for and a search can take; return what it does not need, in words.
+
+    An input loses its offset, as in a fit. Windows, smoothing and a coarser grid are ways to fit in noise of which the
+    search has a model of its own. What would take a mismatch out of sight, or hide one in a clock, is refused.
+    """
+    where = "recordings.conditioning"
+    inputs = [signal.name for signal in plant.inputs]
+    for recording in recordings:
+        check_conditioning(
+            conditioning, (*inputs, *(signal.name for signal in plant.outputs)), recording.source, recording.time
+        )
+    offsets = [name for name in conditioning.remove_offset if name not in inputs]
+    refused = (
+        ("remove_offset", offsets, "an offset of a sensor is one of the effects that are looked for"),
+        ("detrend", conditioning.detrend, "a trend is part of what physics does"),
+        ("align", conditioning.align, "a late or skewed clock is one of the effects that are looked for"),
+        ("line_Hz", conditioning.line_Hz, "the notch would take a part of the motion out"),
+    )
+    for key, value, why in refused:
+        if value:
+            shown = list(value) if isinstance(value, list | tuple) else value
+            raise IdentifyError(
+                f"{where}.{key} = {shown}: diagnose compares the outputs as they were recorded, because {why}; "
+                "remove it, or record without the disturbance"
+            )
+    unused = [key for key in ("window_s", "savgol_window", "resample_s") if getattr(conditioning, key)]
+    made = [
+        replace(
+            each,
+            columns={
+                name: condition_input(conditioning, name, values) if name in inputs else values
+                for name, values in each.columns.items()
+            },
+        )
+        for each in recordings
+    ]
+    notes = [f"{where}.{', '.join(unused)} not used: the search has a noise model of its own"] if unused else []
+    return tuple(made), tuple(notes)
+
+
+def shortened(plant: Plant, recordings: Sequence[Recording], rows: int) -> tuple[Recording, ...]:
+    """Cut every recording in the same proportion, so that all have `rows` rows together; short ones stay."""
+    total = sum(len(recording.time) for recording in recordings)
+    if total <= rows:
+        return tuple(recordings)
+    names = [signal.name for signal in plant.outputs]
+    cut = []
+    for recording in recordings:
+        keep = int(len(recording.time) * rows / total)
+        places = np.unique(np.linspace(0, len(recording.time) - keep, _PLACES).astype(int))
+        lively = [
+            sum(float(np.std(recording.columns[n][p : p + keep]) / np.std(recording.columns[n])) for n in names)
+            for p in places
+            if all(n in recording.columns and np.ptp(recording.columns[n]) > 0.0 for n in names)
+        ]
+        place = int(places[int(np.argmax(np.round(lively, 2)))]) if lively else 0
+        columns = {name: column[place : place + keep] for name, column in recording.columns.items()}
+        part = make_recording(recording.time[place : place + keep], columns, recording.source, recording.sha256)
+        cut.append(replace(part, hold=recording.hold))
+    return tuple(cut)

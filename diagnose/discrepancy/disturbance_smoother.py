@@ -1,0 +1,129 @@
+"""Locate a mismatch: latent torque and voltage by a smoother, and the spans where the nominal plant fits worst."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.search.found import Search
+from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import course_of, measured
+
+Array = NDArray[np.float64]
+
+SPANS = 3
+_WINDOW = 0.05  # s; spans shorter than that are not told apart
+_MOST_ROWS = 20_000  # a longer recording is smoothed up to here
+
+
+@dataclass(frozen=True, slots=True)
+class Latent:
+    """Smoothed states (n, s) of the nominal plant and the disturbance (n,) of each balance that explains the rest.
+
+    `kinds` are those of the balances; a disturbance is in N m, N, V or the flow's unit, positive where it drives.
+    """
+
+    time: Array
+    states: Array
+    disturbances: tuple[Array, ...]
+    kinds: tuple[str, ...]
+
+
+def nominal_plant(search: Search, candidate: Candidate) -> Plant:
+    """Return the plant without effects, with the nominal parameters of an explanation."""
+    values = candidate.fitted.point.values
+    parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in search.problem.plant.parameters)
+    return replace(search.problem.plant, parameters=parameters)
+
+
+def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:
+    """Smooth the nominal plant with a random-walk disturbance in every balance that the outputs can tell.
+
+    `noise` (r,) is the rms of each output. A Kalman filter with the stationary gain and the Rauch-Tung-Striebel
+    smoother that belongs to it; None where the equations do not allow one.
+    """
+    bare = linearize(plant)
+    balances = [each for each in plant.balances if each.state >= 0][: len(plant.outputs)]
+    if not balances or not all(np.all(np.isfinite(part)) for part in (bare.a, bare.b, bare.c)):
+        return None
+    constants = np.array([p.value for p in plant.parameters])[: plant.rate.numel_in(2)]
+    course = course_of(plant, recording)
+    drive, rows = course.drive[:_MOST_ROWS], min(len(course.drive), _MOST_ROWS)
+    states, extra, inputs = len(plant.states), len(balances), bare.b.shape[1]
+    size = states + extra
+    whole = np.zeros((size + inputs, size + inputs))
+    whole[:states, :states] = bare.a
+    for index, balance in enumerate(balances):
+        whole[balance.state, states + index] = float(balance.per(constants))
+    whole[:states, size:] = bare.b
+    moved = scipy.linalg.expm(whole * course.step)
+    step, push = moved[:size, :size], moved[:size, size:]
+    reading = np.concatenate([bare.c, np.zeros((len(bare.c), extra))], axis=1)
+    outputs = measured(plant, recording)[:rows]
+    spread = np.array([max(float(size), 1e-12) for size in noise])
+    walk = np.zeros(size)
+    gain = np.abs(reading @ step[:, states:]) / spread[:, None]
+    reach = np.maximum(np.max(gain, axis=0), 1e-30)
+    walk[states:] = 0.3 / reach  # a step in a disturbance shows within a few rows
+    covariance = np.diag(np.maximum(walk**2, 1e-18 * np.max(walk**2)))
+    try:
+        predicted = scipy.linalg.solve_discrete_are(step.T, reading.T, covariance, np.diag(spread**2))
+        inverse = np.linalg.inv(reading @ predicted @ reading.T + np.diag(spread**2))
+        kalman = predicted @ reading.T @ inverse
+        filtered = predicted - kalman @ reading @ predicted
+        back = filtered @ step.T @ np.linalg.inv(predicted)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    ahead, here = np.zeros((rows, size)), np.zeros((rows, size))
+    state = np.zeros(size)
+    state[:states] = np.linalg.lstsq(bare.c, outputs[0], rcond=None)[0]
+    forced = drive @ push.T
+    for row in range(rows):
+        ahead[row] = state
+        # The reading of row k comes before input k acts; a direct path is not corrected for.
+        here[row] = state + kalman @ (outputs[row] - reading @ state)
+        state = step @ here[row] + forced[row]
+    for row in range(rows - 2, -1, -1):
+        here[row] += back @ (here[row + 1] - ahead[row + 1])
+    kinds = tuple(balance.kind for balance in balances)
+    return Latent(course.time[:rows], here[:, :states], tuple(here[:, states + k] for k in range(extra)), kinds)
+
+
+def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tuple[float, float], ...], float]:
+    """Return the output that fits worst, the spans (s) of the first train recording where, and their rms over noise.
+
+    `noises` are of what nothing is missing from, one an output.
+    """
+    problem, nominal = search.problem, search.nominal
+    left = nominal.fitted.residuals[0]
+    each = np.column_stack([noise.whiten(left[:, k]) for k, noise in enumerate(noises)])
+    for k, noise in enumerate(noises):
+        each[: len(noise.coefficients), k] = 0.0  # no past to whiten by
+    worst = int(np.argmax(np.sum(each**2, axis=0)))
+    time = problem.train[0].time
+    step = float(np.median(np.diff(time)))
+    width = max(int(_WINDOW / step), 3)
+    power = scipy.ndimage.uniform_filter1d(each[:, worst] ** 2, width)
+    spans: list[tuple[float, float]] = []
+    open_power = power.copy()
+    level = 0.3 * float(np.max(power))
+    for _ in range(SPANS):
+        peak = int(np.argmax(open_power))
+        if open_power[peak] <= max(level, 0.0):
+            break
+        low = high = peak
+        while low > 0 and open_power[low - 1] > 0.5 * power[peak]:
+            low -= 1
+        while high + 1 < len(power) and open_power[high + 1] > 0.5 * power[peak]:
+            high += 1
+        spans.append((float(time[low]), float(time[high])))
+        open_power[max(low - width, 0) : high + width] = 0.0
+    return problem.plant.outputs[worst].name, tuple(sorted(spans)), float(np.sqrt(np.max(power)))

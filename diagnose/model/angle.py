@@ -1,0 +1,81 @@
+"""Which angle waves per turn follow: the simulated one, or the recorded one without what its sensor does to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.model.fit import evidence, fit, fit_starts, own_evidence
+from firmloop.diagnose.model.hypothesis import Problem, turning
+from firmloop.diagnose.policy import STEPS_OF_A_FIT
+
+Array = NDArray[np.float64]
+
+_TOLD = ("position_rad", "speed_rad_s")  # what tells an angle, the first before the second
+
+
+def follows_record(problem: Problem, nominal: Candidate) -> bool:
+    """Tell whether waves per turn had better follow the recorded angle than the simulated one.
+
+    A recorded position always; the integral of a recorded speed where the simulated angle is further from it than the
+    noise of the speed can bring it.
+    """
+    for recording, residual in zip(problem.train, nominal.fitted.residuals, strict=True):
+        if "position_rad" in recording.columns:
+            return True
+        for index, signal in enumerate(problem.plant.outputs):
+            if signal.name == "speed_rad_s":
+                step = float(np.median(np.diff(recording.time)))
+                drift = np.cumsum(residual[:, index]) * step
+                walk = float(np.median(np.abs(np.diff(residual[:, index])))) * step * np.sqrt(len(residual))
+                if float(np.std(drift)) > walk:
+                    return True
+    return False
+
+
+def strayed(problem: Problem, candidate: Candidate) -> Mapping[int, Array]:
+    """Return how far recorded angles (n,) are off by what was found of their sensor and of the clock; none by nothing.
+
+    Of an angle that is the integral of a speed that sensor is the speed's.
+    """
+    names = [signal.name for signal in problem.plant.outputs]
+    told = next((name for name in _TOLD if name in problem.train[0].columns), None)
+    point = candidate.fitted.point
+    wrong = {
+        key
+        for term in candidate.fitted.terms
+        for key in term.keys
+        if term.output == told or term.effect.place == "timing"
+    }
+    if told not in names or not wrong:
+        return {}
+    bare = {key: value for key, value in point.values.items() if key not in wrong}
+    starts = (*point.starts, *fit_starts(problem, problem.test, point.values, candidate.noises).starts)
+    found = {}
+    for recording, start in zip((*problem.train, *problem.test), starts, strict=True):
+        seen, true = (
+            problem.engine.simulate(recording, each, start)[:, names.index(told)] for each in (point.values, bare)
+        )
+        off = np.nan_to_num(seen - true)
+        found[id(recording)] = (
+            off if told == _TOLD[0] else scipy.integrate.cumulative_trapezoid(off, recording.time, initial=0.0)
+        )
+    return found
+
+
+def lost_count(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether the newest effect only makes up for what the integral of a noisy speed has lost.
+
+    Without it, waves that follow the simulated angle explain the train recordings as well.
+    """
+    angles = any("position_rad" in recording.columns for recording in problem.train)
+    if not problem.engine.recorded or angles or not turning(base.fitted.terms):
+        return False
+    problem.engine.follow(False)
+    other = fit(problem, problem.train, base.fitted.terms, base.fitted.point, base.noises, STEPS_OF_A_FIT)
+    problem.engine.follow(True)
+    return own_evidence(problem, other) <= evidence(candidate.fitted, candidate.noises)

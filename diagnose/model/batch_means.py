@@ -1,0 +1,146 @@
+"""Tell a load that lasts from a slow disturbance: by how much its average differs from batch to batch.
+
+The noise models of outputs are short: a disturbance of a moment's memory, integrated to a place, looks like a load to
+them. Over batches far longer than its memory it averages out, and the means of batches tell how well (batch means;
+Fishman, Management Science 24 (1978) 510-521).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.candidate import elsewhere, without
+from firmloop.diagnose.model.fit import Fitted, deviations, widened
+from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem, searched
+from firmloop.diagnose.model.sandwich_covariance import batches, pushed, sizes_of
+from firmloop.identify.fitting.noise import Noise, colored
+
+Array = NDArray[np.float64]
+
+_CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
+_PULLED = 5.0  # the same of what pulls by where it is
+FEW = 500.0  # drop of BIC that such an average may bring
+_BATCHES = 12  # of each recording
+_WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
+
+
+def deviation(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
+    """Return the standard deviation of a load or an offset that slow disturbances leave it; 0 where none is told."""
+    means = _means(problem, fitted, noises, term)
+    if means is None:
+        return 0.0
+    moments = [fitted.point.values[key] for key in term.keys if key.endswith(MOMENT)]
+    first = min(moments, default=-np.inf)
+    late = np.concatenate([batches(recording, _BATCHES) >= first for recording in problem.train])
+    parts = [part for part in (np.sum(late), np.sum(~late)) if part]
+    return float(np.std(np.concatenate(means), ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
+
+
+def times_chance(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
+    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told.
+
+    What stays the same is there on unseen recordings, too.
+    """
+    if term.effect.slow and not term.effect.lasting and term.effect.place == "torque" and colored(noises):
+        return _times_pull(problem, fitted, noises, term)
+    value, spread = fitted.point.values[term.keys[0]], deviation(problem, fitted, noises, term)
+    if spread > 0.0 and problem.test and not searched(term):
+        means = _means(*elsewhere(problem, fitted, noises), noises, term)
+        if means is not None:
+            count, more = _BATCHES * len(problem.train), np.concatenate(means)
+            share = len(more) / (count + len(more))
+            value = value + share * float(np.mean(more))
+            spread = float(np.hypot((1.0 - share) * spread, share * np.std(more, ddof=1) / np.sqrt(len(more))))
+    return abs(value) / spread if spread > 0.0 else np.inf
+
+
+def _means(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> list[Array] | None:
+    """Return the load, or offset, that is left in every batch of each recording; None where none is told."""
+    if not term.effect.lasting or not colored(noises):
+        return None
+    found = []
+    for index, residual in enumerate(fitted.residuals):
+        told = _by_batches(problem, fitted, noises, term, index, (residual,))
+        if told is None:
+            return None
+        found.append(told[0][0])
+    return found
+
+
+def _times_pull(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
+    """Return how many deviations an effect's loads by batches are; infinite where those are not what it does."""
+    pulls, means = [], []
+    bare = without(fitted, term)[1].values
+    for index, recording in enumerate(problem.train):
+        start = fitted.point.starts[index]
+        values = (fitted.point.values, bare)
+        one, other = (problem.engine.simulate(recording, each, start) for each in values)
+        done = np.nan_to_num(one - other)
+        found = _by_batches(problem, fitted, noises, term, index, (done, fitted.residuals[index]))
+        if found is None or found[0][1] > _WITHIN:
+            return np.inf
+        pulls.append(found[0][0])
+        means.append(found[1][0])
+    spread = float(np.std(np.concatenate(means), ddof=1))
+    return float(np.linalg.norm(np.concatenate(pulls))) / spread if spread > 0.0 else np.inf
+
+
+def accidental(term: LibraryTerm, times: float, gain: float) -> bool:
+    """Tell whether a term of so many deviations by batches may be no more than the average of a slow disturbance.
+
+    `gain` is the drop of BIC it brought: where it is large, what batches differ by may be other physics.
+    """
+    return gain < FEW and times < (_CHANCE if term.effect.lasting else _PULLED)
+
+
+def by_chance(
+    problem: Problem, fitted: Fitted, noises: Sequence[Noise], terms: Iterable[LibraryTerm], gain: float
+) -> bool:
+    """Tell whether one of the terms, which brought `gain` together, may be such an average."""
+    return gain < FEW and any(accidental(term, times_chance(problem, fitted, noises, term), gain) for term in terms)
+
+
+def with_lasting(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Widen deviations of loads and offsets to what slow disturbances leave, of limits to what rounding does."""
+    told = deviations(replace(fitted, wider=None))
+    least = {
+        term.keys[0]: max(deviation(problem, fitted, noises, term), _rounded(term))
+        for term in fitted.terms
+        if term.keys
+    }
+    factors = [
+        least[each.name] / told[each.name] if each.name in least and told[each.name] > 0.0 else 1.0
+        for each in fitted.coordinates
+    ]
+    return widened(fitted, np.array(factors))
+
+
+def _rounded(term: LibraryTerm) -> float:
+    """Return the standard deviation that rounding leaves of the limit at which readings rest; 0 where none do.
+
+    All are rounded alike there: no number of them tells more.
+    """
+    there = term.output is not None and term.effect.limits and term.scales.rested > 0.0
+    return (term.scales.output - term.scales.rested) / float(np.sqrt(12.0)) if there else 0.0
+
+
+def _by_batches(
+    problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm, index: int, seen: Iterable[Array]
+) -> list[tuple[Array, float]] | None:
+    """Return for each of `seen` (n, r) the load, or offset, of every batch that makes it, and the share it leaves."""
+    begins = batches(problem.train[index], _BATCHES)
+    moves = pushed(problem, fitted, index, begins) if term.output is None else _offsets(problem, term, index, begins)
+    return None if moves is None else sizes_of(problem, fitted, noises, index, moves, seen)
+
+
+def _offsets(problem: Problem, term: LibraryTerm, index: int, begins: Array) -> Array:
+    """Return what an offset of one in each batch alone does to the outputs (n, r, batches)."""
+    rows = problem.train[index].time
+    found = np.zeros((len(rows), len(problem.plant.outputs), len(begins)))
+    batch = np.searchsorted(begins, rows, side="right") - 1
+    found[np.arange(len(rows)), [signal.name for signal in problem.plant.outputs].index(str(term.output)), batch] = 1.0
+    return found

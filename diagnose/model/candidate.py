@@ -1,0 +1,270 @@
+"""A Candidate: one explanation that was fitted to the end, and what makes one better than another."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, outputs_of
+from firmloop.diagnose.policy import ON_BOUND
+from firmloop.identify.fitting.noise import Noise, colored, memory
+from firmloop.identify.plants.effects import effects, find_effect
+
+Array = NDArray[np.float64]
+
+TIE = 10.0  # explanations closer than this in BIC are not told apart
+RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
+MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
+IMPOSSIBLE = 1e9  # the score of what cannot be
+_WIDER = 1.1  # ratio of residual rms from which an explanation is none
+_SHARPER = 0.75  # ratio of innovation rms, from which an explanation is one however its simulations stray
+_TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
+_FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a disturbance
+_STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
+_CLOSER = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
+HELD = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
+_ABSURD = 1e3  # ratio of costs from which initial states are none
+_FAINT = 5e-7  # of what an output moves, rms: what simulations by other steps differ by
+_CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One explanation with the noise it leaves."""
+
+    fitted: Fitted
+    noises: tuple[Noise, ...]
+    score: float  # BIC on train, and -2 log likelihood on test
+
+
+def rated(problem: Problem, fitted: Fitted) -> Candidate:
+    """Score by each output's own innovations on train and, with that noise, on test.
+
+    Where an effect has values that are not its own, that is no explanation.
+    """
+    noises = noises_of(problem, fitted.residuals)
+    if not believable(fitted):
+        return Candidate(fitted, noises, IMPOSSIBLE)
+    return Candidate(fitted, noises, evidence(fitted, noises) + unseen(problem, fitted, noises))
+
+
+def believable(fitted: Fitted) -> bool:
+    """Tell whether every effect has values that are its own, none on a bound: that one only stands for another."""
+    return not any(on_bound(fitted, term) for term in fitted.terms) and all(
+        term.effect.believable is None
+        or term.effect.believable([fitted.point.values[key] for key in term.keys], term.scales)
+        for term in fitted.terms
+    )
+
+
+def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:
+    """Tell whether a value of an effect ended where its range does."""
+    for key, each in zip(term.keys, term.parameters, strict=True):
+        value = fitted.point.values[key]
+        if value <= each.low or (np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high)):
+            return True
+    return False
+
+
+def unseen(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> float:
+    """Return -2 log likelihood of the test recordings but for a constant; only initial states and noise are fitted.
+
+    The noise is estimated anew, as on train: where a plant sums up disturbances, the noise of one recording is too
+    sharp a model for another, and the better an explanation the sharper.
+    """
+    if not problem.test:
+        return 0.0
+    residuals = unseen_residuals(problem, fitted, noises)
+    if any(np.any(np.isnan(residual)) for residual in residuals):
+        return IMPOSSIBLE
+    return unlikely(problem, residuals)
+
+
+def unlikely(problem: Problem, residuals: Sequence[Array]) -> float:
+    """Return -2 log likelihood of residuals (n, r) with their own noise, but for a constant; 0 of none."""
+    rows = sum(len(residual) for residual in residuals)
+    return sum(noise.unlikely(rows) for noise in noises_of(problem, residuals)) if residuals else 0.0
+
+
+def unseen_residuals(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
+    """Return measured - simulated (n, r) of every test recording."""
+    return elsewhere(problem, fitted, noises)[1].residuals
+
+
+def elsewhere(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Problem, Fitted]:
+    """Return the problem of the test recordings, and an explanation there, only its initial states fitted."""
+    point = fit_starts(problem, problem.test, fitted.point.values, noises)
+    residuals = tuple(residual_of(problem, recording, point, k) for k, recording in enumerate(problem.test))
+    return replace(problem, train=problem.test, test=()), replace(fitted, point=point, residuals=residuals)
+
+
+def memories(residuals: Sequence[Array]) -> Array:
+    """Return how many rows of each output's residuals (n, r) count as one sample (r,)."""
+    return np.array([memory([part[:, index] for part in residuals]) for index in range(residuals[0].shape[1])])
+
+
+def by_luck(residuals: Sequence[Array]) -> Array:
+    """Return the factor (r,) by which the rms of each output's residuals may be larger by chance.
+
+    That of n independent samples is known to 1 / sqrt(2 n) of itself. NaN after a divergence.
+    """
+    rows = sum(map(len, residuals))
+    return np.asarray(1.0 + _CHANCE * np.sqrt(0.5 * memories(residuals) / rows))
+
+
+def larger(candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
+    pairs = list(zip(candidate.noises, base.noises, strict=True))
+    if any(mine.scale <= _SHARPER * theirs.scale or mine.rms <= theirs.rms for mine, theirs in pairs):
+        return False
+    lucky = by_luck(candidate.fitted.residuals)
+    return any(mine.rms > max(_WIDER, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
+
+
+def farther(candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether simulations of some output are farther off than there, however well innovations foresee each row."""
+    return any(mine.rms > _WIDER * theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
+
+
+def tells(candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether an explanation is better on train alone, where it was fitted: unseen recordings only confirm.
+
+    Beside other effects by a share of the whole gain at least: where those are chaotic, any change helps somewhere.
+    """
+    gain = evidence(base.fitted, base.noises) - evidence(candidate.fitted, candidate.noises)
+    return gain > (_TOLD * (base.score - candidate.score) if base.fitted.terms else 0.0)
+
+
+def faint(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether all that a candidate changes is so little of what each output moves that it may be rounding."""
+    measured = np.concatenate([outputs_of(problem, recording) for recording in problem.train])
+    pairs = zip(candidate.fitted.residuals, base.fitted.residuals, strict=True)
+    changed = rms_of([mine - theirs for mine, theirs in pairs])
+    return bool(np.all(changed < _FAINT * np.ptp(measured, axis=0)))
+
+
+def creeps(term: LibraryTerm, values: Mapping[str, float]) -> bool:
+    """Tell whether an effect may look like a slow disturbance; a wave that hardly repeats in the whole way does."""
+    periods = {".periods_per_rev": term.scales.travel / (2.0 * np.pi), ".periods_per_m": term.scales.travel}
+    waves = [values[key] * way for ending, way in periods.items() for key in term.keys if key.endswith(ending)]
+    return term.effect.slow or min(waves, default=np.inf) < _FEW_PERIODS
+
+
+def rms_of(residuals: Sequence[Array]) -> Array:
+    """Return the rms (r,) of residuals (n, r) of several recordings, output by output."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)))
+
+
+def residual_sizes(residuals: Sequence[Array]) -> tuple[float, ...]:
+    """Return the rms of every output's residuals as a noise model takes it: more than zero."""
+    return tuple(max(float(size), 1e-30) for size in rms_of(residuals))
+
+
+def relative(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
+    """Return the rms of residuals (n, r) over the sizes (r,) of the noise, over all outputs."""
+    return float(np.sqrt(np.mean((np.concatenate(residuals) / np.asarray(sizes)) ** 2)))
+
+
+def contradicted(problem: Problem, candidate: Candidate, nominal: Candidate) -> bool:
+    """Tell whether unseen recordings are missed by far more than the white noise that train leaves.
+
+    Not where nearly all that the nominal plant misses of them is explained.
+    """
+    if not problem.test or colored(candidate.noises):
+        return False
+    sizes = [noise.rms for noise in candidate.noises]
+    after, refit = (
+        relative(unseen_residuals(problem, each.fitted, candidate.noises), sizes) for each in (candidate, nominal)
+    )
+    return not (after < _STRANGE or after < HELD * refit)
+
+
+def closer(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether simulations come far closer to some output, the unseen ones too: that is no trace."""
+    train = [one.rms / other.rms for one, other in zip(candidate.noises, base.noises, strict=True)]
+    if not min(train) < _CLOSER[0] or not problem.test:
+        return False
+    powers = [
+        np.mean(np.concatenate(unseen_residuals(problem, each.fitted, each.noises)) ** 2, axis=0)
+        for each in (candidate, base)
+    ]
+    return bool(np.any((np.array(train) < _CLOSER[0]) & (powers[0] < _CLOSER[1] ** 2 * powers[1])))
+
+
+def joined(base: Fitted, term: LibraryTerm) -> tuple[tuple[LibraryTerm, ...], Mapping[str, float]]:
+    """Return the terms of a hypothesis with one more and the values they keep; a simpler one gives way."""
+    kept, point = without(base, *(each for each in base.terms if each.effect.name in term.effect.contains))
+    return (*kept, term), point.values
+
+
+def extended(base: Fitted, term: LibraryTerm, start: Mapping[str, float]) -> tuple[tuple[LibraryTerm, ...], Point]:
+    """Add a term at its start to a hypothesis; a simpler one that it contains gives way."""
+    terms, values = joined(base, term)
+    return terms, Point(entered(values, term, start), base.point.starts)
+
+
+def without(base: Fitted, *gone: LibraryTerm) -> tuple[tuple[LibraryTerm, ...], Point]:
+    """Take terms out of a hypothesis; an inertia that one had taken goes back to the nominal one."""
+    lost = {key for term in gone for key in term.keys}
+    values = {key: value for key, value in base.point.values.items() if key not in lost}
+    for load, held in (term.taken for term in gone if term.taken is not None):
+        values[held] += base.point.values[load]
+    return tuple(term for term in base.terms if term not in gone), Point(values, base.point.starts)
+
+
+def relieved(
+    problem: Problem, base: Fitted, gone: LibraryTerm, noises: Sequence[Noise]
+) -> tuple[tuple[LibraryTerm, ...], Point]:
+    """Take a term out; where initial states alone do what it did, as what an offset does, they have moved there.
+
+    So they have where it had hidden what they are: a current of a million amperes behind iron that saturates.
+    """
+    terms, point = without(base, gone)
+    taken = fit_starts(problem, problem.train, point.values, noises)
+    now, then = (
+        fit(problem, problem.train, *each, noises, 0).cost for each in ((base.terms, base.point), (terms, taken))
+    )
+    if then - now < RICHER or not fit(problem, problem.train, terms, point, noises, 0).cost < _ABSURD * then:
+        return terms, taken
+    return terms, point
+
+
+def containing(name: str) -> tuple[str, ...]:
+    """Return the effects that have the one called `name` as a special case."""
+    return tuple(rich.name for rich in effects().values() if name in rich.contains)
+
+
+def related(name: str) -> tuple[str, ...]:
+    """Return what the effect called `name` has as a special case, and what has it as one."""
+    return (*find_effect(name).contains, *containing(name))
+
+
+def contain(some: Collection[str], others: Collection[str]) -> bool:
+    """Tell whether one of the first effects has one of the others as a special case."""
+    return any(other in find_effect(name).contains for name in some for other in others)
+
+
+def simplest(candidates: Sequence[Candidate], without: float, least: float = RICHER) -> Candidate:
+    """Return the best; a simpler one that it contains wins where the richer one gains less than `least` beside it.
+
+    `without` is the score without either.
+    """
+    chosen = candidates[0]
+    for other in candidates[1:]:
+        last, rest = chosen.fitted.terms[-1].effect, other.fitted.terms[-1].effect
+        if rest.name in last.contains and not richer(chosen, other, without - other.score, least):
+            chosen = other
+    return chosen
+
+
+def richer(candidate: Candidate, simpler: Candidate, gain: float, least: float = RICHER) -> bool:
+    """Tell whether an effect wins enough over the simpler one that it contains, which had won `gain`.
+
+    Also on train alone: its further parameters have to tell there, where they were fitted.
+    """
+    return tells(candidate, simpler) and simpler.score - candidate.score >= max(least, MINOR * gain)

@@ -1,0 +1,305 @@
+"""Descend in a sum of whitened squares: damped steps, each brought back into its valley before it is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of
+from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_FAR = 1e9  # times the noise: what a diverged simulation counts, more than any other
+_ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
+_WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
+PATIENCE = 10.0  # million steps of simulation for one fit: stiff corners of some effects simulate very slowly
+_FIRST, _LEAST = 1e-3, 1e-10  # damping, in units of each coordinate's own information
+_UNDAMPED = 1e-8  # damping that holds no valley back
+_TRIES, _FEW_TRIES = 6, 2  # dampings of a step; and after one that gained little
+_EXACT = 8  # steps of a fit that is taken to its end
+_HELD = 0.02  # damping that holds a valley back, from which slopes for initial states have to be exact
+_BACK = 8  # corrections of a step
+_CLOSER = 0.5  # share of what a step costs too much, that a correction may leave
+_MOST = 3.0  # change of a coordinate by one step
+_KEPT = 16  # slopes for initial states
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point with what it leaves: `cost` counts the whitened residuals (n, r) of each recording, `pull` the tether."""
+
+    point: Point
+    cost: float
+    pull: float
+    residuals: tuple[Array, ...]
+
+    @property
+    def whole(self) -> float:
+        """What a descent lowers."""
+        return self.cost + self.pull
+
+    @property
+    def finite(self) -> bool:
+        """Whether no simulation has diverged."""
+        return not any(np.any(np.isnan(part)) for part in self.residuals)
+
+
+@dataclass(frozen=True, slots=True)
+class SumOfSquares:
+    """What is fitted to what: coordinates (k,) and an initial state (s,) of every recording.
+
+    `tether` holds rows [weights over the coordinates, aim] of what is known beforehand, in standard deviations.
+    """
+
+    problem: Problem
+    recordings: Sequence[Recording]
+    unknowns: Sequence[Unknown]
+    noises: Sequence[Noise]
+    tether: Array
+
+    def at(self, point: Point) -> Place:
+        """Simulate every recording at a point."""
+        residuals = tuple(residual_of(self.problem, each, point, k) for k, each in enumerate(self.recordings))
+        cost = 0.0
+        for part in residuals:
+            if np.any(np.isnan(part)):
+                cost += _FAR**2 * part.size
+            else:
+                cost += float(np.sum(whitened(part, self.noises) ** 2))
+        return Place(point, cost, self.pull(point), residuals)
+
+    def pull(self, point: Point) -> float:
+        """Return how far a point is from what is known beforehand, squared."""
+        return float(np.sum(self._tied(point) ** 2))
+
+    def moved(self, point: Point, step: Array) -> Point:
+        """Return the point a step (k + s w,) of all unknowns away; bounds hold by stopping at them."""
+        count, states = len(self.unknowns), len(self.problem.engine.states)
+        values = dict(point.values)
+        for each, place in zip(self.unknowns, self._inner(point) + step[:count], strict=True):
+            values[each.name] = each.outer(float(place))
+        return Point(
+            values,
+            tuple(start + step[count + states * k : count + states * (k + 1)] for k, start in enumerate(point.starts)),
+        )
+
+    def slopes(self, place: Place, own: Sequence[Array] | None = None) -> tuple[Array, ...]:
+        """Return the whitened slopes (q, k + s) of every recording; none of one that has diverged."""
+        found = []
+        for k, (recording, residual) in enumerate(zip(self.recordings, place.residuals, strict=True)):
+            if np.any(np.isnan(residual)):
+                found.append(np.zeros((0, len(self.unknowns) + len(self.problem.engine.states))))
+            else:
+                known = None if own is None else own[k]
+                tall = slopes_of(self.problem, recording, self.unknowns, place.point, k, residual, known)
+                found.append(whitened(tall, self.noises))
+        return tuple(found)
+
+    def start_slopes(self, point: Point, exact: bool = False) -> list[Array]:
+        """Return d output / d initial state (n, r, s) of every recording, as `start_slopes` does."""
+        return [start_slopes(self.problem, each, point, k, exact) for k, each in enumerate(self.recordings)]
+
+    def restarted(self, slopes: Sequence[Array], place: Place) -> tuple[Array, ...]:
+        """Return whitened slopes with those for initial states as they are at a place."""
+        count, found = len(self.unknowns), []
+        for flat, own in zip(slopes, self.start_slopes(place.point, exact=True), strict=True):
+            flat = flat.copy()
+            flat[:, count:] = whitened(np.nan_to_num(own), self.noises)[: len(flat)]
+            found.append(flat)
+        return tuple(found)
+
+    def promised(self, slopes: Sequence[Array], place: Place) -> float:
+        """Return how much a step without damping would lower the cost if all were linear."""
+        pulled = self.descent(slopes, place)
+        return float(pulled @ solved(self.normal(slopes), pulled, 0.0))
+
+    def normal(self, slopes: Sequence[Array]) -> Array:
+        """Return J'J (k + s w, same), the tether's with it."""
+        count, weights = len(self.unknowns), self.tether[:, :-1]
+        size = count + len(self.problem.engine.states) * len(slopes)
+        total = np.zeros((size, size))
+        for k, flat in enumerate(slopes):
+            total[np.ix_(self._places(k), self._places(k))] += flat.T @ flat
+        total[:count, :count] += weights.T @ weights
+        return total
+
+    def descent(self, slopes: Sequence[Array], place: Place) -> Array:
+        """Return -J'r (k + s w,): where the cost falls from a place, with slopes taken there or near it."""
+        count = len(self.unknowns)
+        total = np.zeros(count + len(self.problem.engine.states) * len(slopes))
+        for k, flat in enumerate(slopes):
+            if len(flat):
+                total[self._places(k)] += flat.T @ whitened(place.residuals[k], self.noises)
+        total[:count] -= self.tether[:, :-1].T @ self._tied(place.point)
+        return total
+
+    def spread_out(self, k: int, own: Array) -> Array:
+        """Return rows (k + s, ...) of the coordinates and one recording's initial state at their places in all."""
+        total = np.zeros((len(self.unknowns) + len(self.problem.engine.states) * len(self.recordings), *own.shape[1:]))
+        total[self._places(k)] = own
+        return total
+
+    def _places(self, k: int) -> NDArray[np.intp]:
+        count, states = len(self.unknowns), len(self.problem.engine.states)
+        return np.concatenate([np.arange(count), count + states * k + np.arange(states)])
+
+    def _inner(self, point: Point) -> Array:
+        neutral = self.problem.engine.neutral
+        return np.array([each.inner(point.values.get(each.name, neutral[each.name])) for each in self.unknowns])
+
+    def _tied(self, point: Point) -> Array:
+        return np.asarray(self.tether[:, :-1] @ self._inner(point) - self.tether[:, -1])
+
+
+def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float = PATIENCE) -> tuple[Place, Array]:
+    """Search from `begin` as Levenberg (1944) and Marquardt (1963); return the place and J'J of the slopes taken last.
+
+    Where some combinations of coordinates are known far better than others, a long step along what is hardly known
+    leaves a curved valley. Before such a step is damped it is corrected with the slopes it was made with, as chords in
+    Newton's method (Shamanskii 1967), as long as that leads back. Damping holds just these combinations back, so that
+    a descent is not at its end while it is damped. No step begins after `patience` (million steps of simulation).
+    """
+    place = squares.at(begin)
+    until = squares.problem.engine.steps + patience
+    own: list[Array] | None = squares.start_slopes(begin)  # for a few steps
+    damping, tries = _FIRST, _TRIES
+    normal: Array | None = None
+    begun: tuple[Array, ...] | None = None
+    rough = steps >= _EXACT and squares.problem.engine.engine.equations is None  # see start_slopes
+    for _ in range(steps):
+        if squares.problem.engine.steps > until:
+            break
+        slopes = begun or squares.slopes(place, own or squares.start_slopes(place.point, exact=True))
+        normal, begun = squares.normal(slopes), None
+        lower = None
+        for _ in range(tries):
+            lower = _lower(squares, place, slopes, normal, damping)
+            if lower is not None:
+                break
+            damping = max(damping * 8.0, 1e-6)
+        little = lower is None or place.whole - lower.whole < max(_WORTH, _ENOUGH * place.cost)
+        place = lower or place
+        if own and rough and (little or damping > _HELD):
+            own, damping, tries = None, _FIRST, _TRIES
+            begun = squares.restarted(slopes, place)
+            if little and squares.promised(begun, place) < max(_WORTH, _ENOUGH * place.cost):
+                break
+            continue
+        if lower is None or (little and damping < _UNDAMPED):
+            break
+        damping, tries = (damping / 1e3, _FEW_TRIES) if little else (damping / 6.0, _TRIES)
+        damping = max(damping, _LEAST)
+    return place, squares.normal(squares.slopes(place, own)) if normal is None else normal
+
+
+def _lower(squares: SumOfSquares, place: Place, slopes: Sequence[Array], normal: Array, damping: float) -> Place | None:
+    """Return a place that costs less, a damped step and its corrections away; None where they do not lead there."""
+    trial, worse = place, np.inf
+    for _ in range(_BACK + 1):
+        step = solved(normal, squares.descent(slopes, trial), damping)
+        step[: len(squares.unknowns)] = np.clip(step[: len(squares.unknowns)], -_MOST, _MOST)
+        trial = squares.at(squares.moved(trial.point, step))
+        if trial.whole < place.whole:
+            return trial
+        if not trial.finite or trial.whole - place.whole > _CLOSER * worse:
+            break
+        worse = trial.whole - place.whole
+    return None
+
+
+def solved(normal: Array, pulled: Array, damping: float) -> Array:
+    """Return the damped step; what no slope tells stays."""
+    sizes = np.sqrt(np.maximum(np.diag(normal), 0.0))
+    live = sizes > 1e-9
+    step = np.zeros(len(pulled))
+    scaled = normal[np.ix_(live, live)] / np.outer(sizes[live], sizes[live])
+    scaled = scaled + (damping + 1e-12) * np.eye(int(live.sum()))
+    step[live] = np.linalg.lstsq(scaled, pulled[live] / sizes[live], rcond=1e-13)[0] / sizes[live]
+    return step
+
+
+def residual_of(problem: Problem, recording: Recording, point: Point, index: int) -> Array:
+    """Return measured - simulated (n, r) of one recording; a diverged simulation counts as far off.
+
+    Rows that are read when the input is no longer recorded count as those before them, in reverse.
+    """
+    simulated = problem.engine.simulate(recording, dict(point.values), point.starts[index])
+    left = outputs_of(problem, recording) - simulated
+    unfed = min(problem.engine.unfed(recording, point.values), len(left) // 2)
+    if unfed:
+        left[-unfed:] = left[-2 * unfed : -unfed][::-1]
+    return left if np.all(np.isfinite(left)) else np.full_like(left, np.nan)
+
+
+def whitened(values: Array, noises: Sequence[Noise]) -> Array:
+    """Whiten (n, r, ...) output by output and stack to (n r, ...)."""
+    parts = [noise.whiten(values[:, index]) for index, noise in enumerate(noises)]
+    return np.concatenate(parts, axis=0)
+
+
+def slopes_of(
+    problem: Problem,
+    recording: Recording,
+    unknowns: Sequence[Unknown],
+    point: Point,
+    index: int,
+    residual: Array,
+    own: Array | None = None,
+) -> Array:
+    """Return d output / d (coordinates, initial state) (n, r, k + s) at a point that leaves `residual` (n, r).
+
+    `own` are those for the initial state, where they are known (see start_slopes).
+    """
+    own = start_slopes(problem, recording, point, index) if own is None else own
+    slopes = np.zeros((*residual.shape, len(unknowns)))
+    for place, each in enumerate(unknowns):
+        value = point.values.get(each.name, problem.engine.neutral[each.name])
+        inside = each.inner(value) + each.step * (1.0 if each.logarithmic else max(abs(value) / each.scale, 0.01))
+        moved = each.outer(inside)
+        if not moved > value:  # at its upper bound
+            moved = each.outer(2.0 * each.inner(value) - inside)
+        change = each.inner(moved) - each.inner(value)
+        if change != 0.0:
+            near = Point({**point.values, each.name: moved}, point.starts)
+            slopes[..., place] = (residual - residual_of(problem, recording, near, index)) / change
+    whole: Array = np.concatenate([slopes, own], axis=2)
+    return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def start_slopes(problem: Problem, recording: Recording, point: Point, index: int, exact: bool = False) -> Array:
+    """Return d output / d initial state (n, r, s).
+
+    Those of a linear plant are taken without effects, once: what an initial state does dies out soon, and a search that
+    accepts only what lowers the cost can do with that, but for its end, where `exact` ones are. In any other plant they
+    depend on where it goes, and a phase of the mains never dies out.
+    """
+    names = [f"start.{state}" for state in problem.engine.states]
+    if exact:
+        return _anchored(problem, recording, problem.engine.slopes(recording, point.values, names, point.starts[index]))
+    linear = problem.engine.engine.equations is None
+    values, start = ({}, full_start(problem, recording)) if linear else (point.values, point.starts[index])
+    key = (id(recording), tuple(sorted(values.items())), start.tobytes())
+    found = problem.memory.get(key)
+    if found is None:
+        while len(problem.memory) >= max(_KEPT, len(problem.train) + len(problem.test)):
+            problem.memory.pop(next(iter(problem.memory)))
+        found = problem.engine.slopes(recording, values, names, start)
+        problem.memory[key] = found = _anchored(problem, recording, found)
+    return found
+
+
+def _anchored(problem: Problem, recording: Recording, slopes: Array) -> Array:
+    """Hold the place where the first train recording begins if nobody measures it: all others count from there.
+
+    Not in equations of one's own, which may depend on it.
+    """
+    for index, state in enumerate(problem.engine.states):
+        unseen = state.startswith("position") and state not in recording.columns
+        if unseen and recording is problem.train[0] and problem.plant.kind != "ode":
+            slopes[..., index] = 0.0
+    return slopes

@@ -1,0 +1,220 @@
+"""Fit a hypothesis to recordings: whitened simulation-error least squares with every initial state free."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.descent import PATIENCE, SumOfSquares, descended, solved
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, Unknown, coordinates, full_start
+from firmloop.diagnose.model.torque_scale import near_given
+from firmloop.identify.fitting.noise import Noise, fit_noise
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_GIVEN = 0.3  # standard deviation of a nominal parameter as given, as a logarithm: it counts where data are silent
+_LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
+_SETTLED = 0.01  # of the cost: an initial state is there where a step changes no more
+_SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
+_NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A hypothesis at its best point; residuals are measured - simulated (n, r) per recording, in the outputs' units.
+
+    `normal` is J'J of the whitened slopes for (coordinates, initial states of each recording in turn). `wider` (k,) are
+    the factors by which deviations are larger than it says; None for 1.
+    """
+
+    terms: tuple[LibraryTerm, ...]
+    coordinates: tuple[Unknown, ...]
+    point: Point
+    residuals: tuple[Array, ...]
+    cost: float  # sum of squares of the residuals whitened by `noises`
+    noises: tuple[Noise, ...]
+    normal: Array
+    wider: Array | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects by name, in the order they were found."""
+        return tuple(term.effect.name for term in self.terms)
+
+
+def noises_of(problem: Problem, residuals: Sequence[Array]) -> tuple[Noise, ...]:
+    """Estimate every output's noise from what a fit left over."""
+    return tuple(
+        fit_noise([part[:, index] for part in residuals], float(problem.floors[index]))
+        for index in range(residuals[0].shape[1])
+    )
+
+
+def fit(
+    problem: Problem,
+    recordings: Sequence[Recording],
+    terms: Sequence[LibraryTerm],
+    begin: Point,
+    noises: Sequence[Noise],
+    steps: int,
+    patience: float = PATIENCE,
+    held: Collection[str] = (),
+) -> Fitted:
+    """Search from `begin` in a given number of steps; bounds hold by stopping at them.
+
+    No step begins after `patience` (million steps of simulation). What is `held` stays.
+    """
+    unknowns = tuple(each for each in coordinates(problem, terms, begin.values) if each.name not in held)
+    squares = SumOfSquares(problem, recordings, unknowns, noises, tethers(problem, unknowns))
+    place, normal = descended(squares, begin, steps, patience)
+    return Fitted(tuple(terms), unknowns, place.point, place.residuals, place.cost, tuple(noises), normal)
+
+
+def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Take a fit to its minimum by undamped steps, however little each is worth, and put `normal` there.
+
+    A search ends where a step gains less than the noise, which for parameters that trade with each other may be a
+    deviation away. Where contacts and kinks make slopes jump, one place may promise far more than others near it:
+    deviations are the largest that any of them tells.
+    """
+    unknowns, count = fitted.coordinates, len(fitted.coordinates)
+    squares = SumOfSquares(problem, problem.train, unknowns, noises, tethers(problem, unknowns))
+    place, normal = near_given(squares, squares.at(fitted.point)), fitted.normal
+    told = [variances(normal, count)]
+    for _ in range(_LAST_STEPS):
+        slopes = squares.slopes(place)
+        normal = squares.normal(slopes)
+        told.append(variances(normal, count))
+        step = solved(normal, squares.descent(slopes, place), 0.0)
+        step[:count] = np.clip(step[:count], -1.0, 1.0)
+        for share in (1.0, 0.3, 0.1):
+            trial = squares.at(squares.moved(place.point, share * step))
+            gain = place.whole - trial.whole
+            if gain > 0.0:
+                place = trial
+                break
+        if gain < _LAST_GAIN:
+            break
+    seen = told[-1] > 0.0
+    wider = np.sqrt(np.where(seen, np.max(told, axis=0), 1.0) / np.where(seen, told[-1], 1.0))
+    return Fitted(fitted.terms, unknowns, place.point, place.residuals, place.cost, tuple(noises), normal, wider)
+
+
+def cost_at(problem: Problem, fitted: Fitted, point: Point, noises: Sequence[Noise]) -> float:
+    """Return the cost of a fit's hypothesis at another point, tied to what is known beforehand."""
+    unknowns = fitted.coordinates
+    return SumOfSquares(problem, problem.train, unknowns, noises, tethers(problem, unknowns)).at(point).whole
+
+
+def moved(problem: Problem, fitted: Fitted, step: Array) -> Point:
+    """Return the point a step (k + s w,) of all unknowns away from a fit."""
+    return SumOfSquares(problem, problem.train, fitted.coordinates, (), np.zeros((0, 1))).moved(fitted.point, step)
+
+
+def variances(normal: Array, count: int) -> Array:
+    """Return the variances (k,) of the first `count` coordinates."""
+    return np.asarray(np.diag(inverse(normal))[:count])
+
+
+def strength(fitted: Fitted, term: LibraryTerm) -> float:
+    """Return how many deviations the first parameter stands from where it changes nothing."""
+    if not term.parameters:
+        return math.inf
+    deviation = deviations(fitted).get(term.keys[0], math.inf)
+    return abs(fitted.point.values[term.keys[0]]) / deviation if deviation > 0.0 else math.inf
+
+
+def deviations(fitted: Fitted) -> Mapping[str, float]:
+    """Return one standard deviation of every parameter, in its unit."""
+    spread = np.sqrt(np.maximum(variances(fitted.normal, len(fitted.coordinates)), 0.0))
+    met = np.diag(fitted.normal) > 1e-280
+    found = {}
+    for index, each in enumerate(fitted.coordinates):
+        inner = each.gradient(fitted.point.values.get(each.name, 0.0))
+        wider = 1.0 if fitted.wider is None else float(fitted.wider[index])
+        found[each.name] = float(spread[index] * abs(inner)) * wider if met[index] else math.inf
+    return found
+
+
+def widened(fitted: Fitted, factors: Array) -> Fitted:
+    """Return the fit with deviations at least `factors` (k,) times what `normal` says."""
+    return replace(fitted, wider=factors if fitted.wider is None else np.maximum(fitted.wider, factors))
+
+
+def inverse(normal: Array, least: float = 1e-12) -> Array:
+    """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates.
+
+    Combinations whose singular value is below `least` of the largest are taken to have none.
+    """
+    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=least) / np.outer(sizes, sizes))
+
+
+def tethers(problem: Problem, unknowns: Sequence[Unknown]) -> Array:
+    """Return rows [weights over the coordinates, aim] of what is known beforehand, in standard deviations."""
+    given = {p.name: p.value for p in problem.plant.parameters}
+    places = {each.name: index for index, each in enumerate(unknowns)}
+    rows = []
+    for each in unknowns:
+        if each.name in given and np.isfinite(given[each.name]):
+            row = np.zeros(len(unknowns) + 1)
+            row[places[each.name]] = 1.0 / (_GIVEN if each.logarithmic else 10.0)
+            row[-1] = row[places[each.name]] * each.inner(given[each.name])
+            rows.append(row)
+    ke, kt = given.get("ke_V_s_rad", 0.0), given.get("kt_N_m_A", 0.0)
+    if ke > 0.0 and kt > 0.0 and abs(np.log(kt / ke)) < _NEAR:
+        row = np.zeros(len(unknowns) + 1)
+        for name, sign, fixed in (("kt_N_m_A", 1.0, kt), ("ke_V_s_rad", -1.0, ke)):
+            if name in places:
+                row[places[name]] = sign / _SAME
+            else:
+                row[-1] -= sign * np.log(fixed) / _SAME
+        rows.append(row)
+    return np.array(rows).reshape(len(rows), len(unknowns) + 1)
+
+
+def fit_starts(
+    problem: Problem, recordings: Sequence[Recording], values: Mapping[str, float], noises: Sequence[Noise]
+) -> Point:
+    """Fit the initial states alone, from rest by Gauss-Newton steps, all but the first with exact slopes."""
+    starts = []
+    for recording in recordings:
+        squares = SumOfSquares(problem, [recording], (), noises, np.zeros((0, 1)))
+        place = squares.at(Point(values, (full_start(problem, recording),)))
+        for exact in (False, True, True, True):
+            slopes = squares.slopes(place, squares.start_slopes(place.point, exact=True) if exact else None)
+            normal, pulled = squares.normal(slopes), squares.descent(slopes, place)
+            trial = squares.at(squares.moved(place.point, solved(normal, pulled, 1e-9)))
+            if exact and not trial.cost < place.cost:
+                # What rests lets a speed look like a place: together they lead away, the place alone does not.
+                alone = np.diag(pulled / np.maximum(np.diag(normal), 1e-300))
+                trial = min((squares.at(squares.moved(place.point, step)) for step in alone), key=lambda one: one.cost)
+            gain = place.cost - trial.cost
+            if gain > 0.0:
+                place = trial
+            if exact and gain < _SETTLED * place.cost:
+                break
+        starts.append(place.point.starts[0])
+    return Point(values, tuple(starts))
+
+
+def own_evidence(problem: Problem, fitted: Fitted) -> float:
+    """Return the evidence of a fit with the noise it leaves."""
+    return evidence(fitted, noises_of(problem, fitted.residuals))
+
+
+def evidence(fitted: Fitted, noises: Sequence[Noise]) -> float:
+    """Return -2 log likelihood + BIC penalty; innovations have the variance that each output's noise model says.
+
+    Infinite for a simulation that has diverged.
+    """
+    rows = sum(len(part) for part in fitted.residuals)
+    own = sum(noise.unlikely(rows) for noise in noises)
+    unknowns = len(fitted.coordinates)
+    total = float(own + unknowns * np.log(rows * len(noises)))
+    return total if np.isfinite(total) else np.inf

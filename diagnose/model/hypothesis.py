@@ -1,0 +1,212 @@
+"""A Hypothesis: the nominal plant with some effects switched on, and the unknowns that follow from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.data.quantization import DIRECT, Direct
+from firmloop.diagnose.data.unwrap import unwrapped
+from firmloop.identify.plants.attach import all_uses, label_of, parameters_of, site_of
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
+from firmloop.identify.plants.effects import find_effect
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import measured, rest_start
+from firmloop.identify.simulation.superset import Superset, inertia_parameter, scales_of, superset
+
+Array = NDArray[np.float64]
+
+MOMENT = ".time_s"  # how the full name of a moment ends
+_COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
+_STEP = 1e-5  # of a coordinate, for difference quotients
+_FINE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
+_ROUGH_STEP = 3e-3  # the same where bodies meet: each time they meet a moment later, outputs move by a small leap
+_LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryTerm:
+    """One effect at one place: `output` is that of a sensor effect or the state of a flow effect, else None."""
+
+    effect: Effect
+    output: str | None
+    parameters: tuple[EffectParameter, ...]
+    keys: tuple[str, ...]  # full names of the parameters in the superset
+    taken: tuple[str, str] | None  # a second inertia, and the nominal parameter that held it before
+    scales: Scales  # sizes in the recordings, where the term acts
+
+    @property
+    def label(self) -> str:
+        """Name that tells the place too."""
+        return self.effect.name if self.output is None else f"{self.effect.name} of {self.output}"
+
+
+def _starts(plant: Plant, term: LibraryTerm) -> tuple[Mapping[str, float], ...]:
+    """Return the effect's own grid."""
+    grid = term.effect.starts(site_of(plant, term.effect, term.output), term.scales)
+    return tuple(dict(zip(term.keys, values, strict=True)) for values in grid)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A plant with its superset simulator, and the recordings it is held against."""
+
+    plant: Plant
+    engine: Superset
+    train: tuple[Recording, ...]
+    test: tuple[Recording, ...]
+    terms: tuple[LibraryTerm, ...]
+    starts: Mapping[str, tuple[Mapping[str, float], ...]]  # by LibraryTerm.label: points a fit begins from
+    floors: Array  # (r,) smallest noise rms the resolution of each output allows
+    memory: dict[tuple[object, ...], Array]  # what an initial state does to the outputs, see refit.start_slopes
+    direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
+
+    def term(self, name: str) -> LibraryTerm | None:
+        """Return the first term of that effect."""
+        return next((term for term in self.terms if term.effect.name == name), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """One unknown: a parameter by its full name, as its logarithm where it spans decades, in units of `scale`.
+
+    `step` is by how much of it a difference quotient moves it.
+    """
+
+    name: str
+    logarithmic: bool
+    low: float
+    high: float
+    scale: float
+    step: float
+
+    def inner(self, value: float) -> float:
+        """Return the coordinate of a value."""
+        return math.log(max(value, 1e-300)) if self.logarithmic else value / self.scale
+
+    def outer(self, inner: float) -> float:
+        """Return the value of a coordinate, inside its bounds."""
+        value = math.exp(min(max(inner, -600.0), 600.0)) if self.logarithmic else inner * self.scale
+        return min(max(value, self.low), self.high)
+
+    def gradient(self, value: float) -> float:
+        """Return d value / d coordinate."""
+        return value if self.logarithmic else self.scale
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Values of all parameters that are not neutral, and the initial state of every recording."""
+
+    values: Mapping[str, float]
+    starts: tuple[Array, ...]
+
+
+def make_problem(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], floors: Array) -> Problem:
+    """List every term the plant can have, and where a fit of each begins."""
+    train, test, direct = unwrapped(plant, train, test)
+    engine = superset(plant)
+    engine.hasten(_COARSE)
+    engine.follow(True)
+    sizes = cache(partial(scales_of, plant, train))
+    terms = []
+    for use in all_uses(plant):
+        effect = find_effect(use.name)
+        if effect.seen_by in DIRECT:
+            continue
+        site = site_of(plant, effect, use.output)
+        scales = sizes(site.output, site.balance)
+        if effect.possible is not None and not effect.possible(scales):
+            continue
+        parameters = tuple(_bounded(effect, each, scales) for each in parameters_of(plant, use.name, use.output))
+        label = label_of(plant, use)
+        keys = tuple(f"{label}.{each.name}" for each in parameters)
+        load = next((key for key, each in zip(keys, parameters, strict=True) if each.name == site.load), None)
+        held = None if load is None else inertia_parameter(plant, site.balance)
+        taken = None if load is None or held is None else (load, held)
+        terms.append(LibraryTerm(effect, use.output, parameters, keys, taken, scales))
+    terms.sort(key=lambda term: term.label)  # nothing may depend on the order of lines in a project
+    starts = {term.label: _starts(plant, term) for term in terms}
+    return Problem(plant, engine, tuple(train), tuple(test), tuple(terms), starts, floors, {}, direct)
+
+
+def _bounded(effect: Effect, parameter: EffectParameter, scales: Scales) -> EffectParameter:
+    """Narrow a parameter to what the recordings can tell.
+
+    A wave along a way has one period in it at least: a longer one is a spring or a load, which have names.
+    """
+    if parameter.name == "periods_per_m":
+        parameter = replace(parameter, low=max(parameter.low, 1.0 / scales.travel))
+    return parameter if effect.bounded is None else effect.bounded(parameter, scales)
+
+
+def entered(values: Mapping[str, float], term: LibraryTerm, start: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the values with a term at its start; an inertia that it adds is taken from the nominal one."""
+    whole = {**values, **start}
+    if term.taken is not None:
+        load, held = term.taken
+        whole[held] = max(values[held] - whole[load], _LEAST * values[held])
+    return whole
+
+
+def searched(term: LibraryTerm) -> bool:
+    """Tell whether a term has a moment, which may be that of the largest of many chances."""
+    return any(key.endswith(MOMENT) for key in term.keys)
+
+
+def turning(terms: Iterable[LibraryTerm]) -> bool:
+    """Tell whether there are waves along an angle among the terms."""
+    return any(key.endswith(".phase_rad") for term in terms for key in term.keys)
+
+
+def meeting(terms: Iterable[LibraryTerm]) -> bool:
+    """Tell whether there are bodies that meet among the terms."""
+    return any(term.effect.contact for term in terms)
+
+
+def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str, float]) -> tuple[Unknown, ...]:
+    """Return the unknowns of a hypothesis: the free nominal parameters, then those of its terms."""
+    found = []
+    step = _FINE_STEP if turning(terms) and not problem.engine.recorded else _STEP
+    if meeting(terms):
+        step = _ROUGH_STEP
+    for parameter in problem.plant.parameters:
+        if parameter.free:
+            value = at.get(parameter.name, parameter.value)
+            positive = parameter.low >= 0.0 and value > 0.0 and not _may_vanish(parameter.name)
+            size = max(abs(parameter.value), 1e-12)
+            found.append(Unknown(parameter.name, positive, parameter.low, parameter.high, size, step))
+    for term in terms:
+        for key, each in zip(term.keys, term.parameters, strict=True):
+            size = max((abs(start[key]) for start in problem.starts[term.label] if key in start), default=1.0)
+            found.append(Unknown(key, each.logarithmic, each.low, each.high, size or 1.0, step))
+    return tuple(found)
+
+
+def _may_vanish(name: str) -> bool:
+    """Viscous friction may well be nothing at all; its logarithm would run away."""
+    return name.startswith("b_") or name.startswith("delay")
+
+
+def first_point(problem: Problem, recordings: Sequence[Recording]) -> Point:
+    """Return the nominal values as given, every recording at rest."""
+    values = {parameter.name: parameter.value for parameter in problem.plant.parameters}
+    return Point(values, tuple(full_start(problem, recording) for recording in recordings))
+
+
+def full_start(problem: Problem, recording: Recording) -> Array:
+    """Return the start at rest in the superset's states."""
+    start = np.zeros(len(problem.engine.states))
+    start[: len(problem.plant.states)] = rest_start(problem.plant, recording)
+    return start
+
+
+def outputs_of(problem: Problem, recording: Recording) -> Array:
+    """Return the recorded outputs (n, r)."""
+    return measured(problem.plant, recording)

@@ -1,0 +1,89 @@
+"""Take a fit by simulation error to its very end, past the kinks that limits make.
+
+Parameters that trade with each other need more steps than a search gives. A limit has a kink in its cost at every row
+that just reaches it, where a search ends too early; it starts again with each limit moved a little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from firmloop.diagnose.model.fit import Fitted, fit
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
+from firmloop.identify.fitting.experiment import experiments
+from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import EffectUse
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.simulation.simulate import constants_of, simulator
+
+_STEPS, _AT_ONCE = 60, 4
+_GAIN = 1e-7  # of the cost, by which a few steps have to lower it
+_NUDGES = (0.97, 1.03, 0.9, 1.1)
+_MOST = 100  # solves of a few steps each
+
+
+def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: int = _MOST) -> Fitted:
+    """Return the fit at its minimum of the plain squared error, outputs weighted by 1 / noise rms.
+
+    After `most` solves of a few steps each it stays where it is.
+    """
+    values = fitted.point.values
+    uses = [
+        EffectUse(
+            term.effect.name,
+            term.output,
+            {each.name: values.get(key, each.neutral) for key, each in zip(term.keys, term.parameters, strict=True)},
+            tuple(each.name for each in term.parameters),
+        )
+        for term in fitted.terms
+    ]
+    nominal = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
+    plant = with_effects(replace(problem.plant, parameters=nominal), uses)
+    engine = simulator(plant, problem.train[0].hold)
+    fit_problem = make_problem(plant, engine, [experiments(plant, recording, NONE) for recording in problem.train])
+    fit_problem = replace(fit_problem, weights=np.array([1.0 / noise.rms for noise in noises]))
+    starts = np.stack([start[: engine.states] for start in fitted.point.starts])
+    constants = constants_of(plant)
+    place, cost, left = _solved(fit_problem, FitPoint(constants, starts), most)
+    kinked = limits(fitted.terms)
+    places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
+    for index in places:
+        for factor in _NUDGES:
+            if left <= 0:
+                break
+            nudged = place.constants.copy()
+            nudged[index] *= factor
+            trial, less, left = _solved(fit_problem, FitPoint(nudged, place.starts), left)
+            if less < cost:
+                place, cost = trial, less
+    moved = {p.name: float(value) for p, value in zip(plant.parameters, place.constants, strict=True)}
+    begun = tuple(
+        np.concatenate([near, start[engine.states :]])
+        for near, start in zip(place.starts, fitted.point.starts, strict=True)
+    )
+    return fit(problem, problem.train, fitted.terms, Point({**values, **moved}, begun), noises, 0)
+
+
+def _solved(fit_problem: FitProblem, place: FitPoint, most: int) -> tuple[FitPoint, float, int]:
+    """Minimize, a few steps at once, in at most `most` solves; return how many of them are left too."""
+    cost = math.inf
+    for _ in range(min(_STEPS // _AT_ONCE, most)):
+        most -= 1
+        next_place, next_cost = solve(fit_problem, place, _AT_ONCE)
+        if not next_cost < cost * (1.0 - _GAIN):
+            break
+        place, cost = next_place, next_cost
+    return place, cost, most
+
+
+def limits(terms: Sequence[LibraryTerm]) -> set[str]:
+    """Name the parameters that bound something: they are neutral where they are infinite."""
+    return {
+        key for term in terms for key, each in zip(term.keys, term.parameters, strict=True) if math.isinf(each.neutral)
+    }

@@ -1,0 +1,70 @@
+"""Give a reading that has lost its sign back the likely one, so that a fit can begin on the right side of zero."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.data.unwrap import with_column
+from firmloop.diagnose.data.viterbi import cheapest
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import Fitted, fit, noises_of
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point, outputs_of
+from firmloop.identify.fitting.noise import Noise, flat, white
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 3  # of giving signs, each by a fit to what the last has given
+_LONG, _SHORT = 24, 6  # steps of such a fit, and of one beside the term
+_BEND, _AWAY = 3.0, 0.03  # what a row may cost: usual changes of slope, and shares of being as far as the reading goes
+_MOST = 30.0  # usual changes of slope, more than which count no more
+
+
+def from_unfolded(problem: Problem, term: LibraryTerm) -> Fitted:
+    """Fit the nominal plant to readings with the likely sign, and from there the term that has taken it away."""
+    output = str(term.output)
+    index = [signal.name for signal in problem.plant.outputs].index(output)
+    point = first_point(problem, problem.train)
+    seen, lefts = problem.train, [residual_of(problem, each, point, k) for k, each in enumerate(problem.train)]
+    noises: tuple[Noise, ...] = ()
+    for _ in range(_ROUNDS):
+        expected = [
+            outputs_of(problem, each)[:, index] - left[:, index] for each, left in zip(seen, lefts, strict=True)
+        ]
+        seen = tuple(
+            with_column(each, output, _signs(each.columns[output], near) * each.columns[output])
+            for each, near in zip(problem.train, expected, strict=True)
+        )
+        if not noises:
+            spreads = np.std(np.concatenate([outputs_of(problem, each) for each in seen]), axis=0)
+            noises = tuple(white(max(float(size), 1e-12)) for size in spreads)
+        part = replace(problem, train=seen, memory={})
+        one = fit(part, seen, (), point, noises, _LONG)
+        noises = flat(noises_of(problem, one.residuals))
+        one = fit(part, seen, (), one.point, noises, _LONG)
+        point, lefts = one.point, list(one.residuals)
+    values = entered(point.values, term, problem.starts[term.label][0])
+    return fit(problem, problem.train, (term,), Point(values, point.starts), noises, _SHORT)
+
+
+def _signs(seen: Array, expected: Array) -> Array:
+    """Return the signs (n,) by which a reading bends little and goes where it is expected.
+
+    The places of a row are its sign and that of the one before.
+    """
+    pairs = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)])  # (this, before)
+    follows = pairs[None, :, 1] == pairs[:, None, 0]  # from, to
+    usual = max(float(np.median(np.abs(np.diff(seen, 2)))), 1e-12)
+    size = max(float(np.max(np.abs(seen))), 1e-12)
+    away = _AWAY * np.abs(pairs[None, :, 0] * seen[:, None] - np.nan_to_num(expected)[:, None]) / size
+
+    def bend(row: int) -> Array:
+        """Return what a row and the two before it cost, the sign of the last of them that of the old place."""
+        turned = pairs[None, :, 0] * seen[row + 1] - 2.0 * pairs[None, :, 1] * seen[row]
+        bent = np.abs(turned + pairs[:, None, 1] * seen[row - 1])
+        return np.asarray(np.where(follows, np.minimum(bent / (_BEND * usual), _MOST), np.inf))
+
+    places = cheapest(away[1:], bend)
+    return np.concatenate([pairs[places[:1], 1], pairs[places, 0]])

@@ -1,0 +1,126 @@
+"""Ask what a disturbance that pushes the machine, and not its readings, leaves of every parameter.
+
+Noise models add to outputs, everywhere alike. A slow force does not: what it has moved before a stop is met moves that
+moment, and pressed against the stop it moves nothing. Deviations that count on the one are far too small for the other.
+Pushes of batches of the recording, as large as what is left of it tells, are taken through the fit to first order: the
+sandwich of Huber (Proc. 5th Berkeley Symposium 1 (1967) 221-233) with a filling that follows the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.descent import SumOfSquares, start_slopes, whitened
+from firmloop.diagnose.model.fit import Fitted, inverse, strength, tethers, widened
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, searched
+from firmloop.identify.fitting.noise import Noise, colored, flat
+from firmloop.identify.plants.effects import effect_seen_by
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_BATCHES = 50  # of each recording: a disturbance between two of them is moved by either
+_CERTAIN, _STEP = 2.5, 4.0  # deviations of an effect's size from none; of one whose moment was searched for
+_ROUNDED = 1e-6  # of the longest move
+_KNOWN = 0.5  # of what is told of a combination, from which it was known beforehand
+_PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
+
+
+def pushed(problem: Problem, fitted: Fitted, index: int, begins: Array) -> Array | None:
+    """Return what a load of one in each batch alone does to the outputs (n, r, batches); None where nothing loads."""
+    probe = problem.term(effect_seen_by("moment").name)
+    if probe is None:
+        return None
+    recording, start = problem.train[index], fitted.point.starts[index]
+    push, moment = probe.keys
+    size = _PUSH * probe.scales.effort
+    values = {key: value for key, value in fitted.point.values.items() if key not in probe.keys}
+    without = problem.engine.simulate(recording, values, start)
+    steps = [
+        (problem.engine.simulate(recording, {**values, push: size, moment: float(begin)}, start) - without) / size
+        for begin in begins
+    ]
+    steps.append(np.zeros_like(without))
+    return np.nan_to_num(np.stack([one - other for one, other in pairwise(steps)], axis=2))
+
+
+def batches(recording: Recording, count: int) -> Array:
+    """Return when the batches (count,) of a recording begin."""
+    return np.linspace(recording.time[0], recording.time[-1], count + 1)[:-1]
+
+
+def sizes_of(
+    problem: Problem, fitted: Fitted, noises: Sequence[Noise], index: int, moves: Array, seen: Iterable[Array]
+) -> list[tuple[Array, float]]:
+    """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave.
+
+    Moves of which rounding is all there is, as of a push on a shaft that friction holds, are left out.
+    """
+    sizes = flat(noises)
+    lengths = np.linalg.norm(whitened(moves, sizes), axis=0)
+    told = lengths > _ROUNDED * np.max(lengths)
+    if np.sum(told) > 1:
+        moves = moves[..., told]
+    own = np.nan_to_num(start_slopes(problem, problem.train[index], fitted.point, index, exact=True))
+    tall = whitened(np.concatenate([moves, own], axis=2), sizes)
+    scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+    found = []
+    for each in seen:
+        goal = whitened(each, sizes)
+        answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
+        rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
+        found.append(((answer / scale)[: moves.shape[2]], rest / whole if whole > 0.0 else 0.0))
+    return found
+
+
+def doubtful(fitted: Fitted, noises: Sequence[Noise]) -> LibraryTerm | None:
+    """Return the term that is least more than what a slow disturbance makes of nothing; None where all are."""
+    if not colored(noises) or not fitted.terms:
+        return None
+    times = {term: strength(fitted, term) / (_STEP if searched(term) else _CERTAIN) for term in fitted.terms}
+    least = min(times, key=lambda term: times[term])
+    return least if times[least] < 1.0 else None
+
+
+def with_pushes(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Widen deviations to what pushes leave of them, where the noises that are left have a memory."""
+    unknowns = fitted.coordinates
+    if not colored(noises) or not unknowns:
+        return fitted
+    squares = SumOfSquares(problem, problem.train, unknowns, fitted.noises, tethers(problem, unknowns))
+    place = squares.at(fitted.point)
+    if not place.finite:
+        return fitted
+    answers, pulled = [], []
+    for index, slopes in enumerate(squares.slopes(place)):
+        moves = pushed(problem, fitted, index, batches(problem.train[index], _BATCHES))
+        if moves is None:
+            return fitted
+        answers.append(sizes_of(problem, fitted, noises, index, moves, (place.residuals[index],))[0][0])
+        pulled.append(squares.spread_out(index, slopes.T @ whitened(moves, fitted.noises)))
+    covariance = inverse(fitted.normal)
+    answer = (answering(fitted.normal, squares.tether) @ np.concatenate(pulled, axis=1))[: len(unknowns)]
+    moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))
+    told = np.sqrt(np.maximum(np.diag(covariance)[: len(unknowns)], 0.0))
+    factors = np.where(told > 0.0, moved / np.where(told > 0.0, told, 1.0), 1.0)
+    return widened(fitted, factors)
+
+
+def answering(normal: Array, tether: Array) -> Array:
+    """Return the covariance of the combinations that recordings tell more of than was known before them.
+
+    The others cannot follow a push: what slopes by differences have of them is rounding. `tether` are the rows
+    [weights, aim] of what was known, in `normal` already.
+    """
+    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, axes = np.linalg.eigh(normal / np.outer(sizes, sizes))
+    live = values > 1e-12 * values[-1]
+    half = axes[:, live] / np.sqrt(values[live]) / sizes[:, None]
+    before = tether[:, :-1] @ half[: tether.shape[1] - 1]
+    known, turned = np.linalg.eigh(before.T @ before)
+    told = half @ turned[:, known < _KNOWN]
+    return np.asarray(told @ told.T)

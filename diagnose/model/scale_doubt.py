@@ -1,0 +1,44 @@
+"""Let intervals carry the doubt of a torque constant that was given: in SI units it is the voltage constant.
+
+All torques of a motor are on the scale of the torque constant. Where that is held as given and the voltage constant is
+fitted, the logarithm of their ratio is by how much that scale may be off.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from firmloop.diagnose.model.fit import Fitted, deviations, widened
+from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.policy import SAME_CONSTANT
+
+_TORQUE, _VOLTAGE = "kt_N_m_A", "ke_V_s_rad"
+_SCALED = re.compile(r"_(N|kg)(_|$)")  # in a name: its unit has a force in it
+
+
+def scale_doubt(problem: Problem, fitted: Fitted) -> float:
+    """Return one standard deviation of the logarithm of the torque scale; 0 where nothing tells of it."""
+    given = {p.name: p for p in problem.plant.parameters}
+    if _TORQUE not in given or _VOLTAGE not in given or given[_TORQUE].free:
+        return 0.0
+    torque, voltage = given[_TORQUE].value, fitted.point.values.get(_VOLTAGE, given[_VOLTAGE].value)
+    if not (torque > 0.0 and voltage > 0.0):
+        return 0.0
+    apart = abs(math.log(torque / voltage))
+    return apart if apart < SAME_CONSTANT else 0.0
+
+
+def with_scale_doubt(problem: Problem, fitted: Fitted) -> Fitted:
+    """Widen the deviations of all that is on the scale of torques."""
+    doubt, told = scale_doubt(problem, fitted), deviations(fitted)
+    if doubt == 0.0:
+        return fitted
+    factors = np.ones(len(fitted.coordinates)) if fitted.wider is None else np.array(fitted.wider)
+    for index, each in enumerate(fitted.coordinates):
+        own = told[each.name]
+        if _SCALED.search(each.name) and 0.0 < own < math.inf:
+            factors[index] *= math.hypot(1.0, doubt * abs(fitted.point.values[each.name]) / own)
+    return widened(fitted, factors)

@@ -1,0 +1,37 @@
+"""Put all torques of a motor on the scale that is given: what it measures tells them but for a common factor.
+
+Speed, angle, current and voltage stay the same where the torque constant, inertias, frictions, loads and stiffnesses
+all grow alike. Beside a precise encoder what is known beforehand is too weak for a descent to see.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import scipy
+
+from firmloop.diagnose.model.descent import Place, SumOfSquares
+from firmloop.diagnose.model.hypothesis import Point
+
+_CONSTANT = "kt_N_m_A"
+_TORQUE = re.compile(r"_(N|kg)(_|$)")  # in a name: its unit has a force in it
+_FAR = math.log(4.0)
+
+
+def near_given(squares: SumOfSquares, place: Place) -> Place:
+    """Return the place with all torques by the one factor that is most likely beforehand, where that costs less."""
+    values = place.point.values
+    keys = [each.name for each in squares.unknowns if each.name in values and _TORQUE.search(each.name)]
+    if _CONSTANT not in keys:
+        return place
+
+    def scaled(logarithm: float) -> Point:
+        factor = math.exp(logarithm)
+        return Point({**values, **{key: factor * values[key] for key in keys}}, place.point.starts)
+
+    likely = scipy.optimize.minimize_scalar(
+        lambda each: squares.pull(scaled(each)), bounds=(-_FAR, _FAR), method="bounded"
+    )
+    trial = squares.at(scaled(float(likely.x)))
+    return trial if trial.whole < place.whole else place

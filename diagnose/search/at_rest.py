@@ -1,0 +1,61 @@
+"""Prefer, among explanations that are told apart no better, the one by which every recording begins at rest.
+
+Where all readings begin a little off zero, a sensor reads that much at rest, or all runs began with the machine already
+moving at just the speed that the sensor's offset would be: the same function, but hardly the same chance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.candidate import TIE, Candidate
+from firmloop.diagnose.model.descent import SumOfSquares
+from firmloop.diagnose.model.fit import fit_starts, inverse
+from firmloop.diagnose.model.hypothesis import Point, Problem
+from firmloop.diagnose.search.found import Search, candidates_of
+
+Array = NDArray[np.float64]
+
+_STILL, _MOVING = 3.0, 5.0  # deviations of a beginning from rest, up to which a machine rests and from which it moves
+_REST = TIE  # what a recording that begins in motion tells against it, where another tied explanation begins at rest
+
+
+def rested(found: Search) -> Search:
+    """Return the search with explanations that begin in motion put behind where another, tied with them, rests."""
+    best = found.best
+    tied = [candidate for candidate in candidates_of(found) if candidate.score - best.score < TIE]
+    if not best.fitted.terms or not tied or not found.problem.engine.engine.sticking:
+        return found
+    begun = {frozenset(each.fitted.terms): _begins(found.problem, each) for each in (*reversed(tied), best)}
+    if not any(np.all(away < _STILL) for away in begun.values()):
+        return found
+    behind = _REST * (len(found.problem.train) + len(found.problem.test))
+    moving = {terms for terms, away in begun.items() if np.all(away > _MOVING)}
+
+    def put_back(candidate: Candidate) -> Candidate:
+        return (
+            replace(candidate, score=candidate.score + behind)
+            if frozenset(candidate.fitted.terms) in moving
+            else candidate
+        )
+
+    first = min(map(put_back, (best, *tied)), key=lambda each: each.score)
+    rounds = tuple(tuple(map(put_back, turn)) for turn in found.rounds)
+    return replace(found, best=first, rounds=(*rounds, (put_back(best),)))
+
+
+def _begins(problem: Problem, candidate: Candidate) -> Array:
+    """Return how far from rest all recordings begin, in deviations of the states but for positions."""
+    kept = [k for k, name in enumerate(problem.engine.states) if not name.startswith("position")]
+    unseen = fit_starts(problem, problem.test, candidate.fitted.point.values, candidate.noises)
+    starts = (*candidate.fitted.point.starts, *unseen.starts)
+    found = []
+    for recording, start in zip((*problem.train, *problem.test), starts, strict=True):
+        squares = SumOfSquares(problem, [recording], (), candidate.noises, np.zeros((0, 1)))
+        place = squares.at(Point(candidate.fitted.point.values, (start,)))
+        spread = inverse(squares.normal(squares.slopes(place)))[np.ix_(kept, kept)]
+        found.append(max(float(start[kept] @ inverse(spread) @ start[kept]), 0.0) ** 0.5)
+    return np.array(found)

@@ -1,0 +1,226 @@
+"""Put one effect in the place of another: what it contains, what contains it, and what it is mistaken for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from firmloop.diagnose.model.candidate import (
+    MINOR,
+    RICHER,
+    TIE,
+    Candidate,
+    contain,
+    containing,
+    larger,
+    rated,
+    related,
+    richer,
+    rms_of,
+    without,
+)
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, own_evidence
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
+
+_STARTS = 3  # from which one effect is tried in the place of another
+_SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
+_HOPELESS = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
+_TRIAL = 2.0  # million steps of simulation for a trial, after which no further step is made
+_SAME = 0.1  # of that drop, that may be missing where two effects are the same for all that is known of them
+_PATIENCE = 40.0  # million steps of simulation after which nothing further is tried
+
+
+def swapped(problem: Problem, best: Candidate, gain: float) -> tuple[Candidate, tuple[Candidate, ...]]:
+    """Put what an effect is mistaken for in its place, one by one; return the best and all that was tried."""
+    tried: list[Candidate] = []
+    seen = {frozenset(term.label for term in best.fitted.terms)}
+    begun = problem.engine.steps
+    for gone, come in mistaken(problem, best.fitted):
+        labels = frozenset(c.label for c in (*best.fitted.terms, come) if c != gone)
+        if labels not in seen and problem.engine.steps - begun < _PATIENCE:
+            seen.add(labels)
+            tried.append(_translated(problem, best, gone, come, _HOPELESS * gain))
+    for winner in sorted(tried, key=lambda each: each.score):
+        theirs, ours = set(winner.fitted.names), set(best.fitted.names)
+        if contain(theirs - ours, ours):
+            better = richer(winner, best, gain)
+        elif contain(ours - theirs, theirs - ours):
+            better = not richer(best, winner, gain)
+        else:
+            better = best.score - winner.score > TIE
+        if better and not larger(winner, best):
+            # What it is put in the place of may only have been further from its end.
+            again = rated(
+                problem, fit(problem, problem.train, best.fitted.terms, best.fitted.point, winner.noises, _LONG)
+            )
+            if again.score < winner.score:
+                return again, tuple(sorted((best, *tried), key=lambda each: each.score))
+            return winner, (best, *tried)
+    return best, tuple(sorted(tried, key=lambda each: each.score))
+
+
+def mistaken(problem: Problem, best: Fitted) -> list[tuple[LibraryTerm, LibraryTerm]]:
+    """Return each term of the best with what it may be mistaken for, first what is most likely for each."""
+    found: list[tuple[int, LibraryTerm, LibraryTerm]] = []
+    for gone in best.terms:
+        names = (*gone.effect.confusable_with, *related(gone.effect.name))
+        for come in problem.terms:
+            if come not in best.terms and come.effect.name in names:
+                found.append((names.index(come.effect.name), gone, come))
+            elif come not in best.terms and gone.effect.name in come.effect.confusable_with:
+                found.append((len(names), gone, come))
+    return [(gone, come) for _, gone, come in sorted(found, key=lambda each: each[0])]
+
+
+def amounting(problem: Problem, best: Candidate, gain: float) -> Candidate:
+    """Put the simpler effect in the place of one whose values amount to it; `gain` is what all effects have brought."""
+    allowed = max(RICHER, _SAME * gain)
+    return next((one for one in plainer(problem, best) if one.score - best.score < allowed), best)
+
+
+def plainer(problem: Problem, best: Candidate) -> Iterator[Candidate]:
+    """Fit the simpler effect, by the noises of the best, in the place of each one whose values amount to it."""
+    for gone in best.fitted.terms:
+        come = problem.term(amounts_to(best.fitted, gone))
+        if come is not None and come not in best.fitted.terms:
+            yield _translated(problem, best, gone, come)
+
+
+def amounts_to(fitted: Fitted, term: LibraryTerm) -> str:
+    """Name the simpler effect that a term with its values amounts to; blank for none."""
+    if term.effect.becomes is None:
+        return ""
+    return term.effect.becomes([fitted.point.values[key] for key in term.keys], term.scales)
+
+
+def merged(problem: Problem, best: Candidate, gain: float) -> Candidate:
+    """Put one effect in the place of those whose sum it is, where that explains as much."""
+    for come in problem.terms:
+        parts = {name: shares for name, shares in come.effect.sum_of}
+        gone = [term for term in best.fitted.terms if term.effect.name in parts]
+        if not parts or len(gone) < len(parts):
+            continue
+        values = best.fitted.point.values
+        sums = np.sum([np.multiply(parts[each.effect.name], values[each.keys[0]]) for each in gone], axis=0)
+        start = {
+            key: min(max(float(value), each.low), each.high)
+            for key, value, each in zip(come.keys, sums, come.parameters, strict=True)
+        }
+        kept, rest = without(best.fitted, *gone)
+        begin = Point(entered(rest.values, come, start), rest.starts)
+        one = rated(problem, fit(problem, problem.train, (*kept, come), begin, best.noises, _LONG))
+        if one.score - best.score < max(TIE, MINOR * gain):
+            return one
+    return best
+
+
+def parted(problem: Problem, best: Candidate, gain: float) -> Candidate:
+    """Put the parts of a sum in its place, one of them as a richer effect, where those explain clearly more.
+
+    A load beside a friction that falls with speed is at first a friction of two sizes, and then a drag beside it.
+    """
+    found = [best]
+    for gone in best.fitted.terms:
+        names, shares = zip(*gone.effect.sum_of, strict=True) if gone.effect.sum_of else ((), ())
+        parts = [each for each in map(problem.term, names) if each is not None and each not in best.fitted.terms]
+        if not parts or len(parts) < len(names):
+            continue
+        values = [best.fitted.point.values[key] for key in gone.keys]
+        sizes = np.linalg.lstsq(np.transpose(shares), values, rcond=None)[0]
+        kept, rest = without(best.fitted, gone)
+        whole = {**rest.values, **{each.keys[0]: float(size) for each, size in zip(parts, sizes, strict=True)}}
+        same = replace(best.fitted, terms=(*kept, *parts), point=Point(whole, rest.starts))
+        found += [
+            _translated(problem, replace(best, fitted=same), part, come)
+            for part in parts
+            for come in problem.terms
+            if come.effect.name in containing(part.effect.name) and come != gone and come not in kept
+        ]
+    winner = min(found, key=lambda each: each.score)
+    return winner if richer(winner, best, gain) and not larger(winner, best) else best
+
+
+def relatives(problem: Problem, candidate: Candidate, known: Collection[tuple[LibraryTerm, ...]]) -> list[Candidate]:
+    """Fit what the newest effect contains and what contains it, but for `known` terms, from the values they share."""
+    newest = candidate.fitted.terms[-1]
+    names = related(newest.effect.name)
+    kept = candidate.fitted.terms[:-1]
+    return [
+        _translated(problem, candidate, newest, term)
+        for term in problem.terms
+        if term.effect.name in names and term not in kept and (*kept, term) not in known
+    ]
+
+
+def alike(one: LibraryTerm, other: LibraryTerm) -> dict[str, str]:
+    """Map parameters of the other to those of the first that have the same name.
+
+    What contains an effect of one parameter has it as all its parameters of that unit.
+    """
+    mine = {each.name: key for key, each in zip(one.keys, one.parameters, strict=True)}
+    alone = len(mine) == 1 and contain((other.effect.name,), (one.effect.name,))
+    lone = len(other.keys) == 1 and contain((one.effect.name,), (other.effect.name,))
+    found = {}
+    for key, each in zip(other.keys, other.parameters, strict=True):
+        if each.name in mine or ((alone or lone) and each.unit == one.parameters[0].unit):
+            found[key] = mine.get(each.name, one.keys[0])
+    return found
+
+
+def exchanged(
+    base: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float]
+) -> tuple[tuple[LibraryTerm, ...], Point]:
+    """Put one term at its start in the place of another; the nominal inertia stays beside a load that both have."""
+    kept, rest = without(base, gone)
+    values, before = dict(entered(rest.values, come, start)), base.point.values
+    if gone.taken is not None and come.taken is not None and start[come.taken[0]] == before[gone.taken[0]]:
+        values[come.taken[1]] = before[come.taken[1]]
+    return (*kept, come), Point(values, rest.starts)
+
+
+def _translated(
+    problem: Problem, candidate: Candidate, gone: LibraryTerm, come: LibraryTerm, behind: float = np.inf
+) -> Candidate:
+    """Put one term in the place of another, and fit from the best of the starts of what they do not share.
+
+    A trial that is too far `behind` in evidence is not fitted to the end.
+    """
+    values = candidate.fitted.point.values
+    shared = {key: values[own] for key, own in alike(gone, come).items()}
+    starts = [{**start, **shared} for start in problem.starts[come.label]]
+    distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_STARTS]
+    trials = []
+    for start in distinct:
+        begin = exchanged(candidate.fitted, gone, come, start)
+        trials.append(fit(problem, problem.train, *begin, candidate.noises, _SHORT, _TRIAL))
+    best = min(trials, key=lambda each: each.cost)
+    if own_evidence(problem, best) - evidence(candidate.fitted, candidate.noises) > behind:
+        return rated(problem, best)
+    return rated(problem, fit(problem, problem.train, best.terms, best.point, candidate.noises, _LONG))
+
+
+def as_large(
+    problem: Problem, fitted: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float]
+) -> Mapping[str, float] | None:
+    """Return a start with its size scaled so that one term does most nearly what the other did.
+
+    Where both are one function of the recordings a fit from there has nothing left to do. None where it would have to
+    do the opposite, or does nothing.
+    """
+    _, bare = without(fitted, gone)
+    _, point = exchanged(fitted, gone, come, start)
+    weights = 1.0 / np.maximum(rms_of(fitted.residuals), 1e-300)
+    size = share = 0.0
+    for k, (each, left) in enumerate(zip(problem.train, fitted.residuals, strict=True)):
+        before = residual_of(problem, each, bare, k)
+        does = before - residual_of(problem, each, point, k)
+        size += float(np.sum((weights * does) ** 2))
+        share += float(np.sum(weights**2 * does * (before - left)))
+    if not (np.isfinite(size) and size > 0.0 and share > 0.0):
+        return None
+    unit = come.parameters[0].unit if come.parameters else ""
+    scaled = {key for key, each in zip(come.keys, come.parameters, strict=True) if each.unit == unit}
+    return {key: value * share / size if key in scaled else value for key, value in start.items()}

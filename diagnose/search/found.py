@@ -1,0 +1,53 @@
+"""A Search: what was found, what it was chosen against, and which other explanations stand beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from firmloop.diagnose.model.candidate import Candidate, contain
+from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.search.exchange import amounts_to
+from firmloop.diagnose.search.screen import Screened
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What the search found: the nominal refit, the best explanation, and what it was chosen against, by round."""
+
+    problem: Problem
+    nominal: Candidate
+    best: Candidate
+    rounds: tuple[tuple[Candidate, ...], ...]  # best first
+    screened: tuple[Screened, ...]  # of the first round
+    gains: tuple[float, ...]  # drop of BIC by each accepted effect, in the order found
+
+
+def candidates_of(search: Search) -> tuple[Candidate, ...]:
+    """Return other explanations with as many effects; one that only contains or is contained is no candidate."""
+    return tuple(
+        candidate for candidate, theirs, ours in _others(search) if not (contain(theirs, ours) or contain(ours, theirs))
+    )
+
+
+def richer_of(search: Search) -> tuple[Candidate, ...]:
+    """Return the explanations with as many effects that have the best as a special case."""
+    return tuple(candidate for candidate, theirs, ours in _others(search) if contain(theirs, ours))
+
+
+def _others(search: Search) -> list[tuple[Candidate, set[str], set[str]]]:
+    """Return the explanations with as many effects, best first, with what only they have and what only the best has.
+
+    Not those that amount to a simpler one.
+    """
+    mine = search.best.fitted
+    every = sorted((each for turn in search.rounds for each in turn), key=lambda each: each.score)
+    return [
+        (each, set(each.fitted.names) - set(mine.names), set(mine.names) - set(each.fitted.names))
+        for each in every
+        if len(each.fitted.terms) == len(mine.terms)
+        and set(each.fitted.terms) != set(mine.terms)
+        and not any(amounts_to(each.fitted, term) for term in each.fitted.terms)
+    ]

@@ -1,0 +1,100 @@
+"""Begin where the plant was given: a refit may have run far away to hide what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from firmloop.diagnose.model.candidate import Candidate, extended, joined
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import Fitted, fit
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point
+from firmloop.diagnose.model.lost_sign import from_unfolded
+from firmloop.diagnose.search.orders import best_orders
+from firmloop.diagnose.search.screen import Screened, ground, screen
+from firmloop.identify.fitting.noise import colored, flat
+
+_STEPS = 6  # of a trial
+_MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
+_FAR_OFF = 1.5  # factor on a nominal parameter that has run away
+_LOST = 6.0  # the same, so far that what hides behind it does not show beside what was found
+_FOLD = 0.03  # of the largest reading: noise of one that is never negative
+_GIVEN = 3  # terms tried beside the parameters as given
+
+
+def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
+    """Try the terms that help most beside the parameters as given: a refit may have run far away to hide one.
+
+    Beside effects that were found, what has not run away stays.
+    """
+    sizes, found = flat(candidate.noises), candidate.fitted
+    told: set[str] = set()
+    if found.terms:
+        away = runaways(problem, found, _LOST)
+        calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
+    else:
+        told = {term.label for term in problem.terms if _folded(problem, term)}
+        calm = not told and not (colored(candidate.noises) and _ran_away(problem, candidate))
+        begin = first_point(problem, problem.train)
+    if calm:
+        return ()
+    given = fit(problem, problem.train, found.terms, begin, sizes, 0)
+    under = [ground(problem, problem.train, given, sizes)]
+    others = [term for term in problem.terms if term not in found.terms]
+    (screened,) = screen(problem, problem.train, given, others, under, best_orders(problem, given, under))
+    picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.term.label in told]
+    tried = [fit(problem, problem.train, *extended(given, each.term, each.start), sizes, _STEPS) for each in picked]
+    return (*tried, *(from_unfolded(problem, term) for term in others if term.label in told))
+
+
+def _folded(problem: Problem, term: LibraryTerm) -> bool:
+    """Tell whether a reading is never negative where the plant as given would go both ways."""
+    if term.effect.seen_by != "folds" or term.output is None:
+        return False
+    index = [signal.name for signal in problem.plant.outputs].index(term.output)
+    begin = first_point(problem, problem.train)
+    for k, recording in enumerate(problem.train):
+        values = recording.columns[term.output]
+        ours = values - residual_of(problem, recording, begin, k)[:, index]
+        top = float(values.max())
+        if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
+            return False
+    return True
+
+
+def _ran_away(problem: Problem, nominal: Candidate) -> bool:
+    """Tell whether a refit has moved a parameter that the recordings determine well far from where it was given."""
+    given = {p.name: p.value for p in problem.plant.parameters}
+    sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
+    for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
+        if each.logarithmic and size * _FIRM**2 > 1.0:
+            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > _MOVED:
+                return True
+    return False
+
+
+def runaways(problem: Problem, fitted: Fitted, factor: float = _FAR_OFF) -> dict[str, float]:
+    """Return the values as given of free nominal parameters that a fit has moved by a factor from there.
+
+    An inertia that terms have taken a part of has not gone with it.
+    """
+    values, found = fitted.point.values, {}
+    for p in problem.plant.parameters:
+        taken = sum(
+            values[term.taken[0]] for term in fitted.terms if term.taken is not None and term.taken[1] == p.name
+        )
+        if p.free and p.value > 0.0 and not 1.0 / factor < (values[p.name] + taken) / p.value < factor:
+            found[p.name] = p.value
+    return found
+
+
+def afresh(problem: Problem, base: Fitted, screened: Screened) -> tuple[tuple[LibraryTerm, ...], Point]:
+    """Add a term, all of them from their grids and the plant as given: what ran away without it may not come back."""
+    terms, _ = joined(base, screened.term)
+    begin = first_point(problem, problem.train)
+    values: Mapping[str, float] = begin.values
+    for term in terms:
+        grid = problem.starts[term.label]
+        values = entered(values, term, grid[len(grid) // 2] if grid else {})
+    return terms, Point(values, begin.starts)

@@ -1,0 +1,104 @@
+"""Do no harm: write no plant whose free simulation is further off than that of the plain refit, on any output."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.candidate import believable, rms_of
+from firmloop.diagnose.model.fit import Fitted, fit
+from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.policy import REFITS, SAME_RMS, STEPS_OF_A_REFIT
+from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.fit import fit as identified
+from firmloop.identify.fitting.noise import white
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import measured, simulate
+
+Array = NDArray[np.float64]
+
+
+def plain_refit(plant: Plant, train: Sequence[Recording], other: Plant) -> Plant:
+    """Return the plant that `identify` would write; `other` where it would refuse the recordings, or that diverges."""
+    if not np.all(np.isfinite(simulation_rms(other, train))):
+        return other
+    try:
+        return identified(plant, train, (), NONE).plant
+    except IdentifyError:
+        return other
+
+
+def simulation_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
+    """Return the rms (recordings, r) of measured - simulated, from the input alone and from rest; infinite if it fails.
+
+    As `firmloop simulate` does it.
+    """
+    found = np.full((len(recordings), len(plant.outputs)), np.inf)
+    for k, recording in enumerate(recordings):
+        try:
+            left = measured(plant, recording) - simulate(plant, recording, None)
+        except IdentifyError:
+            continue
+        found[k] = np.sqrt(np.mean(left**2, axis=0))
+    return found
+
+
+def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
+    """Tell whether a plant simulates every output of every recording no worse than the plain refit does."""
+    ours, theirs = (simulation_rms(each, recordings) for each in (plant, refit))
+    return bool(np.all(ours <= SAME_RMS * theirs))
+
+
+def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
+    """Fit the same terms by plain simulation error, each output weighed by 1 / its own residual rms."""
+    fitted = begin
+    for _ in range(REFITS):
+        left = np.maximum(np.maximum(rms_of(fitted.residuals), problem.floors), 1e-30)
+        sizes = [white(float(rms)) for rms in left]
+        fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_REFIT)
+    return fitted
+
+
+def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:
+    """Return the explanations with one effect exchanged for what it may be mistaken for that simulate just as well."""
+    left = rms_of(fitted.residuals)
+    sizes = [white(float(size)) for size in left]
+    found = []
+    for gone, come in mistaken(problem, fitted):
+        first = next(iter(problem.starts[come.label]), None)
+        start = None if first is None else as_large(problem, fitted, gone, come, first)
+        if start is None:
+            continue
+        terms, point = exchanged(fitted, gone, come, start)
+        other = by_simulation_error(problem, fit(problem, problem.train, terms, point, sizes, STEPS_OF_A_REFIT))
+        if believable(other) and np.all(rms_of(other.residuals) <= SAME_RMS * left):
+            found.append(other)
+    return tuple(found)
+
+
+def simulated_figures(
+    plants: Mapping[str, Plant], parts: Mapping[str, Sequence[Recording]]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Return {role: {output: {plant: rms}}} of free simulations, in the outputs' units; not of those that diverge."""
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for role, recordings in parts.items():
+        if not recordings:
+            continue
+        weights = np.array([len(each.time) for each in recordings], dtype=np.float64)
+        for name, plant in plants.items():
+            power = weights @ simulation_rms(plant, recordings) ** 2 / weights.sum()
+            for signal, size in zip(plant.outputs, np.sqrt(power), strict=True):
+                if np.isfinite(size):
+                    found.setdefault(role, {}).setdefault(signal.name, {})[name] = float(size)
+    return found
+
+
+def held(recordings: Sequence[Recording], hold: str) -> tuple[Recording, ...]:
+    """Return the recordings with what their input did between rows."""
+    return tuple(replace(each, hold=hold) for each in recordings)

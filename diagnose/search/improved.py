@@ -1,0 +1,69 @@
+"""Write an explanation into the plant: its effects, its nominal parameters, and how well each is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from firmloop.diagnose.data.quantization import Direct, coarse
+from firmloop.diagnose.model.candidate import Candidate, residual_sizes
+from firmloop.diagnose.model.fit import deviations
+from firmloop.diagnose.search.found import Search
+from firmloop.identify.plants.attach import label_of, parameters_of, values_of, with_effects
+from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
+
+
+def directs(search: Search) -> tuple[Direct, ...]:
+    """Return what is read off the recordings, before and after the search."""
+    problem = search.problem
+    return (*problem.direct, *coarse(problem.plant, problem.train, residual_sizes(search.best.fitted.residuals)))
+
+
+def improved_plant(search: Search, shown: Candidate) -> Plant:
+    """Return the plant with the parameters and effects of an explanation, beside those it had."""
+    values, spread = shown.fitted.point.values, deviations(shown.fitted)
+    bare = tuple(_improved(p, values, spread) for p in search.problem.plant.parameters)
+    given = replace(search.problem.plant, parameters=bare)
+    named = {(term.effect.name, term.output) for term in shown.fitted.terms}
+    uses = [
+        replace(use, values=values_of(given, use))
+        for use in given.effects
+        if (use.name, use.output) not in named and (use.name, None) not in named
+    ]
+    uses += [
+        EffectUse(
+            term.effect.name,
+            term.output,
+            {each.name: values.get(key, each.neutral) for key, each in zip(term.keys, term.parameters, strict=True)},
+            tuple(each.name for each in term.parameters),
+        )
+        for term in shown.fitted.terms
+    ]
+    known_spread = dict(spread)
+    for each in directs(search):
+        known = parameters_of(search.problem.plant, each.effect, each.output)
+        read = {parameter.name: value for parameter, value in zip(known, each.values, strict=True)}
+        uses.append(EffectUse(each.effect, each.output, read))
+        label = label_of(search.problem.plant, uses[-1])
+        known_spread |= {f"{label}.{k.name}": size for k, size in zip(known, each.deviations, strict=True)}
+    if not uses:
+        return given
+    made = with_effects(given, uses)
+    count = given.rate.numel_in(2)
+    own = [replace(p, deviation=_finite(known_spread.get(p.name, math.nan))) for p in made.parameters[count:]]
+    return replace(made, parameters=(*made.parameters[:count], *own))
+
+
+def _improved(parameter: Parameter, values: Mapping[str, float], spread: Mapping[str, float]) -> Parameter:
+    if not parameter.free:
+        return parameter
+    return replace(
+        parameter,
+        value=float(values.get(parameter.name, parameter.value)),
+        deviation=_finite(spread.get(parameter.name, math.nan)),
+    )
+
+
+def _finite(deviation: float) -> float | None:
+    return float(deviation) if math.isfinite(deviation) else None

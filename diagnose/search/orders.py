@@ -1,0 +1,107 @@
+"""Find how often per turn a torque repeats, and when a load came: through the linear plant, without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.descent import whitened
+from firmloop.diagnose.model.fit import Fitted
+from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.search.screen import Ground
+from firmloop.identify.fitting.projection import outside
+from firmloop.identify.plants.effects import effect_seen_by
+from firmloop.identify.simulation.linear_response import effort_of, response
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.superset import travelled
+
+Array = NDArray[np.float64]
+
+_HIGHEST = 48
+_KEPT = 2
+_MOMENTS = 60
+_AT_ONCE = 8  # choices that are pushed through the plant together
+
+
+def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[float, ...]]:
+    """Return by the name of the effect what promises most under any of the grounds, best first.
+
+    Waves per turn of cogging and ripple, moments (s) of a load step.
+    """
+    plant, values = problem.plant, base.point.values
+    if not np.all(np.isfinite(linearize(plant).a)):
+        return {}
+    found = {}
+    if any(balance.kind in ("torque", "force") for balance in plant.balances):
+        span = max(float(recording.time[-1]) for recording in problem.train)
+        moments = span * np.arange(1, _MOMENTS) / _MOMENTS
+        found[effect_seen_by("moment").name] = _best(
+            problem, base, grounds, moments, lambda k, at: (problem.train[k].time >= at)[:, None] * 1.0
+        )
+    angles = angles_of(problem, base)
+    if not any(balance.kind == "torque" for balance in plant.balances) or not angles:
+        return found
+    efforts = [effort_of(plant, values, recording) for recording in problem.train]
+    waves = np.arange(1.0, _HIGHEST + 1.0)
+    found[effect_seen_by("order").name] = _best(
+        problem, base, grounds, waves, lambda k, order: _wave(order * angles[k])
+    )
+    found[effect_seen_by("order of effort").name] = _best(
+        problem, base, grounds, waves, lambda k, order: efforts[k][:, None] * _wave(order * angles[k])
+    )
+    return found
+
+
+def angles_of(problem: Problem, base: Fitted) -> list[Array]:
+    """Return the angle (n,) in rad that waves follow in every recording; empty where there is none."""
+    if problem.engine.recorded:
+        angles = [problem.engine.angle(recording) for recording in problem.train]
+    else:
+        names = [signal.name for signal in problem.plant.outputs]
+        angles = []
+        for recording, residual in zip(problem.train, base.residuals, strict=True):
+            simulated = {name: recording.columns[name] - residual[:, k] for k, name in enumerate(names)}
+            angles.append(travelled(replace(recording, columns={**recording.columns, **simulated})))
+    found = [angle for angle in angles if angle is not None]
+    return found if len(found) == len(angles) else []
+
+
+def _wave(angle: Array) -> Array:
+    return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float64)
+
+
+def _explained(pure: Array, left: Array) -> Array:
+    """Return how much of the power of `left` (rows,) combinations of columns (rows, c, b) have: (c,)."""
+    scaled = (pure / np.linalg.norm(pure, axis=0)).transpose(1, 2, 0)
+    shares = scaled @ left
+    inverse = np.linalg.pinv(scaled @ scaled.transpose(0, 2, 1), rcond=1e-13, hermitian=True)
+    return np.asarray(np.einsum("cb,cbd,cd->c", shares, inverse, shares))
+
+
+def _best(
+    problem: Problem,
+    base: Fitted,
+    grounds: Sequence[Ground],
+    choices: Array,
+    torque: Callable[[int, float], NDArray[np.floating]],
+) -> tuple[float, ...]:
+    """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
+    gains = np.zeros((len(grounds), len(choices)))
+    plants = [response(problem.plant, base.point.values, recording) for recording in problem.train]
+    for first in range(0, len(choices), _AT_ONCE):
+        some = choices[first : first + _AT_ONCE]
+        moved = [
+            plant.to(np.concatenate([torque(k, float(choice)) for choice in some], axis=1), len(recording.time))
+            for k, (plant, recording) in enumerate(zip(plants, problem.train, strict=True))
+        ]
+        for index, under in enumerate(grounds):
+            tall = np.concatenate([whitened(each, under.noises) for each in moved])
+            pure = outside(under.basis, tall)
+            live = np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)
+            seen = np.flatnonzero(np.all(live.reshape(len(some), -1), axis=1))
+            gains[index, first + seen] = _explained(pure.reshape(len(pure), len(some), -1)[:, seen], under.left)
+    best = [float(choices[np.argsort(-row)[rank]]) for rank in range(_KEPT) for row in gains]
+    return tuple(dict.fromkeys(best))

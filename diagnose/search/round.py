@@ -1,0 +1,196 @@
+"""One round of a search: refit the most promising terms beside what was found, the best of them to the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from firmloop.diagnose.model.candidate import IMPOSSIBLE, Candidate, extended, rated, related
+from firmloop.diagnose.model.continuation import PATIENCE, met, past_contacts
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
+from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.model.kinks import limits
+from firmloop.diagnose.policy import CLEAR_GAIN, STEPS_OF_A_FIT, STEPS_OF_A_LAST_FIT, STEPS_OF_A_TRIAL
+from firmloop.diagnose.search.exchange import relatives
+from firmloop.diagnose.search.from_given import afresh, runaways
+from firmloop.diagnose.search.orders import best_orders
+from firmloop.diagnose.search.screen import Screened, ground, screen
+from firmloop.identify.fitting.noise import Noise, colored, flat, white
+
+_TRIED = 5  # terms refitted per round, besides relatives
+_FINAL = 4  # of them refitted to the end
+_PROMISED = 3  # more of them, where no trial gains
+_MET = 3  # starts from which a contact is followed further
+_WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
+_FEW = 8  # starts of a grid that are all followed
+_INSISTED = 20.0  # million steps of simulation for what had promised much and gained nothing
+_ROUND = 40.0  # million steps of simulation after which a round tries no further term
+_SHARE = 0.08  # of the best screened drop
+
+
+def screened(problem: Problem, best: Candidate) -> tuple[Screened, ...]:
+    """Screen with the colored noise of what is left and with white noise: what is left may itself be the effect."""
+    found = best.fitted.terms
+    special = {name for term in found for name in term.effect.contains}  # cases of what is there already
+    open_terms = [each for each in problem.terms if each not in found and each.effect.name not in special]
+    under = [best.noises, flat(best.noises)] if colored(best.noises) else [best.noises]
+    grounds = [ground(problem, problem.train, best.fitted, noises) for noises in under]
+    orders = best_orders(problem, best.fitted, grounds)
+    tables = screen(problem, problem.train, best.fitted, open_terms, grounds, orders)
+    shaped, plain = ({each.term.label: each for each in table} for table in (tables[0], tables[-1]))
+    scale = max((each.gain for each in plain.values()), default=1.0) / max(
+        max((each.gain for each in shaped.values()), default=1.0), 1.0
+    )
+    labels = sorted({*shaped, *plain})  # a term may show under one noise model alone
+    merged = [max((shaped.get(label), _scaled(plain.get(label), scale)), key=_gain) for label in labels]
+    drops = {label: max(each.drop for each in (shaped.get(label), plain.get(label)) if each) for label in labels}
+    raised = [replace(each, gain=max(each.gain, drops[each.term.label])) for each in merged if each is not None]
+    return tuple(sorted(raised, key=lambda each: -each.gain))
+
+
+def _scaled(screened: Screened | None, scale: float) -> Screened | None:
+    return None if screened is None else replace(screened, gain=screened.gain / max(scale, 1e-12))
+
+
+def _gain(screened: Screened | None) -> float:
+    return -1.0 if screened is None else screened.gain
+
+
+def tried_beside(
+    problem: Problem, best: Candidate, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
+) -> tuple[Candidate, ...]:
+    """Refit the most promising terms and their relatives; the best are refitted to the end."""
+    top = screened[0].gain if screened else 0.0
+    picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
+    trials = _trials(problem, best, screened, picked, others)
+    without = evidence(best.fitted, best.noises)
+    if trials and without - trials[0][0] < CLEAR_GAIN:
+        trials = sorted([*trials, *_insisted(problem, best, picked)], key=lambda pair: pair[0])
+    if not trials:
+        return ()
+    final = _chosen(trials, picked, without)
+    noises = noises_of(problem, final[0].residuals)
+    longer = [fit(problem, problem.train, each.terms, each.point, noises, STEPS_OF_A_FIT) for each in final]
+    told = [own_evidence(problem, each) for each in longer]
+    longer = [
+        _met(problem, each, noises) if score - min(told) < CLEAR_GAIN else each
+        for each, score in zip(longer, told, strict=True)
+    ]
+    noises = noises_of(problem, min(longer, key=lambda each: each.cost).residuals)
+    ended = [fit(problem, problem.train, each.terms, each.point, noises, STEPS_OF_A_LAST_FIT) for each in longer]
+    candidates = [rated(problem, each) for each in ended if not _too_large(each)]
+    if not candidates:
+        return ()
+    best_one = min(candidates, key=lambda each: each.score)
+    known = {each.fitted.terms for each in candidates if each.score < IMPOSSIBLE}
+    return tuple(sorted([*candidates, *relatives(problem, best_one, known)], key=lambda each: each.score))
+
+
+def _met(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
+    """Lead a fit past its contacts; where those are new, on a stretch that grows first."""
+    return (met if fitted.terms[-1].effect.contact else past_contacts)(problem, fitted, noises, PATIENCE)
+
+
+def _trials(
+    problem: Problem,
+    best: Candidate,
+    screened: Sequence[Screened],
+    picked: Sequence[Screened],
+    others: Sequence[Fitted],
+) -> list[tuple[float, Fitted]]:
+    """Fit what was picked and its relatives in a few steps; return all trials with their evidence, best first."""
+    kin = {other for each in picked for other in related(each.term.effect.name)}
+    blind = not best.fitted.terms  # beside other effects, what no screen sees would be tried in every round
+    more = [
+        each
+        for each in screened
+        if each not in picked and (each.term.effect.name in kin or (blind and not each.term.effect.screened))
+    ]
+    found = [*reversed(others)]
+    begun = problem.engine.steps
+    away = bool(best.fitted.terms) and bool(runaways(problem, best.fitted))
+    for each in [*picked, *more]:
+        if found and problem.engine.steps - begun > _ROUND:
+            break
+        meeting = bool(each.term.effect.contact) and each in picked  # bodies: every start has a valley of its own
+        every = problem.starts[each.term.label] if meeting else _starts(problem, each)
+        begins = [extended(best.fitted, each.term, start) for start in every]
+        if away:
+            begins.append(afresh(problem, best.fitted, each))
+        fits = [fit(problem, problem.train, terms, begin, best.noises, STEPS_OF_A_TRIAL) for terms, begin in begins]
+        if meeting:
+            first = sorted(fits, key=lambda one: one.cost)[:_MET]
+            fits = [
+                fit(problem, problem.train, one.terms, one.point, best.noises, STEPS_OF_A_FIT // 2) for one in first
+            ]
+        found += [fitted for fitted in fits if not _too_large(fitted)]
+    told = [(own_evidence(problem, each), each) for each in found]
+    return sorted(told, key=lambda pair: pair[0])
+
+
+def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> list[tuple[float, Fitted]]:
+    """Follow what promised much from all its starts as if all noise were white: whitened edges are traps."""
+    sizes = [white(noise.scale) for noise in best.noises]
+    found = []
+    begun = problem.engine.steps
+    for each in picked[:_PROMISED]:
+        for start in every_start(problem, each):
+            if each.gain > CLEAR_GAIN and problem.engine.steps - begun < _INSISTED:
+                fitted = fit(problem, problem.train, *extended(best.fitted, each.term, start), sizes, STEPS_OF_A_FIT)
+                if not _too_large(fitted):
+                    found.append((own_evidence(problem, fitted), fitted))
+    return found
+
+
+def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], without: float) -> list[Fitted]:
+    """Return one fit of each of the best hypotheses, and of what promised most: of more where no trial gains.
+
+    Of the best limit a second one: a higher one beside a larger gain may do the same on train, and not elsewhere.
+    `without` is the evidence that there is without any.
+    """
+    final: list[Fitted] = []
+    for score, fitted in trials:
+        near = len(final) < 2 or score - trials[0][0] < CLEAR_GAIN
+        if near and len(final) < _FINAL and all(fitted.terms != other.terms for other in final):
+            final.append(fitted)
+    for each in picked[: _PROMISED if trials[0][0] > without else 1]:
+        promised = next((fitted for _, fitted in trials if fitted.terms[-1] == each.term), None)
+        if promised is not None and all(promised.terms != other.terms for other in final):
+            final.append(promised)
+    second = (
+        fitted
+        for score, fitted in trials
+        if score - trials[0][0] < CLEAR_GAIN
+        and limits(fitted.terms[-1:])
+        and any(one.terms == fitted.terms and one is not fitted for one in final)
+    )
+    return [*final, *islice(second, 1)]
+
+
+def _too_large(fitted: Fitted) -> bool:
+    """Tell whether the newest effect had to be as large as it can be: it only stands for another."""
+    newest = fitted.terms[-1]
+    sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
+    bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
+    return any(fitted.point.values[key] > _WHOLE * high for key, high in bounded)
+
+
+def every_start(problem: Problem, screened: Screened) -> Sequence[Mapping[str, float]]:
+    """Return all starts of a term; of a large grid, which was searched when it was screened, the one it promised."""
+    starts = problem.starts[screened.term.label]
+    return starts if len(starts) <= _FEW else (screened.start,)
+
+
+def _starts(problem: Problem, screened: Screened) -> list[Mapping[str, float]]:
+    """Return the start that promises most, for effects of three parameters a second one, and for limits all.
+
+    A limit that is set too low bends all else on its way up.
+    """
+    term = screened.term
+    others = [dict(start) for start in problem.starts[term.label] if dict(start) != dict(screened.start)]
+    if limits([term]):
+        return [screened.start, *others]
+    return [screened.start, *others[len(others) // 2 :][:1]] if len(term.keys) >= 3 else [screened.start]

@@ -1,0 +1,179 @@
+"""Screen all terms at once: how much of what is left over each could explain that no nominal parameter can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.descent import slopes_of, whitened
+from firmloop.diagnose.model.fit import Fitted
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, entered, outputs_of
+from firmloop.identify.fitting.noise import Noise, fit_noise
+from firmloop.identify.fitting.projection import outside, turn, with_starts
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_PATIENCE = 4.0  # million steps of simulation for one term: stiff corners of some effects simulate very slowly
+_PARALLEL = 1e-5  # what is left of a direction below this share of its length cannot be told from a nominal change
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """A term with the drop of the whitened sum of squares it promises, and the start that promises most.
+
+    `left` is the share of the term's trace that the nominal parameters cannot imitate.
+    """
+
+    term: LibraryTerm
+    gain: float
+    start: Mapping[str, float]
+    left: float
+    drop: float = 0.0  # of -2 log likelihood once the noise is estimated anew
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What a screen projects on, under one noise model: the base's slopes as a basis, and what they leave over."""
+
+    noises: tuple[Noise, ...]
+    basis: Array  # (rows, k)
+    left: Array  # (rows,)
+    within: Array  # (k,) what the basis has of the whitened residuals
+    slopes: tuple[Array, ...]  # (n, r, k) of every recording, not whitened, in the order of the basis
+    residuals: tuple[Array, ...]  # (n, r) of every recording
+    floors: Array  # (r,)
+    evidence: float  # -2 log likelihood of the residuals, at best after a last step of the base's unknowns
+
+
+def ground(problem: Problem, recordings: Sequence[Recording], base: Fitted, noises: Sequence[Noise]) -> Ground:
+    """Whiten slopes and residuals of the base, and take out of the residuals what its own unknowns can still do."""
+    tangents, lefts, raw = [], [], []
+    count = len(base.coordinates)
+    for k, recording in enumerate(recordings):
+        slopes = slopes_of(problem, recording, base.coordinates, base.point, k, base.residuals[k])
+        parts = with_starts(slopes, count, k, len(recordings))
+        raw.append(parts)
+        tangents.append(whitened(parts, noises))
+        lefts.append(whitened(base.residuals[k], noises))
+    turned = turn(np.concatenate(tangents))
+    basis = np.concatenate(tangents) @ turned
+    left = np.concatenate(lefts)
+    own = tuple(part @ turned for part in raw)
+    within = basis.T @ left
+    refined = [part - slopes @ within for part, slopes in zip(base.residuals, own, strict=True)]
+    said = min(_likelihood(residuals, problem.floors) for residuals in (base.residuals, refined))
+    return Ground(tuple(noises), basis, outside(basis, left), within, own, base.residuals, problem.floors, said)
+
+
+def _likelihood(residuals: Sequence[Array], floors: Array) -> float:
+    """Return -2 log likelihood of residuals (n, r) under the noise that fits them best, but for a constant."""
+    total = 0.0
+    for index, floor in enumerate(floors):
+        columns = [part[:, index] for part in residuals]
+        total += fit_noise(columns, float(floor)).unlikely(sum(len(each) for each in columns))
+    return total
+
+
+def screen(
+    problem: Problem,
+    recordings: Sequence[Recording],
+    base: Fitted,
+    terms: Sequence[LibraryTerm],
+    grounds: Sequence[Ground],
+    orders: Mapping[str, Sequence[float]],
+) -> tuple[tuple[Screened, ...], ...]:
+    """Project secants (simulated with the term - without) on what each ground leaves; best first, ground by ground.
+
+    `orders` are the waves per turn or the moments worth a simulation, by the effect's name; where there is none, all.
+    """
+    found: list[list[Screened]] = [[] for _ in grounds]
+    for term in terms:
+        best: list[Screened | None] = [None for _ in grounds]
+        trace: list[Sequence[Sequence[Array]]] = [() for _ in grounds]
+        begun = problem.engine.steps
+        for start in _promising(problem.starts[term.label], orders.get(term.effect.name, ())):
+            if problem.engine.steps - begun > _PATIENCE:
+                break
+            traced = secants(problem, recordings, base, term, start)
+            for index, under in enumerate(grounds):
+                judged = _judge(term, start, traced, under)
+                held = best[index]
+                if judged is not None and (held is None or judged.gain > held.gain):
+                    best[index], trace[index] = judged, traced
+        for index, each in enumerate(best):
+            if each is not None:
+                found[index].append(
+                    replace(each, drop=_drop(trace[index], grounds[index])) if each.gain > 0.0 else each
+                )
+    return tuple(tuple(sorted(each, key=lambda one: -one.gain)) for each in found)
+
+
+def _promising(starts: Sequence[Mapping[str, float]], orders: Sequence[float]) -> list[Mapping[str, float]]:
+    """Keep of a grid over waves per turn, or over moments, those asked for, phase zero."""
+    grids = (".periods_per_rev", ".time_s")
+    key = next((key for start in starts for key in start if key.endswith(grids)), None)
+    if key is None:
+        phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
+        return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
+    return [{**starts[0], key: order} for order in orders] if orders else list(starts)
+
+
+def secants(
+    problem: Problem, recordings: Sequence[Recording], base: Fitted, term: LibraryTerm, start: Mapping[str, float]
+) -> tuple[tuple[Array, ...], ...]:
+    """Return what the term changes (n, r), per recording; a wave also a quarter turn on: phase needs no grid."""
+    turned = {key: value + 0.5 * np.pi for key, value in start.items() if key.endswith(".phase_rad")}
+    found = []
+    for change in [dict(start), {**start, **turned}] if turned else [dict(start)]:
+        parts = []
+        for k, recording in enumerate(recordings):
+            values = entered(base.point.values, term, change)
+            simulated = problem.engine.simulate(recording, values, base.point.starts[k])
+            parts.append(simulated - (outputs_of(problem, recording) - base.residuals[k]))
+        found.append(tuple(parts))
+    return tuple(found)
+
+
+def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
+    """Take out of the residuals what a term and the base's unknowns can do, and see how likely the rest is.
+
+    The noise that the base has left over holds the trace of the term, which whitens it away.
+    """
+    tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
+    pure = outside(under.basis, tall)
+    shares = np.linalg.pinv(pure.T @ pure, rcond=1e-13, hermitian=True) @ (pure.T @ under.left)
+    own = under.within - under.basis.T @ (tall @ shares)
+    rest = []
+    for k, residual in enumerate(under.residuals):
+        moved = np.stack([parts[k] for parts in secants], axis=2) @ shares
+        rest.append(residual - moved - under.slopes[k] @ own)
+    return under.evidence - _likelihood(rest, under.floors)
+
+
+def _judge(
+    term: LibraryTerm, start: Mapping[str, float], secants: Sequence[Sequence[Array]], under: Ground
+) -> Screened | None:
+    if not all(np.all(np.isfinite(part)) for parts in secants for part in parts):
+        return None
+    tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
+    sizes = np.linalg.norm(tall, axis=0)
+    pure = outside(under.basis, tall)
+    rest = np.linalg.norm(pure, axis=0)
+    live = rest > _PARALLEL * np.maximum(sizes, 1e-300)
+    share = float(rest[0] / max(sizes[0], 1e-300))
+    if not np.any(live):
+        return Screened(term, 0.0, start, share)
+    axis, _ = np.linalg.qr(pure[:, live])
+    gain = float(np.sum((axis.T @ under.left) ** 2))
+    if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
+        gain *= 0.01  # the data wants the opposite of what physics allows
+    return Screened(term, gain, start, share)
+
+
+def _signed(term: LibraryTerm) -> bool:
+    """Tell whether the first parameter may have either sign."""
+    return not term.parameters or term.parameters[0].low < term.parameters[0].neutral

@@ -1,0 +1,365 @@
+"""Search for what explains the recordings: grow by screened terms, refit in full, prune, and rank the candidates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.data.quantization import coarse
+from firmloop.diagnose.model.angle import follows_record, lost_count, strayed
+from firmloop.diagnose.model.batch_means import accidental, by_chance, times_chance
+from firmloop.diagnose.model.candidate import (
+    MINOR,
+    TIE,
+    Candidate,
+    closer,
+    creeps,
+    faint,
+    farther,
+    larger,
+    rated,
+    relieved,
+    simplest,
+    tells,
+)
+from firmloop.diagnose.model.continuation import past_contacts
+from firmloop.diagnose.model.descent import whitened
+from firmloop.diagnose.model.fit import evidence, fit, noises_of
+from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Point, Problem, first_point, meeting, turning
+from firmloop.diagnose.policy import STEPS_OF_A_FIT, STEPS_OF_A_TRIAL
+from firmloop.diagnose.search.exchange import amounting, merged, parted, swapped
+from firmloop.diagnose.search.found import Progress, Search, candidates_of
+from firmloop.diagnose.search.from_given import from_given, runaways
+from firmloop.diagnose.search.round import screened, tried_beside
+from firmloop.diagnose.search.screen import Screened
+from firmloop.identify.fitting.noise import colored, flat, white
+from firmloop.identify.simulation.course import LONGEST_CHANGE
+
+Array = NDArray[np.float64]
+
+THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/diagnose/nulls.py measures the rate of false alarms
+COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
+SLOW_THRESHOLD = 80.0  # and there for effects that look like one
+_STEPPED = 500.0  # the same of a limit of a sensor of coarse steps: the last of them looks like one
+_SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
+_SOUGHT = (MOMENT, ".periods_per_rev", ".periods_per_m")
+LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
+MOST_EFFECTS = 4
+_SURE = 8.0  # deviations by batches, more than which no slow disturbance has
+_SWAPS = 3  # times that what is mistaken for an effect is put in its place
+_FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
+_NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many candidates, that are polished as that was
+_NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
+_WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
+_PATIENCE = 180.0  # million steps of simulation after which no further effect is looked for
+_LONGER = 240.0  # the same beside bodies that meet, whose fits take far longer
+_SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
+
+
+def search(problem: Problem, progress: Progress) -> Search:
+    """Explain the train recordings of a problem; tests only count when explanations are ranked."""
+    progress(0.05, "refitting the nominal plant")
+    nominal = _nominal(problem)
+    best = nominal
+    problem.engine.follow(follows_record(problem, nominal))
+    rounds: list[tuple[Candidate, ...]] = []
+    gains: list[float] = []
+    first: tuple[Screened, ...] = ()
+    begun = problem.engine.steps
+    for turn in range(MOST_EFFECTS):
+        patience = _LONGER if meeting(best.fitted.terms) else _PATIENCE
+        if turn and problem.engine.steps - begun > patience:
+            break
+        progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
+        table = screened(problem, best)
+        first = first or table
+        # Where noise alone is left, no term gains more than it promises; where not, a soaked one hides another.
+        whole = not colored(best.noises)
+        worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
+        candidates = tried_beside(problem, best, table, from_given(problem, best), worth)
+        if not candidates:
+            break
+        base = best
+        if best.score > candidates[0].score:  # what it won may be that the others were further from their end
+            again = fit(
+                problem, problem.train, best.fitted.terms, best.fitted.point, candidates[0].noises, STEPS_OF_A_FIT
+            )
+            further_on = rated(problem, again)
+            base = best if farther(further_on, best) else min((further_on, best), key=lambda each: each.score)
+        chosen = _nearer(problem, simplest(candidates, base.score), base)
+        rounds.append(candidates)
+        if larger(chosen, base):
+            chosen = _accompanied(problem, chosen, base, worth)
+        gain = base.score - chosen.score
+        trace = gain < MINOR * sum(gains) and not closer(problem, chosen, base)
+        if trace or not _earned(problem, chosen, base) or lost_count(problem, chosen, base):
+            best = base
+            break
+        gains.append(gain)
+        best = accepted(problem, chosen)
+        if turn == 0:
+            nominal = base
+    if not gains:
+        return Search(problem, best, best, tuple(rounds), first, ())
+    before = set(best.fitted.terms)
+    best, tried = _settled(problem, best, gains)
+    found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains))
+    if set(best.fitted.terms) - before and len(best.fitted.terms) < MOST_EFFECTS:
+        return further(found) or found  # what was mistaken for it had hidden the rest
+    return found
+
+
+def further(found: Search, table: Sequence[Screened] | None = None) -> Search | None:
+    """Look for one more effect, however little beside what the others explain; None where there is none.
+
+    `table` are the terms as screened, best first; None screens them.
+    """
+    problem, base = found.problem, found.best
+    candidates = tried_beside(problem, base, screened(problem, base) if table is None else table, (), _WORTH)
+    if not candidates:
+        return None
+    chosen = _nearer(problem, simplest(candidates, base.score), base)
+    if not _earned(problem, chosen, base) or lost_count(problem, chosen, base):
+        return None
+    gains = (*found.gains, base.score - chosen.score)
+    best, tried = _settled(problem, _refollowed(problem, _unwhitened(problem, chosen)), gains)
+    nominal = found.nominal if found.gains else base
+    return replace(found, nominal=nominal, best=best, rounds=(*found.rounds, candidates, tried), gains=gains)
+
+
+def accepted(problem: Problem, chosen: Candidate) -> Candidate:
+    """Lead an explanation out of traps, let it follow the better angle, and take finer steps where it asks for them."""
+    return _refined(problem, _refollowed(problem, _unwhitened(problem, chosen)))
+
+
+def settled(found: Search) -> Search:
+    """Drop what is not needed of the best, and put what is mistaken for an effect in its place."""
+    best, tried = _settled(found.problem, found.best, found.gains)
+    return replace(found, best=best, rounds=(*found.rounds, tried))
+
+
+def levelled(found: Search) -> Search:
+    """Polish the candidates that are near the best as that was: they may be as good."""
+    problem, best = found.problem, found.best
+    near: dict[frozenset[LibraryTerm], Candidate] = {}
+    for each in candidates_of(found):
+        if each.score - best.score < _NEAR and len(near) < _LEVELLED:
+            near.setdefault(frozenset(each.fitted.terms), each)
+    polished = sorted((_unwhitened(problem, each) for each in near.values()), key=lambda each: each.score)
+    if not polished:
+        return found
+    if polished[0].score >= best.score:
+        return replace(found, rounds=(*found.rounds, tuple(polished)))
+    return replace(found, best=polished[0], rounds=(*found.rounds, (best, *polished)))
+
+
+def _settled(problem: Problem, best: Candidate, gains: Sequence[float]) -> tuple[Candidate, tuple[Candidate, ...]]:
+    """Drop what is not needed, and put what is mistaken for an effect in its place; the best and all that was tried."""
+    tried: tuple[Candidate, ...] = ()
+    for _ in range(_SWAPS):
+        slim = pruned(problem, best)
+        best, more = swapped(problem, slim, sum(gains))
+        tried += more
+        best = parted(problem, best, sum(gains))
+        if best.fitted.terms == slim.fitted.terms:
+            break
+    else:
+        best = pruned(problem, best)
+    return merged(problem, amounting(problem, best, sum(gains)), sum(gains)), tried
+
+
+def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
+    """Let waves follow the angle that explains most: as they did, the recorded one amended anew, or the simulated one.
+
+    Another one only where it explains clearly more.
+    """
+    engine = problem.engine
+    if not turning(candidate.fitted.terms):
+        engine.amend(strayed(problem, candidate))
+        return candidate
+    best, held = candidate, (engine.recorded, engine.strayed)
+    amended = candidate
+    for recorded, again in ((True, False), (True, True), (False, False)):
+        off = strayed(problem, amended) if recorded else engine.strayed
+        if (again or recorded == held[0]) and not off:
+            continue
+        engine.follow(recorded)
+        engine.amend(off)
+        fitted = amended.fitted
+        other = rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, amended.noises, STEPS_OF_A_FIT))
+        other = _unwhitened(problem, other)
+        if recorded:
+            amended = other
+        if best.score - other.score > TIE:
+            best, held = other, (recorded, off)
+    engine.follow(held[0])
+    engine.amend(held[1])
+    return best
+
+
+def _refined(problem: Problem, candidate: Candidate) -> Candidate:
+    """Go on by finer steps where the coarse ones leave a trace beside little noise: the next effect would take it."""
+    engine, fitted = problem.engine, candidate.fitted
+    if engine.longest_change <= LONGEST_CHANGE:
+        return candidate
+    coarse = engine.longest_change
+    engine.hasten(LONGEST_CHANGE)
+    finer = fit(problem, problem.train, fitted.terms, fitted.point, candidate.noises, 0)
+    pairs = zip(finer.residuals, fitted.residuals, strict=True)
+    if sum(float(np.sum(whitened(one - other, candidate.noises) ** 2)) for one, other in pairs) > TIE:
+        return rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, candidate.noises, STEPS_OF_A_FIT))
+    engine.hasten(coarse)
+    return candidate
+
+
+def _unwhitened(problem: Problem, candidate: Candidate) -> Candidate:
+    """Fit once more as if all noise were white innovations, and then with what that leaves, if that explains more.
+
+    Whitened residuals show edges, where a wrong moment is a trap. Plain ones show the slow course, and most that of the
+    slowest output, which leads out. A nominal parameter that ran away in such a trap begins where it was given.
+    """
+    fitted = candidate.fitted
+    given = runaways(problem, fitted)
+    found = [candidate]
+    if given or colored(candidate.noises):
+        sizes = [white(noise.scale) for noise in candidate.noises]
+        plain = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
+        noises, last = noises_of(problem, plain.residuals), math.inf
+        while (size := sum(math.log(noise.rms) for noise in noises)) < last - _NEARER:
+            last = size  # it had ended in a valley that went on
+            plain = fit(problem, problem.train, fitted.terms, plain.point, flat(noises), STEPS_OF_A_FIT)
+            noises = noises_of(problem, plain.residuals)
+        begin = Point({**plain.point.values, **given}, plain.point.starts)
+        found.append(rated(problem, fit(problem, problem.train, fitted.terms, begin, noises, STEPS_OF_A_FIT)))
+    return min((each for each in found if not larger(each, candidate)), key=lambda each: each.score)
+
+
+def _nearer(problem: Problem, candidate: Candidate, base: Candidate) -> Candidate:
+    """Lead an explanation that only whitens what is left back to where simulations come closer, if that is as good."""
+    return _unwhitened(problem, candidate) if larger(candidate, base) and candidate.score < base.score else candidate
+
+
+def _accompanied(problem: Problem, candidate: Candidate, base: Candidate, worth: float) -> Candidate:
+    """Return an explanation that only whitens what is left with the effect beside it, after which it comes nearer.
+
+    Of two effects one may hide what the other does: a load makes simulations drift away that a slew rate made right.
+    As it was where neither is worth its name, or it is none.
+    """
+    if not _pays(problem, candidate, base) or len(candidate.fitted.terms) >= MOST_EFFECTS:
+        return candidate
+    candidates = tried_beside(problem, candidate, screened(problem, candidate), (), worth)
+    if not candidates:
+        return candidate
+    both = simplest(candidates, candidate.score)
+    return both if _earned(problem, both, candidate) and not larger(both, base) else candidate
+
+
+def _earned(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether the newest effect brings what it must, on train too, and comes no further from every output."""
+    return not larger(candidate, base) and _pays(problem, candidate, base)
+
+
+def _pays(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether the newest effect brings what it must, on train too."""
+    gain = base.score - candidate.score
+    return (
+        gain >= _bar(problem, candidate, base, gain) and tells(candidate, base) and not faint(problem, candidate, base)
+    )
+
+
+def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -> float:
+    """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
+
+    Of an effect that lasts batches tell that, where simulations come nearer; `gain` is what it did bring.
+    """
+    newest, values = candidate.fitted.terms[-1], candidate.fitted.point.values
+    least = THRESHOLD
+    if any(len(noise.coefficients) >= LONG_MEMORY for noise in candidate.noises):
+        least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
+        times = times_chance(problem, candidate.fitted, candidate.noises, newest)
+        if accidental(newest, times, gain):
+            return np.inf
+        nearer = any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
+        if nearer and _SURE < times < np.inf:  # what lasts hardly shows in innovations
+            least = 0.0 if closer(problem, candidate, base) else THRESHOLD
+    sizes = [noise.rms for noise in candidate.noises]
+    if newest.effect.limits and newest.output in {each.output for each in coarse(problem.plant, problem.train, sizes)}:
+        least = _STEPPED
+    return least + (_SEARCHED if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
+
+
+def _nominal(problem: Problem) -> Candidate:
+    """Fit the nominal plant from several starts with white noise, then with the noise it left over."""
+    begin = first_point(problem, problem.train)
+    spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
+    whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
+    trials = []
+    for factor in _SPREAD:
+        values = {
+            p.name: p.value * (factor if p.free and p.name.startswith(("R_", "J_", "b_", "mass")) else 1.0)
+            for p in problem.plant.parameters
+        }
+        trials.append(
+            fit(
+                problem, problem.train, (), Point({**begin.values, **values}, begin.starts), whole, STEPS_OF_A_TRIAL * 2
+            )
+        )
+    fitted = min(trials, key=lambda each: each.cost)
+    for _ in range(2):
+        fitted = fit(
+            problem, problem.train, (), fitted.point, flat(noises_of(problem, fitted.residuals)), STEPS_OF_A_FIT
+        )
+    plain = last = rated(problem, fitted)
+    fits = [plain]
+    for _ in range(3):
+        last = rated(problem, fit(problem, problem.train, (), last.fitted.point, last.noises, STEPS_OF_A_FIT))
+        if not farther(last, plain):  # what simulates worse than the plain refit has made noise of the motion
+            fits.append(last)
+    return min(fits, key=lambda each: each.score)
+
+
+def _columns(problem: Problem) -> list[list[Array]]:
+    return [[recording.columns[signal.name] for recording in problem.train] for signal in problem.plant.outputs]
+
+
+def pruned(problem: Problem, best: Candidate) -> Candidate:
+    """Drop effects one by one as long as the rest explains as much, and no output is missed by far more."""
+    while len(best.fitted.terms) > 1:
+        slimmer = [
+            rated(
+                problem,
+                fit(
+                    problem,
+                    problem.train,
+                    *relieved(problem, best.fitted, term, best.noises),
+                    best.noises,
+                    STEPS_OF_A_FIT,
+                ),
+            )
+            for term in best.fitted.terms
+        ]
+        least = min(slimmer, key=lambda each: each.score)
+        spared = _spared(problem, best, least)
+        if not spared and meeting(least.fitted.terms):
+            least = rated(problem, past_contacts(problem, least.fitted, least.noises))
+            spared = _spared(problem, best, least)
+        if not spared:
+            return best
+        best = least
+    return best
+
+
+def _spared(problem: Problem, best: Candidate, slim: Candidate) -> bool:
+    """Tell whether the best can do without what a slimmer one has not, which may be the average of a disturbance.
+
+    Unseen recordings only confirm what brings something on train, too.
+    """
+    if any(one.rms > _FAR_MORE * other.rms for one, other in zip(slim.noises, best.noises, strict=True)):
+        return False
+    lost, gone = slim.score - best.score, set(best.fitted.terms) - set(slim.fitted.terms)
+    silent = evidence(slim.fitted, slim.noises) < evidence(best.fitted, best.noises)
+    return silent or lost < THRESHOLD or by_chance(problem, best.fitted, best.noises, gone, lost)

@@ -1,0 +1,356 @@
+"""Turn a search into a verdict: named, tied, unknown, or nothing to say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from firmloop.diagnose.data.checks import Preflight
+from firmloop.diagnose.data.quantization import Direct
+from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
+from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
+from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
+from firmloop.diagnose.model.candidate import (
+    MINOR,
+    TIE,
+    Candidate,
+    closer,
+    relative,
+    residual_sizes,
+    unseen_residuals,
+    without,
+)
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, strength
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
+from firmloop.diagnose.model.sandwich_covariance import doubtful
+from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.diagnose.search.found import Search, candidates_of, richer_of
+from firmloop.diagnose.search.improved import directs
+from firmloop.diagnose.search.simulation_error import needed
+from firmloop.diagnose.search.usual_values import untold
+from firmloop.diagnose.sentences import paragraph
+from firmloop.identify.fitting.noise import Noise, flat, whiteness
+from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.attach import parameters_of
+from firmloop.identify.plants.effect import EffectParameter
+from firmloop.identify.plants.effects import find_effect
+
+Array = NDArray[np.float64]
+
+SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
+_SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
+_COUNTED = 1.05  # scale over rms of a noise from which independent samples were counted: chance leaves some, too
+_HINT = 0.999  # of chance, which a richer explanation has to beat to stand beside the best, below the noise
+_ALIKE = 5.0  # BIC by which usual values of a richer effect may be less likely, below the noise, and still be the case
+_LAGS = 20
+_FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
+_FIRM = 0.1  # of a parameter, as one deviation: it is well determined
+
+
+def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Finding, Shape | None]:
+    """Choose the verdict and write it down; with it what has no name, where that is the verdict and simulates better.
+
+    `shape` is what the best explanation leaves.
+    """
+    seen = replace(search, problem=replace(search.problem, test=()))  # what is unseen takes part in no choice
+    verdict, candidates = _verdict(seen, shape)
+    read = directs(search)
+    if read and verdict == "no_mismatch":
+        verdict = "explained"
+    shown = search.best if verdict in ("explained", "ambiguous") else search.nominal
+    if verdict != "unknown_physics":
+        shape = None
+    elif shape is None or shape.beside:  # not believed: what is missing is what the plant alone misses
+        shape = best_shape(seen, search.nominal)
+    told = shape if shape is not None and _helps(seen, shape) else None
+    after = search.best.fitted.residuals if told is None else told.train
+    noises = search.best.noises if told is None else noises_of(search.problem, after)
+    noise = residual_sizes(after)
+    train = _ratios(search, shown, told, noise, False)
+    test = _ratios(search, shown, None, noise, True) if search.problem.test else None
+    effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))
+    location = None if verdict == "no_mismatch" else _location(search, noises, shape)
+    shifts = _shifts(search, shown)
+    white = (
+        whiteness(_innovations(search.nominal.fitted.residuals, noises), _LAGS),
+        whiteness(_innovations(after, noises), _LAGS),
+    )
+    outputs = [signal.name for signal in search.problem.plant.outputs]
+    finding = Finding(
+        verdict=verdict,
+        half="none" if verdict == "no_mismatch" else "plant",
+        location=location,
+        effects=effects,
+        alternatives=_alternatives(search, shown, candidates) if verdict in ("explained", "unknown_physics") else (),
+        train=train,
+        test=test,
+        whiteness=white,
+        noise=dict(zip(outputs, noise, strict=True)),
+        shifts=shifts,
+        untestable={**checks.untestable, **_unseen_here(search, shown)},
+        notes=(*checks.notes, *_far_from_given(shifts, deviations(shown.fitted), verdict)),
+        says=(),
+        law=_law(told),
+    )
+    return replace(finding, says=paragraph(finding, search, shape)), told
+
+
+def spoiled(finding: Finding) -> Finding:
+    """Return the finding where its explanation would simulate some recording worse than the plain refit does."""
+    said = (
+        "Something is missing, but no effect of the library makes every simulation better: "
+        f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording worse "
+        "than the plain refit, which the written project therefore is."
+    )
+    others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
+    return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))
+
+
+def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candidate, ...]]:
+    """Return the verdict, and the explanations that stand beside the best one."""
+    if not search.best.fitted.terms:
+        return ("unknown_physics" if outweighs(shape, search.best.noises, 0.0) else "no_mismatch"), ()
+    explained = search.nominal.score - search.best.score
+    if outweighs(shape, search.best.noises, explained):
+        return "unknown_physics", ()
+    least = doubtful(search.best.fitted, search.best.noises)
+    if least is not None and least.effect.lasting and not _needed(search, least):
+        return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
+    shows = _shows(search)
+    bar = TIE if shows else max(TIE, MINOR * explained)
+    near = [candidate for candidate in candidates_of(search) if candidate.score - search.best.score < bar]
+    tied = [candidate for candidate in near if not closer(search.problem, search.best, candidate)]
+    tied += [
+        candidate
+        for candidate in richer_of(search)
+        if search.best.score - candidate.score > _hint(search, candidate, shows)
+    ]
+    known = {term for each in tied for term in each.fitted.terms}
+    # What shows has to be met clearly better, for all its usual values; below the noise it is enough to be met as well.
+    tied += [each for each in untold(search, -TIE if shows else _ALIKE) if each.fitted.terms[-1] not in known]
+    return ("ambiguous" if tied else "explained"), tuple(tied)
+
+
+def _needed(search: Search, term: LibraryTerm) -> bool:
+    """Tell whether simulations come far nearer by a term of the best."""
+    problem, fitted = search.problem, search.best.fitted
+    slim = fit(problem, problem.train, *without(fitted, term), flat(search.best.noises), STEPS_OF_A_FIT)
+    return needed(fitted, slim, term)
+
+
+def _hint(search: Search, candidate: Candidate, shows: bool) -> float:
+    """Return what a richer explanation is to be better by, though it is not named, so that it stands beside the best.
+
+    Below the noise its further parameters have to be no chance by the ratio of likelihoods (Wilks 1938), though BIC may
+    ask more. Otherwise a slow disturbance may be all that a load's moment gains by, and it may not be.
+    """
+    if shows:
+        return TIE if candidate.fitted.terms[-1].effect.lasting else math.inf
+    best = search.best.fitted
+    rows = sum(part.size for part in best.residuals)
+    more = max(len(candidate.fitted.coordinates) - len(best.coordinates), 1)
+    return float(scipy.stats.chi2.ppf(_HINT, more)) - more * math.log(rows)
+
+
+def _shows(search: Search) -> bool:
+    """Tell whether what is missing is as large as the noise in some output: below it all rests on the noise model.
+
+    Where independent samples are counted, no such model is asked.
+    """
+    if any(noise.scale > _COUNTED * noise.rms for noise in search.best.noises):
+        return True
+    before, after = residual_sizes(search.nominal.fitted.residuals), residual_sizes(search.best.fitted.residuals)
+    return any(one > _SHOWN * other for one, other in zip(before, after, strict=True))
+
+
+def _innovations(residuals: Sequence[Array], noises: Sequence[Noise]) -> tuple[Array, ...]:
+    """Return the whitened residuals (n,) of every recording and output."""
+    return tuple(noise.whiten(part[:, index]) for part in residuals for index, noise in enumerate(noises))
+
+
+def _read_off(problem: Problem, each: Direct) -> Named:
+    effect = find_effect(each.effect)
+    estimates = {
+        known.name: Estimate(value, (value - NORMAL_95 * deviation, value + NORMAL_95 * deviation), known.unit)
+        for known, value, deviation in zip(
+            parameters_of(problem.plant, each.effect, each.output), each.values, each.deviations, strict=True
+        )
+    }
+    figures = ", ".join(f"{name} {_with_interval(estimate)}" for name, estimate in estimates.items())
+    says = f"{effect.says.rstrip('.')} ({each.output}): {figures}."
+    return Named(each.effect, each.output, "sensor", 1.0, estimates, says)
+
+
+def _ratios(search: Search, shown: Candidate, shape: Shape | None, noise: Sequence[float], unseen: bool) -> Ratio:
+    """Residual rms over noise rms, over all outputs; only initial states are fitted. What has no name explains, too."""
+    problem = search.problem
+    recordings = problem.test if unseen else problem.train
+    given = {p.name: p.value for p in problem.plant.parameters}
+    before = fit_starts(problem, recordings, given, search.best.noises)
+    refit, after = (
+        unseen_residuals(problem, each.fitted, search.best.noises) if unseen else each.fitted.residuals
+        for each in (search.nominal, shown)
+    )
+    if shape is not None:
+        after = shape.test if unseen else shape.train
+    lefts = ([residual_of(problem, recording, before, k) for k, recording in enumerate(recordings)], refit, after)
+    figures = [relative(parts, noise) for parts in lefts]
+    return Ratio(*(figure if math.isfinite(figure) else None for figure in figures))
+
+
+def _named(search: Search, shown: Candidate, verdict: Verdict, candidates: Sequence[Candidate]) -> tuple[Named, ...]:
+    if verdict in ("no_mismatch", "unknown_physics"):
+        return ()
+    fits = [shown, *candidates]
+    weights = _weights(fits)
+    found: dict[str, Named] = {}
+    order = sorted(shown.fitted.terms, key=lambda term: -strength(shown.fitted, term))
+    for candidate, terms in [(shown, order), *((each, list(each.fitted.terms)) for each in candidates)]:
+        for term in terms:
+            if term.label not in found:
+                share = sum(w for w, each in zip(weights, fits, strict=True) if term in each.fitted.terms)
+                if not candidates:
+                    share = _certainty(search, shown)
+                found[term.label] = _one(search.problem, candidate, term, min(share, 1.0))
+    return tuple(found.values())
+
+
+def _certainty(search: Search, shown: Candidate) -> float:
+    """Probability against the runner-up."""
+    others = candidates_of(search)
+    return _weights([shown, *others])[0]
+
+
+def _weights(candidates: Sequence[Candidate]) -> list[float]:
+    scores = np.array([candidate.score for candidate in candidates])
+    raw = np.exp(-0.5 * (scores - scores.min()) / SOFT)
+    return [float(each) for each in raw / raw.sum()]
+
+
+def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability: float) -> Named:
+    spread = deviations(candidate.fitted)
+    estimates = {}
+    for key, each in zip(term.keys, term.parameters, strict=True):
+        value = candidate.fitted.point.values.get(key, each.neutral)
+        interval = _interval(each, value, NORMAL_95 * spread.get(key, math.inf))
+        estimates[each.name] = Estimate(value, interval, each.unit)
+    says = f"{term.effect.says.rstrip('.')}" + (f" ({term.output})" if term.output else "")
+    figures = ", ".join(f"{name} {_with_interval(each)}" for name, each in estimates.items())
+    return Named(
+        term.effect.name,
+        term.output,
+        _equation(problem, term),
+        probability,
+        estimates,
+        f"{says}: {figures}." if figures else f"{says}.",
+    )
+
+
+def _interval(known: EffectParameter, value: float, reach: float) -> tuple[float, float] | None:
+    """Return value ± reach, as a factor where the parameter was fitted as its logarithm; None where it is unknown."""
+    if not math.isfinite(reach):
+        return None
+    low, high = value - reach, value + reach
+    if known.logarithmic and value > 0.0:
+        factor = math.exp(min(reach / value, 50.0))
+        low, high = value / factor, value * factor
+    return min(max(low, known.low), value), max(min(high, known.high), value)
+
+
+def _equation(problem: Problem, term: LibraryTerm) -> str:
+    linear = any(balance.kind == "force" for balance in problem.plant.balances)
+    return "force" if term.effect.equation == "torque" and linear else term.effect.equation
+
+
+def _with_interval(each: Estimate) -> str:
+    unit = "" if each.unit in ("", "1") else f" {each.unit}"
+    if each.interval is None:
+        return f"{each.value:.4g}{unit}"
+    half = 0.5 * (each.interval[1] - each.interval[0])
+    return f"{each.value:.4g} ± {half:.2g}{unit}"
+
+
+def _alternatives(search: Search, shown: Candidate, candidates: Sequence[Candidate]) -> tuple[Alternative, ...]:
+    found: dict[str, Alternative] = {}
+    others = [candidate for candidate in candidates_of(search) if candidate not in candidates][:4]
+    weights = _weights([shown, *others])
+    mine = set(shown.fitted.terms)
+    for weight, candidate in zip(weights[1:], others, strict=True):
+        for term in candidate.fitted.terms:
+            if term not in mine and term.effect.name not in found:
+                found[term.effect.name] = Alternative(term.effect.name, weight, term.effect.experiment)
+    return tuple(found.values())
+
+
+def _helps(search: Search, shape: Shape) -> bool:
+    """Tell whether simulations come nearer by a shape, on train and on unseen recordings."""
+    nominal = search.nominal.fitted
+    sides = [(shape.train, nominal.residuals)]
+    if shape.test:
+        sides.append((shape.test, unseen_residuals(search.problem, nominal, search.best.noises)))
+    return all(relative(one, residual_sizes(other)) < 1.0 for one, other in sides)
+
+
+def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:
+    if shape is None or not np.any(shape.points[:, 1]):
+        return ()
+    return tuple((float(at), float(term)) for at, term in shape.points)
+
+
+def _location(search: Search, noises: Sequence[Noise], shape: Shape | None) -> Location:
+    output, spans, size = worst_spans(search, noises)
+    if shape is not None:
+        equation, coordinate = shape.balance, shape.coordinate
+    elif not search.best.fitted.terms:
+        equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term
+    else:
+        term = max(search.best.fitted.terms, key=lambda each: strength(search.best.fitted, each))
+        equation, coordinate = _equation(search.problem, term), term.effect.coordinate or term.effect.term
+    where = ", ".join(f"{low:.2f}-{high:.2f} s" for low, high in spans)
+    evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (
+        f" at {where}" if where else ""
+    )
+    return Location(equation, coordinate, output, spans, evidence)
+
+
+def _shifts(search: Search, shown: Candidate) -> tuple[Shift, ...]:
+    refit, after = search.nominal.fitted.point.values, shown.fitted.point.values
+    return tuple(
+        Shift(p.name, p.unit, p.value, refit.get(p.name, p.value), after.get(p.name, p.value))
+        for p in search.problem.plant.parameters
+        if p.free
+    )
+
+
+def _far_from_given(shifts: Sequence[Shift], spread: Mapping[str, float], verdict: Verdict) -> list[str]:
+    """Say which nominal parameters the recordings determine well, and far from where the project has them."""
+    if verdict == "unknown_physics":
+        return []  # they may have moved to imitate what has no name
+    return [
+        f"the recordings are met with {each.name} = {each.after:.3g} {each.unit}, {each.after / each.given:.2g} times "
+        "what the project gives; check its value and unit"
+        for each in shifts
+        if each.given > 0.0
+        and each.after > 0.0
+        and abs(math.log(each.after / each.given)) > math.log(_FAR)
+        and spread.get(each.name, math.inf) < _FIRM * each.after
+    ]
+
+
+def _unseen_here(search: Search, shown: Candidate) -> dict[str, str]:
+    """List effects of whose trace next to nothing is left once the nominal parameters have moved."""
+    named = set(shown.fitted.names)
+    best: dict[str, float] = {}
+    for each in search.screened:
+        best[each.term.effect.name] = max(best.get(each.term.effect.name, 0.0), each.left)
+    return {
+        name: "a change of the nominal parameters does the same to these outputs"
+        for name, left in best.items()
+        if left < 0.02 and name not in named
+    }

@@ -1,0 +1,58 @@
+"""The angle that waves follow: a recorded one, without what its sensor and the clock do to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.diagnose.model.angle import strayed
+from firmloop.diagnose.model.candidate import rated
+from firmloop.diagnose.model.fit import fit
+from firmloop.diagnose.model.hypothesis import Point, make_problem
+from firmloop.identify.fitting.noise import white
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import EffectUse
+from firmloop.identify.simulation.simulate import simulate
+from tests.diagnose.test_truth import made
+
+WRONG: Mapping[str, tuple[str | None, Mapping[str, float]]] = {
+    "sensor_lag": ("position_rad", {"time_constant_s": 5e-3}),
+    "sensor_delay": ("position_rad", {"delay_s": 4e-3}),
+    "sensor_gain": ("position_rad", {"gain": 1.1}),
+    "eccentric_encoder": ("position_rad", {"amplitude_rad": 0.2, "phase_rad": 1.0}),
+    "clock_skew": (None, {"ratio": 0.01}),
+    "sensor_offset": ("current_A", {"offset_A": 0.1}),
+    "coulomb_friction": (None, {"torque_N_m": 5e-3}),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_recorded_angle_without_what_its_sensor_does(name: str, tmp_path: Path) -> None:
+    plant, shown = made(tmp_path, "flat_motor", "eccentric_encoder")
+    bare = with_effects(plant, ())
+    output, values = WRONG[name]
+    use = EffectUse(name, output, values)
+    true = simulate(bare, shown, None)[:, 0]
+    columns = dict(zip(("position_rad", "current_A"), simulate(with_effects(bare, [use]), shown, None).T, strict=True))
+    recording = replace(shown, columns={**shown.columns, **columns})
+    problem = make_problem(bare, [recording], [], np.full(2, 1e-9))
+    (term,) = (each for each in problem.terms if (each.effect.name, each.output) == (name, output))
+    point = Point(
+        {p.name: p.value for p in bare.parameters} | dict(zip(term.keys, values.values(), strict=True)),
+        (np.zeros(len(problem.engine.states)),),
+    )
+    candidate = rated(problem, fit(problem, problem.train, (term,), point, [white(1e-3)] * 2, 0))
+    off = strayed(problem, candidate)
+    if output != "position_rad" and name != "clock_skew":
+        assert off == {}, "it moves no reading of the angle"
+        return
+    problem.engine.amend(off)
+    angle = problem.engine.angle(recording)
+    assert angle is not None
+    moved = float(np.max(np.abs(columns["position_rad"] - true)))
+    assert moved > 0.1
+    assert float(np.max(np.abs(angle - true))) < 0.01 * moved

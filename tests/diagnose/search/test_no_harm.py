@@ -1,0 +1,67 @@
+"""What is written simulates no worse than a plain refit, and test recordings choose nothing of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from firmloop.diagnose.model.candidate import believable, on_bound
+from firmloop.diagnose.model.fit import Fitted, fit
+from firmloop.diagnose.model.hypothesis import Problem, first_point
+from firmloop.diagnose.search.harmless import by_simulation_error, harmless
+from firmloop.identify.fitting.noise import white
+from firmloop.project.project import read_project
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
+from tests.diagnose.cases import concealed, diagnosis, problem_of
+
+
+def _alone(problem: Problem) -> Fitted:
+    begin = first_point(problem, problem.train)
+    return by_simulation_error(
+        problem, fit(problem, problem.train, (), begin, [white(1.0)] * len(problem.plant.outputs), 12)
+    )
+
+
+def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(tmp_path: Path) -> None:
+    project = concealed(tmp_path, "coulomb_friction", 0.3, True)
+    _, whole = diagnosis(project, tmp_path / "whole")
+    lines = project.read_text(encoding="utf-8").splitlines()
+    project.write_text("\n".join(line for line in lines if not re.match(r"\s*test\s*=", line)), encoding="utf-8")
+    _, bare = diagnosis(project, tmp_path / "bare")
+    assert "test" in whole["fit"] and "test" not in bare["fit"]
+    for key in ("verdict", "effects", "alternatives", "shifts", "noise", "whiteness", "location"):
+        assert whole[key] == bare[key]
+    assert whole["simulation_rms"]["train"] == bare["simulation_rms"]["train"]
+
+
+@pytest.mark.parametrize("name", ["", "coulomb_friction"])
+def test_what_is_written_simulates_no_worse_than_the_refit(name: str, tmp_path: Path) -> None:
+    _, said = diagnosis(concealed(tmp_path, name, 0.3, False), tmp_path / "out")
+    for plants in said["simulation_rms"]["train"].values():
+        assert plants["after"] <= 1.01 * plants["refit"]
+        assert bool(name) == (plants["after"] < 0.99 * plants["refit"]) or plants["refit"] < 1.05 * plants["after"]
+
+
+def test_a_plant_that_is_off_is_not_harmless(tmp_path: Path) -> None:
+    project = read_project(concealed(tmp_path, "", 0.3, False))
+    plant, train = plant_of(project), read_data(project).train
+    off = replace(plant, parameters=tuple(replace(p, value=1.3 * p.value) for p in plant.parameters))
+    assert harmless(plant, plant, train)
+    assert not harmless(off, plant, train) or not harmless(plant, off, train)
+
+
+def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
+    problem = problem_of(concealed(tmp_path, "coulomb_friction", 0.3, False))
+    term = problem.term("eccentric_encoder") or problem.term("sensor_lag")
+    assert term is not None
+    start = dict(problem.starts[term.label][0])
+    begin = first_point(problem, problem.train)
+    inside = replace(begin, values={**begin.values, **start})
+    fitted = fit(problem, problem.train, (term,), inside, [white(1.0)] * len(problem.plant.outputs), 0)
+    ended = {**inside.values, term.keys[0]: term.parameters[0].low}
+    assert not on_bound(fitted, term)
+    assert not believable(replace(fitted, point=replace(inside, values=ended)))
