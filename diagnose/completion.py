@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weighed
-from firmloop.diagnose.model.batch_means import FEW, with_lasting
-from firmloop.diagnose.model.candidate import MINOR, TIE, Candidate, rated, without
+from firmloop.diagnose.model.batch_means import with_lasting
+from firmloop.diagnose.model.candidate import Candidate, rated, without
 from firmloop.diagnose.model.continuation import met
 from firmloop.diagnose.model.fit import Fitted, ended, evidence, fit, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
@@ -15,27 +15,34 @@ from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
 from firmloop.diagnose.model.sandwich_covariance import doubtful, with_pushes
 from firmloop.diagnose.model.scale_doubt import with_scale_doubt
-from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.diagnose.policy import (
+    CHANCE_GAIN,
+    COMPLETION_PATIENCE,
+    CONTACT_COMPLETION_PATIENCE,
+    CURVED_VALLEYS,
+    KINK_SOLVES,
+    LEFT_GAIN,
+    LITTLE_GAIN,
+    LOST_SHARE,
+    MINOR_SHARE,
+    MOST_EFFECTS,
+    PATCHED_GAIN,
+    STEPS_OF_A_FIT,
+    STEPS_OF_A_NEAR_FIT,
+    THRESHOLD,
+    TIE,
+    TRACE_SHARE,
+)
 from firmloop.diagnose.search.at_rest import rested
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
 from firmloop.diagnose.search.multiple_shooting import in_pieces
 from firmloop.diagnose.search.simulation_error import independent, needed, strays
-from firmloop.diagnose.search.stepwise import MOST_EFFECTS, THRESHOLD, further, levelled, pruned, settled
+from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.simulation.course import LONGEST_CHANGE
-
-LEFT = 60.0  # drop of BIC by a shape, from which an explanation is not the whole of it
-_LITTLE = 150.0  # drop of BIC up to which a name says little
-_STEPS, _SLIM = 12, 24  # of a fit without an effect, and of one as if noise had no memory
-_POLISH = 30  # solves past kinks, of a few steps each
-_CONTACTS = 80.0  # million steps of simulation where bodies meet
-_VALLEYS = 4  # times that a fit goes on which a curved valley had held a deviation from its end
-_LOST = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
-_PATCHED, _TRACE = 300.0, 0.05  # drop of BIC that an effect may owe to kinks, or share of all that is explained
-_PATIENCE = 100.0  # million steps of simulation after which nothing further is looked for
 
 
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
@@ -48,9 +55,9 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     shape = best_shape(found, found.best)
     while (
         shape is not None
-        and shape.gain > LEFT
+        and shape.gain > LEFT_GAIN
         and len(found.best.fitted.terms) < MOST_EFFECTS
-        and found.problem.engine.steps - begun < _PATIENCE
+        and found.problem.engine.steps - begun < COMPLETION_PATIENCE
     ):
         more = further(found, weighed(found))
         rest = None if more is None else best_shape(more, more.best)
@@ -59,7 +66,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
-    if strays(found, _LOST) or alone is not None or not whole:
+    if strays(found, LOST_SHARE) or alone is not None or not whole:
         others = (None if found is tried else in_pieces(found, progress), exhausted(found))
         other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
         if other is not None:
@@ -73,7 +80,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if other is not None:
             found = _resumed(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
-        elif len(sure.best.fitted.terms) == 1 and found.nominal.score - found.best.score < FEW:
+        elif len(sure.best.fitted.terms) == 1 and found.nominal.score - found.best.score < CHANCE_GAIN:
             return replace(found, best=found.nominal), best_shape(found, found.nominal)
     return sure, shape
 
@@ -81,7 +88,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
 def _resumed(found: Search) -> Search:
     """Return the search gone on with until no effect is found beside it, and settled."""
     begun, gone_on = found.problem.engine.steps, None
-    while len(found.best.fitted.terms) < MOST_EFFECTS and found.problem.engine.steps - begun < _PATIENCE:
+    while len(found.best.fitted.terms) < MOST_EFFECTS and found.problem.engine.steps - begun < COMPLETION_PATIENCE:
         more = further(found)
         if more is None:
             break
@@ -97,8 +104,8 @@ def _alone(found: Search) -> Shape | None:
     best, nominal = found.best, found.nominal
     explained = nominal.score - best.score
     told = evidence(nominal.fitted, nominal.noises) - evidence(best.fitted, best.noises)
-    least = 0.0 if len(best.fitted.terms) > 1 else LEFT if explained < told else LEFT + explained
-    if not best.fitted.terms or (least > LEFT and explained > _LITTLE):
+    least = 0.0 if len(best.fitted.terms) > 1 else LEFT_GAIN if explained < told else LEFT_GAIN + explained
+    if not best.fitted.terms or (least > LEFT_GAIN and explained > LITTLE_GAIN):
         return None
     shape = best_shape(found, nominal)
     return shape if shape is not None and shape.gain > explained + least else None
@@ -118,11 +125,11 @@ def _confirmed(found: Search) -> Search:
     if len(best.fitted.terms) > 1:
         whole = rated(problem, finer)
         slim = pruned(problem, whole) if abs(best.score - whole.score) > TIE else whole
-        slim = _past_kinks(problem, slim, max(_PATCHED, _TRACE * (found.nominal.score - best.score)))
+        slim = _past_kinks(problem, slim, max(PATCHED_GAIN, TRACE_SHARE * (found.nominal.score - best.score)))
         if slim is not whole:
             finer = _finer(problem, slim)
     finer = _certain(problem, with_doubts(problem, finer))
-    finer = _untraced(problem, finer, MINOR * (found.nominal.score - best.score))
+    finer = _untraced(problem, finer, MINOR_SHARE * (found.nominal.score - best.score))
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(problem, finer.residuals)))
 
 
@@ -131,12 +138,12 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
     noises, plain = noises_of(problem, fitted.residuals), not colored(fitted.noises)
     while len(fitted.terms) > 1 and (least := doubtful(fitted, noises)) is not None:
         terms, point = without(fitted, least)
-        slim = fit(problem, problem.train, terms, point, flat(noises), _SLIM)  # whitened edges are traps
+        slim = fit(problem, problem.train, terms, point, flat(noises), STEPS_OF_A_FIT)  # whitened edges are traps
         if needed(fitted, slim, least):
             break
         noises = noises_of(problem, slim.residuals)
         by = independent(slim.residuals) if plain else noises
-        slim = fit(problem, problem.train, terms, slim.point, by, _STEPS)
+        slim = fit(problem, problem.train, terms, slim.point, by, STEPS_OF_A_NEAR_FIT)
         fitted = with_doubts(problem, profiled(problem, ended(problem, slim, by), by))
     return fitted
 
@@ -148,7 +155,7 @@ def _untraced(problem: Problem, fitted: Fitted, owed: float) -> Fitted:
         if strength(fitted, least) > NORMAL_95:
             break
         noises = noises_of(problem, fitted.residuals)
-        slim = fit(problem, problem.train, *without(fitted, least), noises, _SLIM)
+        slim = fit(problem, problem.train, *without(fitted, least), noises, STEPS_OF_A_FIT)
         if rated(problem, slim).score - rated(problem, fitted).score > owed:
             break
         fitted = with_doubts(problem, profiled(problem, ended(problem, slim, noises), noises))
@@ -171,9 +178,9 @@ def _past_kinks(problem: Problem, candidate: Candidate, owed: float) -> Candidat
         terms, point = without(candidate.fitted, term)
         if not _kinked(terms, candidate):
             continue
-        slim = fit(problem, problem.train, terms, point, candidate.noises, _STEPS)
+        slim = fit(problem, problem.train, terms, point, candidate.noises, STEPS_OF_A_NEAR_FIT)
         if rated(problem, slim).score - candidate.score < owed:
-            one = rated(problem, polished(problem, slim, candidate.noises, _POLISH))
+            one = rated(problem, polished(problem, slim, candidate.noises, KINK_SOLVES))
             candidate = one if one.score - candidate.score < THRESHOLD else candidate
     return candidate
 
@@ -187,7 +194,9 @@ def _met(problem: Problem, candidate: Candidate) -> Fitted:
     """Lead a fit past the kinks of contacts, where there are any, by finer steps."""
     if not meeting(candidate.fitted.terms):
         return candidate.fitted
-    return met(problem, ended(problem, candidate.fitted, candidate.noises), candidate.noises, _CONTACTS)
+    return met(
+        problem, ended(problem, candidate.fitted, candidate.noises), candidate.noises, CONTACT_COMPLETION_PATIENCE
+    )
 
 
 def _finer(problem: Problem, candidate: Candidate) -> Fitted:
@@ -196,9 +205,9 @@ def _finer(problem: Problem, candidate: Candidate) -> Fitted:
     if fitted is not candidate.fitted:
         noises = noises_of(problem, fitted.residuals)
     if _kinked(fitted.terms, candidate):
-        fitted = polished(problem, fitted, noises, _POLISH)
+        fitted = polished(problem, fitted, noises, KINK_SOLVES)
     fitted = fit(problem, problem.train, fitted.terms, fitted.point, noises, 0)
-    for _ in range(_VALLEYS):
+    for _ in range(CURVED_VALLEYS):
         further_on = fit(problem, problem.train, fitted.terms, fitted.point, noises, STEPS_OF_A_FIT)
         if fitted.cost - further_on.cost < 1.0:
             break

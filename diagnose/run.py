@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from firmloop.diagnose.completion import completed
 from firmloop.diagnose.data.channels import check_sound
 from firmloop.diagnose.data.checks import Preflight, preflight
-from firmloop.diagnose.data.intersample import HOLD_WORTH
 from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.model.candidate import Candidate, believable, rated
 from firmloop.diagnose.model.fit import ended
 from firmloop.diagnose.model.hypothesis import make_problem
+from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import (
     by_simulation_error,
@@ -77,7 +77,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         as_given = held(seen, given)
         other = _explained(plant, as_given, progress)
         scores = [rated(each.search.problem, each.search.best.fitted).score for each in (other, made)]
-        if scores[0] < scores[1] + HOLD_WORTH:
+        if scores[0] < scores[1] + HOLD_GAIN:
             made, unseen = other, held(unseen, given)
     hold = made.search.problem.train[0].hold
     whole, later = held(train, hold), held(test, hold)

@@ -7,12 +7,8 @@ from dataclasses import replace
 
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding, Shift
-from firmloop.diagnose.model.candidate import HELD
+from firmloop.diagnose.policy import FAILED_RATIO, FAILED_RMS, HELD_SHARE, THRESHOLD
 from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.stepwise import THRESHOLD
-
-FAR = 20.0  # residual over noise on unseen recordings from which nothing that was fitted holds there
-WORSE = 10.0  # times the residual on those that were fitted
 
 
 def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[str, ...]:
@@ -73,9 +69,9 @@ def with_doubt(finding: Finding) -> Finding:
     test, train = finding.test, finding.train
     if test is None or test.after is None or train.after is None:
         return finding
-    if test.after < FAR or test.after < WORSE * train.after:
+    if test.after < FAILED_RMS or test.after < FAILED_RATIO * train.after:
         return finding
-    if test.refit is not None and test.after < HELD * test.refit:
+    if test.refit is not None and test.after < HELD_SHARE * test.refit:
         return finding
     said = (
         f"the test recordings do not follow from what the train recordings tell: {test.after:.3g} times the noise is "

@@ -15,21 +15,24 @@ from firmloop.diagnose.data.quantization import Direct
 from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
-from firmloop.diagnose.model.candidate import (
-    MINOR,
-    TIE,
-    Candidate,
-    closer,
-    relative,
-    residual_sizes,
-    unseen_residuals,
-    without,
-)
+from firmloop.diagnose.model.candidate import Candidate, closer, relative, residual_sizes, unseen_residuals, without
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.model.sandwich_covariance import doubtful
-from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.diagnose.policy import (
+    COUNTED_SAMPLES,
+    FIRM_TO_SAY,
+    HARDLY_MEANT,
+    HINT_OF_CHANCE,
+    MINOR_SHARE,
+    SHOWN_RMS,
+    SOFT_EVIDENCE,
+    STEPS_OF_A_FIT,
+    TIE,
+    USUAL_WITHIN,
+    WHITENESS_LAGS,
+)
 from firmloop.diagnose.search.found import Search, candidates_of, richer_of
 from firmloop.diagnose.search.improved import directs
 from firmloop.diagnose.search.simulation_error import needed
@@ -42,15 +45,6 @@ from firmloop.identify.plants.effect import EffectParameter
 from firmloop.identify.plants.effects import find_effect
 
 Array = NDArray[np.float64]
-
-SOFT = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
-_SHOWN = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
-_COUNTED = 1.05  # scale over rms of a noise from which independent samples were counted: chance leaves some, too
-_HINT = 0.999  # of chance, which a richer explanation has to beat to stand beside the best, below the noise
-_ALIKE = 5.0  # BIC by which usual values of a richer effect may be less likely, below the noise, and still be the case
-_LAGS = 20
-_FAR = 3.0  # factor on a nominal parameter from which its value was hardly meant
-_FIRM = 0.1  # of a parameter, as one deviation: it is well determined
 
 
 def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Finding, Shape | None]:
@@ -78,8 +72,8 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     location = None if verdict == "no_mismatch" else _location(search, noises, shape)
     shifts = _shifts(search, shown)
     white = (
-        whiteness(_innovations(search.nominal.fitted.residuals, noises), _LAGS),
-        whiteness(_innovations(after, noises), _LAGS),
+        whiteness(_innovations(search.nominal.fitted.residuals, noises), WHITENESS_LAGS),
+        whiteness(_innovations(after, noises), WHITENESS_LAGS),
     )
     outputs = [signal.name for signal in search.problem.plant.outputs]
     finding = Finding(
@@ -123,7 +117,7 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candid
     if least is not None and least.effect.lasting and not _needed(search, least):
         return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
     shows = _shows(search)
-    bar = TIE if shows else max(TIE, MINOR * explained)
+    bar = TIE if shows else max(TIE, MINOR_SHARE * explained)
     near = [candidate for candidate in candidates_of(search) if candidate.score - search.best.score < bar]
     tied = [candidate for candidate in near if not closer(search.problem, search.best, candidate)]
     tied += [
@@ -133,7 +127,7 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candid
     ]
     known = {term for each in tied for term in each.fitted.terms}
     # What shows has to be met clearly better, for all its usual values; below the noise it is enough to be met as well.
-    tied += [each for each in untold(search, -TIE if shows else _ALIKE) if each.fitted.terms[-1] not in known]
+    tied += [each for each in untold(search, -TIE if shows else USUAL_WITHIN) if each.fitted.terms[-1] not in known]
     return ("ambiguous" if tied else "explained"), tuple(tied)
 
 
@@ -155,7 +149,7 @@ def _hint(search: Search, candidate: Candidate, shows: bool) -> float:
     best = search.best.fitted
     rows = sum(part.size for part in best.residuals)
     more = max(len(candidate.fitted.coordinates) - len(best.coordinates), 1)
-    return float(scipy.stats.chi2.ppf(_HINT, more)) - more * math.log(rows)
+    return float(scipy.stats.chi2.ppf(HINT_OF_CHANCE, more)) - more * math.log(rows)
 
 
 def _shows(search: Search) -> bool:
@@ -163,10 +157,10 @@ def _shows(search: Search) -> bool:
 
     Where independent samples are counted, no such model is asked.
     """
-    if any(noise.scale > _COUNTED * noise.rms for noise in search.best.noises):
+    if any(noise.scale > COUNTED_SAMPLES * noise.rms for noise in search.best.noises):
         return True
     before, after = residual_sizes(search.nominal.fitted.residuals), residual_sizes(search.best.fitted.residuals)
-    return any(one > _SHOWN * other for one, other in zip(before, after, strict=True))
+    return any(one > SHOWN_RMS * other for one, other in zip(before, after, strict=True))
 
 
 def _innovations(residuals: Sequence[Array], noises: Sequence[Noise]) -> tuple[Array, ...]:
@@ -229,7 +223,7 @@ def _certainty(search: Search, shown: Candidate) -> float:
 
 def _weights(candidates: Sequence[Candidate]) -> list[float]:
     scores = np.array([candidate.score for candidate in candidates])
-    raw = np.exp(-0.5 * (scores - scores.min()) / SOFT)
+    raw = np.exp(-0.5 * (scores - scores.min()) / SOFT_EVIDENCE)
     return [float(each) for each in raw / raw.sum()]
 
 
@@ -338,8 +332,8 @@ def _far_from_given(shifts: Sequence[Shift], spread: Mapping[str, float], verdic
         for each in shifts
         if each.given > 0.0
         and each.after > 0.0
-        and abs(math.log(each.after / each.given)) > math.log(_FAR)
-        and spread.get(each.name, math.inf) < _FIRM * each.after
+        and abs(math.log(each.after / each.given)) > math.log(HARDLY_MEANT)
+        and spread.get(each.name, math.inf) < FIRM_TO_SAY * each.after
     ]
 
 

@@ -98,6 +98,7 @@ CHECKERS = (
     *("claims", "reading", "judge", "c_checker", "c_tokens", "stated_c"),
     *("interval_checker", "table_checker", "z3_checker"),
 )
+POLICY = ROOT / "diagnose" / "policy.py"
 EFFECTS = ROOT / "identify" / "plants" / "effects"
 LONGEST_FILE = 400
 LARGEST_FOLDER = 20
@@ -340,6 +341,31 @@ def test_effects_are_named_in_their_own_files_alone() -> None:
 @pytest.mark.parametrize("folder", sorted({path.parent for path in SOURCES}), ids=_id)
 def test_a_folder_is_small(folder: Path) -> None:
     assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= LARGEST_FOLDER
+
+
+@pytest.mark.parametrize("path", [path for path in SOURCES if path.is_relative_to(ROOT / "diagnose")], ids=_id)
+def test_a_number_that_decides_in_a_diagnosis_stands_in_its_policy(path: Path) -> None:
+    if path == POLICY:
+        pytest.skip("that is the policy")
+    for node in _tree(path).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and not isinstance(node.value, ast.Dict):
+            names = re.findall(r"\w+", " ".join(map(ast.unparse, getattr(node, "targets", ()) or (node.target,))))
+            numbers = [each for each in ast.walk(node) if isinstance(each, ast.Constant) and _is_number(each.value)]
+            assert not (numbers and any(name.isupper() for name in names)), f"line {node.lineno} belongs in policy.py"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def test_every_number_of_the_policy_is_used() -> None:
+    names = {node.targets[0].id for node in _tree(POLICY).body if isinstance(node, ast.Assign)}
+    used = {node.id for path in SOURCES for node in ast.walk(_tree(path)) if _reads(node)}
+    assert not names - used
+
+
+def _reads(node: ast.AST) -> bool:
+    return isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
 
 
 def test_no_drawer_for_odds_and_ends() -> None:

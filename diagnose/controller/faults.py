@@ -9,17 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.controller.record import LoopRecord
+from firmloop.diagnose.policy import LIMITED_ROWS, MOST_LATE_SAMPLES, NO_LIMIT
 from firmloop.identify.units import unit_of
 from firmloop.verify.replay import Controller, play, play_unlimited
 
 Array = NDArray[np.float64]
 Path = tuple[str | int, ...]
 
-MOST_LATE = 8  # samples
 _LIMITS = ("u_min", "u_max")
 _WINDUP = ("back_calculation", "clamping", "none")
-_FLAT = 5  # rows at its extreme from which a command is taken to be limited there
-_FAR = 1e3  # times the range of the output: as if there were no limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,12 +165,12 @@ def _limits(controller: Controller, loop: LoopRecord, base: Guess) -> Iterator[F
         }
         return replace(guess, table={**guess.table, **keys}, limits=ends)
 
-    far = (low - _FAR * width, high + _FAR * width)
+    far = (low - NO_LIMIT * width, high + NO_LIMIT * width)
     yield Fault("controller_saturation", "none", controller.output.unit, high, highest, False,
                 lambda guess, _: limited(guess, far))  # fmt: skip
     yield Fault("controller_saturation", "output alone", controller.output.unit, high, highest, False,
                 lambda guess, _: replace(guess, leaky=True))  # fmt: skip
-    flat = [int(np.sum(loop.command == end)) >= _FLAT for end in (lowest, highest)]
+    flat = [int(np.sum(loop.command == end)) >= LIMITED_ROWS for end in (lowest, highest)]
     if any(flat):
         ends = (lowest if flat[0] else low, highest if flat[1] else high)
         if flat == [False, True] and lowest >= -highest:
@@ -184,7 +182,7 @@ def _limits(controller: Controller, loop: LoopRecord, base: Guess) -> Iterator[F
 
 
 def _lates(controller: Controller) -> Iterator[Fault]:
-    for late in range(1, MOST_LATE + 1):
+    for late in range(1, MOST_LATE_SAMPLES + 1):
         yield Fault("controller_delay", "command", "", 0.0, float(late), False,
                     lambda guess, figure: replace(guess, late=int(figure)))  # fmt: skip
         for index, signal in enumerate(controller.inputs):

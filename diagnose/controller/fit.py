@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 from firmloop.diagnose.controller.faults import Guess, played
 from firmloop.diagnose.controller.record import LoopRecord
 from firmloop.diagnose.model.fit import inverse
+from firmloop.diagnose.policy import (
+    DETERMINED_FIGURE,
+    FARTHEST_FIGURE,
+    FEWEST_COUNTED_ROWS,
+    FIGURE_NUDGE,
+    FINEST_FIGURE,
+    LEAST_DIFFERENCE,
+    LEAST_MISFIT_DECREASE,
+    REPLAY_TRIALS,
+    REPLAY_TURNS,
+    ROUNDING_LANES,
+)
 from firmloop.verify.replay import Controller
 
 Array = NDArray[np.float64]
-
-_LANES = 6  # replays with other roundings of the recorded digits
-TURNS = 10
-_TRIALS = 5
-_FARTHEST = 10.0  # sizes that a figure may move in one step
-_FINEST = 1e-6  # of a figure: no deviation is smaller, for firmware keeps its figures in single precision
-_LEAST = 1e-7  # of the output's range: no difference is smaller, for the same reason
-_NUDGE = 1e-4
-_WORTH = 1e-3  # relative decrease of the misfit that is no longer worth a step
-_DETERMINED = 1e-10  # least singular value of what the rows tell, of the largest
-_FEW = 20  # rows that must count
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +56,12 @@ def spread_of(
     exact = played(controller, loop, guess, start)
     assert exact is not None
     power = np.zeros(len(loop.time))
-    for _ in range(_LANES):
+    for _ in range(ROUNDING_LANES):
         moved = loop.inputs + written[:, :-1] * random.uniform(-0.5, 0.5, loop.inputs.shape)
         other = played(controller, replace(loop, inputs=moved), guess, start)
         assert other is not None
-        power += np.nan_to_num(other - exact) ** 2 / _LANES
-    least = _LEAST * max(abs(controller.output.low), abs(controller.output.high))
+        power += np.nan_to_num(other - exact) ** 2 / ROUNDING_LANES
+    least = LEAST_DIFFERENCE * max(abs(controller.output.low), abs(controller.output.high))
     return np.sqrt(power + written[:, -1] ** 2 / 12.0 + rounding**2 + least**2)
 
 
@@ -72,7 +73,7 @@ def match(
     figures: Sequence[float],
     start: Array,
     states: Sequence[int],
-    turns: int = TURNS,
+    turns: int = REPLAY_TURNS,
 ) -> Match | None:
     """Fit the figures and these of the unknown first states; None where the guess cannot be played.
 
@@ -98,22 +99,22 @@ def match(
     guess = apply(list(figures))
     held = np.isfinite(left)
     held[: guess.stride] = False  # what came before the first row is not known
-    if held.sum() < _FEW:
+    if held.sum() < FEWEST_COUNTED_ROWS:
         return None
     cost, damping = _power(left, spread, held), 1e-6
     slopes = np.zeros((int(held.sum()), len(place)))
     for _ in range(turns if len(place) else 0):
         for k in range(len(place)):
             moved = place.copy()
-            moved[k] += _NUDGE
+            moved[k] += FIGURE_NUDGE
             other = left_at(moved)
-            slopes[:, k] = 0.0 if other is None else np.nan_to_num(((other - left) / spread / _NUDGE)[held])
+            slopes[:, k] = 0.0 if other is None else np.nan_to_num(((other - left) / spread / FIGURE_NUDGE)[held])
         normal, aim = slopes.T @ slopes, slopes.T @ (left / spread)[held]
         diagonal = np.diag(np.maximum(np.diag(normal), 1e-12 * max(float(np.diag(normal).max()), 1e-300)))
         before = cost
-        for _ in range(_TRIALS):
+        for _ in range(REPLAY_TRIALS):
             step = -np.linalg.solve(normal + damping * diagonal, aim)
-            trial = place + np.clip(step, -_FARTHEST, _FARTHEST)
+            trial = place + np.clip(step, -FARTHEST_FIGURE, FARTHEST_FIGURE)
             candidate = left_at(trial)
             lower = np.inf if candidate is None else _power(candidate, spread, held)
             if candidate is not None and lower < cost:
@@ -121,12 +122,12 @@ def match(
                 damping = max(damping * 0.1, 1e-9)
                 break
             damping *= 30.0
-        if cost >= (1.0 - _WORTH) * before:
+        if cost >= (1.0 - LEAST_MISFIT_DECREASE) * before:
             break
     own = base + sizes * place[:count]
     rows = (left / spread)[held]
-    variance = np.diag(inverse(slopes.T @ slopes, _DETERMINED))[:count] * max(1.0, cost) * _memory(rows)
-    deviations = np.maximum(sizes * np.sqrt(np.maximum(variance, 0.0)), _FINEST * np.abs(own))
+    variance = np.diag(inverse(slopes.T @ slopes, DETERMINED_FIGURE))[:count] * max(1.0, cost) * _memory(rows)
+    deviations = np.maximum(sizes * np.sqrt(np.maximum(variance, 0.0)), FINEST_FIGURE * np.abs(own))
     return Match(
         apply(list(own)),
         tuple(float(x) for x in own),
@@ -146,7 +147,7 @@ def felt(controller: Controller, loop: LoopRecord, guess: Guess, start: Array) -
         if signal.name in (*controller.law.tunable, controller.law.opening):
             continue  # a figure, and a flag: nothing that could have any value
         moved = start.copy()
-        moved[k] += _NUDGE * min(signal.high - signal.low, 1e6)
+        moved[k] += FIGURE_NUDGE * min(signal.high - signal.low, 1e6)
         other = played(controller, loop, guess, moved)
         if base is not None and other is not None and np.nanmax(np.abs(other - base)[guess.stride :]) > 0.0:
             seen.append(k)

@@ -7,22 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.policy import (
+    COUNTED_DIGITS,
+    FEWEST_CONVERTER_STEPS,
+    FEWEST_ROWS,
+    HELD_COMMAND,
+    MISSING_ROW,
+    MOST_LEVELS,
+    MOST_REPLAYED_ROWS,
+    MOST_STRIDE,
+    UNEVEN_STEP,
+)
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import ending_of
 from firmloop.verify.replay import Controller
 
 Array = NDArray[np.float64]
-
-MOST_ROWS = 8000  # a longer recording is replayed up to here
-FEWEST_ROWS = 60
-_GAP = 1.5  # row distances from which a row is missing
-_MOST_STRIDE = 40
-_HELD = 0.98  # share of the changes of a command that must fall on its steps
-_LEVELS = 30  # different values up to which a column holds levels
-_FEWEST_STEPS = 8  # of a converter, to be told from levels that somebody chose
-_UNEVEN = 0.05  # of a converter's step, by which its values may be off it: they are written with few digits
-_LOOKED_AT = 400  # values whose digits are counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,12 +113,12 @@ def _reference(recording: Recording, measured: str) -> str | None:
 
 
 def _longest(time: Array) -> slice:
-    """Return the longest stretch of rows without a gap, at most MOST_ROWS of it."""
+    """Return the longest stretch of rows without a gap, at most MOST_REPLAYED_ROWS of it."""
     gaps = np.diff(time)
-    breaks = [0, *(np.flatnonzero(gaps > _GAP * np.median(gaps)) + 1), len(time)]
+    breaks = [0, *(np.flatnonzero(gaps > MISSING_ROW * np.median(gaps)) + 1), len(time)]
     lengths = np.diff(breaks)
     first = int(np.argmax(lengths))
-    return slice(int(breaks[first]), int(breaks[first]) + min(int(lengths[first]), MOST_ROWS))
+    return slice(int(breaks[first]), int(breaks[first]) + min(int(lengths[first]), MOST_REPLAYED_ROWS))
 
 
 def _stride(command: Array) -> tuple[int, int]:
@@ -125,9 +126,9 @@ def _stride(command: Array) -> tuple[int, int]:
     changes = np.flatnonzero(np.diff(command) != 0.0) + 1
     if len(changes) < 20:
         return 1, 0
-    for stride in range(min(_MOST_STRIDE, len(command) // 20), 1, -1):
+    for stride in range(min(MOST_STRIDE, len(command) // 20), 1, -1):
         counts = np.bincount(changes % stride, minlength=stride)
-        if counts.max() >= _HELD * len(changes):
+        if counts.max() >= HELD_COMMAND * len(changes):
             return stride, int(counts.argmax())
     return 1, 0
 
@@ -137,9 +138,9 @@ def _digits(values: Array) -> Array:
 
     Values of which there are only a few are levels that somebody chose, and written down as they are.
     """
-    if len(np.unique(values)) <= _LEVELS:
+    if len(np.unique(values)) <= MOST_LEVELS:
         return np.zeros(len(values))
-    some = [float(x) for x in values[:: max(len(values) // _LOOKED_AT, 1)]]
+    some = [float(x) for x in values[:: max(len(values) // COUNTED_DIGITS, 1)]]
     decimals = next((d for d in range(16) if all(round(x, d) == x for x in some)), 17)
     figures = next((f for f in range(1, 17) if all(float(f"{x:.{f - 1}e}") == x for x in some)), 17)
     size = np.floor(np.log10(np.maximum(np.abs(values), 1e-12)))
@@ -150,9 +151,9 @@ def _measured_step(values: Array) -> Array:
     """Return the smallest distance (n,) between two different values where all are multiples of it, else 0."""
     levels = np.unique(np.round(values, 12))
     apart = np.diff(levels)
-    if len(apart) < _FEWEST_STEPS:
+    if len(apart) < FEWEST_CONVERTER_STEPS:
         return np.zeros(len(values))
     step = float(apart.min())
     counts = apart / step
-    even = float(np.max(np.abs(counts - np.round(counts)))) < _UNEVEN
+    even = float(np.max(np.abs(counts - np.round(counts)))) < UNEVEN_STEP
     return np.full(len(values), step if even else 0.0)

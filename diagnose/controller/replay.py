@@ -14,28 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.controller.faults import Fault, Guess, as_given, faults, gains, played
-from firmloop.diagnose.controller.fit import TURNS, Match, felt, match, spread_of
+from firmloop.diagnose.controller.fit import Match, felt, match, spread_of
 from firmloop.diagnose.controller.record import LoopRecord, loop_of
+from firmloop.diagnose.policy import (
+    AGREES,
+    COMMAND_CORRELATION,
+    COMMAND_NOISE,
+    DECISIVE_SHARE,
+    FAULTS_BESIDE,
+    FINAL_FAULTS,
+    FIRST_TURNS,
+    OTHER_CONTROLLER,
+    OTHER_GAINS,
+    PERIOD_SHARE,
+    PROMISING_SHARE,
+    REPLAY_TURNS,
+    SAME_MISFIT,
+    SIGNIFICANT_GAIN,
+    TRIFLING_GAIN,
+)
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.verify.replay import Controller, play_exactly
 
 Array = NDArray[np.float64]
-
-AGREES = 3.0  # misfit up to which a replay is that of the recording
-_PERIOD = 0.02  # share by which the rows may be off the controller's period
-_DECISIVE = 0.05  # of the mismatch's power: more left than this is not explained
-_FINAL = 6  # faults that are fitted with the unknown first state
-_BESIDE = 5  # kinds of those without a figure, tried together with all gains
-_FIRST_TURNS = 4
-_PROMISING = 0.1  # of the mismatch: what a few turns must reach
-_SIGNIFICANT = 4.0  # deviations by which a gain must be off
-_TRIFLE = 1e-3  # of a gain: less is rounding
-_SAME = 1.15  # ratio of misfits within which two faults are not told apart
-_OTHER = 0.5  # of the command's spread: more mismatch than this is another controller's
-_NOISE = 0.05  # of the command's spread: less mismatch than this may be noise, if it is not correlated
-_ALIKE = 0.5  # correlation of neighbours up to which it is not
-_OTHER_GAINS = 2  # more gains than that are not faults of the firmware, but of another one
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,14 +96,16 @@ def cut(plant: Plant, controller: Controller, recordings: Sequence[Recording]) -
     given = as_given(controller, loop)
     off = given.stride * loop.row_s / controller.period - 1.0
     if base.misfit <= AGREES:
-        if abs(off) > _PERIOD:
+        if abs(off) > PERIOD_SHARE:
             return replace(silent, blames=(_stepping(controller, loop, base),))
         return silent
     chain, others = _search(controller, loop, base, spread)
     left = (chain[0].match.misfit / base.misfit) ** 2 if chain else 1.0
-    proven = bool(chain) and (chain[0].match.misfit <= AGREES or (left <= _DECISIVE and _noisy(loop, chain[0].match)))
+    proven = bool(chain) and (
+        chain[0].match.misfit <= AGREES or (left <= DECISIVE_SHARE and _noisy(loop, chain[0].match))
+    )
     gains_only = [each for each in chain if each.fault.name == "controller_gain"]
-    if proven and (len(gains_only) > _OTHER_GAINS or all(_tuned(controller, each.fault) for each in chain)):
+    if proven and (len(gains_only) > OTHER_GAINS or all(_tuned(controller, each.fault) for each in chain)):
         figures = ", ".join(f"{each.fault.what} = {each.figure:.5g}" for each in gains_only)
         told = f"{loop.source} was recorded with another controller than the project's: {figures}"
         return replace(silent, notes=(*notes, told))
@@ -195,7 +199,7 @@ def _search(
     ranked = [found for found, _ in quick]
     tried = [
         _try(controller, loop, at, spread, found.fault, felt(controller, loop, base.guess, at.start))
-        for found, at in quick[:_FINAL]
+        for found, at in quick[:FINAL_FAULTS]
     ]
     single = [each for each in tried if each is not None]
     if not single:
@@ -204,11 +208,11 @@ def _search(
     others = tuple(
         each
         for each in single
-        if each.match.misfit <= _SAME * max(chosen.match.misfit, 1.0) and _kind(each) != _kind(chosen)
+        if each.match.misfit <= SAME_MISFIT * max(chosen.match.misfit, 1.0) and _kind(each) != _kind(chosen)
     )
     if chosen.match.misfit <= AGREES:
         return (chosen,), _distinct(others)
-    fixed = _distinct([each for each in ranked if not each.fault.fitted])[:_BESIDE]
+    fixed = _distinct([each for each in ranked if not each.fault.fitted])[:FAULTS_BESIDE]
     at = quick[0][1]
     states = felt(controller, loop, base.guess, at.start)
     several = [
@@ -251,7 +255,7 @@ def _several(
     chosen = gains(controller, alone)
     start = base.guess if beside is None else beside.fault.apply(base.guess, beside.figure)
     found: Match | None = None
-    for turns in (_FIRST_TURNS, TURNS, TURNS):
+    for turns in (FIRST_TURNS, REPLAY_TURNS, REPLAY_TURNS):
 
         def applied(figures: Sequence[float], chosen: Sequence[Fault] = chosen) -> Guess:
             guess = start
@@ -261,12 +265,12 @@ def _several(
 
         figures = tuple(fault.figure for fault in chosen)
         found = match(controller, loop, spread, applied, figures, base.start, states, turns)
-        if found is None or found.misfit > (_PROMISING * base.misfit if turns == _FIRST_TURNS else AGREES):
+        if found is None or found.misfit > (PROMISING_SHARE * base.misfit if turns == FIRST_TURNS else AGREES):
             return ()
-        if turns == _FIRST_TURNS and found.misfit > AGREES:
+        if turns == FIRST_TURNS and found.misfit > AGREES:
             continue
         moved = [
-            abs(figure - fault.given) > max(_SIGNIFICANT * deviation, _TRIFLE * abs(fault.given))
+            abs(figure - fault.given) > max(SIGNIFICANT_GAIN * deviation, TRIFLING_GAIN * abs(fault.given))
             for fault, figure, deviation in zip(chosen, found.figures, found.deviations, strict=True)
         ]
         chosen, kept = tuple(f for f, is_moved in zip(chosen, moved, strict=True) if is_moved), len(chosen)
@@ -283,7 +287,7 @@ def _several(
 
 def _simplest(tried: Sequence[Blame]) -> Blame:
     """Return the best; of those that are as good, one without a fitted figure, else the first."""
-    least = _SAME * max(min(each.match.misfit for each in tried), 1.0)
+    least = SAME_MISFIT * max(min(each.match.misfit for each in tried), 1.0)
     good = [each for each in tried if each.match.misfit <= least]
     whole = [each for each in good if not each.fault.fitted]
     return min(whole or good, key=lambda each: each.match.misfit)
@@ -306,7 +310,7 @@ def _unexplained(silent: Cut, loop: LoopRecord, base: Match) -> Cut:
     """Say what a mismatch is that no fault explains: noise, another controller, or something unknown."""
     if _noisy(loop, base):
         return silent
-    if _share(loop, base) > _OTHER:
+    if _share(loop, base) > OTHER_CONTROLLER:
         said = (
             f"{loop.source}: the recorded {loop.command_name} is not what this project's controller answers, nor is it "
             "with any one figure changed; it was recorded with another controller, and the controller half says nothing"
@@ -324,7 +328,7 @@ def _noisy(loop: LoopRecord, found: Match) -> bool:
     left = found.left[np.isfinite(found.left)]
     centred = left - left.mean()
     alike = float(centred[1:] @ centred[:-1]) / max(float(centred @ centred), 1e-300)
-    return _share(loop, found) <= _NOISE and alike < _ALIKE
+    return _share(loop, found) <= COMMAND_NOISE and alike < COMMAND_CORRELATION
 
 
 def _spans(loop: LoopRecord, left: Array) -> tuple[tuple[float, float], ...]:

@@ -6,10 +6,8 @@ from dataclasses import replace
 
 from firmloop.diagnose.controller.replay import Blame, Cut
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named
+from firmloop.diagnose.policy import SURE_FAULT, TIED_FAULT
 from firmloop.identify.normal import NORMAL_95
-
-_TIED = 0.5  # probability of a fault that another explains as well
-_SURE = 0.99
 
 
 def with_controller(finding: Finding, cut: Cut | None) -> Finding:
@@ -75,7 +73,7 @@ def _location(cut: Cut) -> Location:
 
 
 def _alternatives(cut: Cut) -> tuple[Alternative, ...]:
-    share = _TIED / max(len(cut.others), 1)
+    share = TIED_FAULT / max(len(cut.others), 1)
     return tuple(
         Alternative(
             f"{each.fault.name}: {each.fault.what}",
@@ -88,7 +86,7 @@ def _alternatives(cut: Cut) -> tuple[Alternative, ...]:
 
 def _named(blame: Blame, cut: Cut) -> Named:
     estimates = _estimates(blame, cut)
-    sure = _TIED if cut.others and blame is cut.blames[-1] else _SURE
+    sure = TIED_FAULT if cut.others and blame is cut.blames[-1] else SURE_FAULT
     return Named(blame.fault.name, None, "controller", sure, estimates, _sentence(blame, cut))
 
 

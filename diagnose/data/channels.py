@@ -9,17 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.checks import check_rows
+from firmloop.diagnose.policy import DEAD_SHARE, MOTION_MEANWHILE, WILD_SHARE, WILD_SPANS
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
 
 Array = NDArray[np.float64]
-
-_WILD = 3.0  # spans of all other values by which a row must lie outside of them
-_FEW = 0.01  # share of rows up to which they are wild and not a part of the motion
-_LONG = 0.2  # share of rows from which a value that stands still is a dead sensor
-_MOVES = 0.5  # of the plant's whole motion, that the nominal plant must make meanwhile
 
 
 def check_sound(plant: Plant, recordings: Sequence[Recording]) -> None:
@@ -34,9 +30,9 @@ def check_sound(plant: Plant, recordings: Sequence[Recording]) -> None:
 
 def _check_wild(recording: Recording, name: str, column: Array) -> None:
     """Look for the few rows that lie further outside of all others than those reach, each way and back in one row."""
-    low, high = np.quantile(column, [_FEW, 1.0 - _FEW])
+    low, high = np.quantile(column, [WILD_SHARE, 1.0 - WILD_SHARE])
     span = float(high - low)
-    wild = np.flatnonzero((column > high + _WILD * span) | (column < low - _WILD * span))
+    wild = np.flatnonzero((column > high + WILD_SPANS * span) | (column < low - WILD_SPANS * span))
     alone = [
         int(k)
         for k in wild
@@ -71,7 +67,11 @@ def _check_dead(plant: Plant, recording: Recording, values: Array) -> None:
         crossed = float(np.min(moves)) < held < float(np.max(moves)) or held == 0.0
         if held != 0.0 and abs(held) == np.max(np.abs(column)):
             continue  # a sensor at its limit
-        if last - first > _LONG * len(column) and float(np.ptp(moves)) > _MOVES * whole > 0.0 and crossed:
+        if (
+            last - first > DEAD_SHARE * len(column)
+            and float(np.ptp(moves)) > MOTION_MEANWHILE * whole > 0.0
+            and crossed
+        ):
             steps = np.diff(np.unique(column))
             if len(steps) and float(np.max(np.abs(moves - held))) < float(steps.min()):
                 continue  # a sensor whose steps are wider than what moves there

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
@@ -17,13 +18,8 @@ from firmloop.identify.simulation.simulate import course_of, measured, rest_star
 
 Array = NDArray[np.float64]
 
-FEWEST_ROWS = 60
-_JUMP = 50.0  # rows; a gap longer than this is no jitter
-_SIGNLESS = 0.03  # of the largest reading: noise of one that has no sign
-_ALIKE = 0.85  # correlation from which a column is taken to follow the simulation of another
-_RPM = 60.0 / (2.0 * np.pi)
-_FACTORS = {
-    "speed_rad_s": ((_RPM, "rpm"), (1.0 / _RPM, "something other than rad/s")),
+_FACTORS = {  # what readings are multiplied by in another unit
+    "speed_rad_s": ((60.0 / (2.0 * np.pi), "rpm"), (2.0 * np.pi / 60.0, "something other than rad/s")),
     "current_A": ((1000.0, "mA"), (0.001, "kA")),
     "position_rad": ((180.0 / np.pi, "degrees"), (1.0 / (2.0 * np.pi), "turns")),
     "position_m": ((1000.0, "mm"), (0.001, "km")),
@@ -89,7 +85,7 @@ def check_rows(plant: Plant, recording: Recording) -> None:
     gaps = np.diff(recording.time)
     step = float(np.median(gaps))
     worst = int(np.argmax(gaps))
-    if gaps[worst] > _JUMP * step:
+    if gaps[worst] > CLOCK_JUMP_ROWS * step:
         raise IdentifyError(
             f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s "
             f"(usual step {step:.4g} s); cut the recording there into two files"
@@ -144,10 +140,10 @@ def _folded(plant: Plant, recordings: Sequence[Recording], models: Sequence[Arra
     for k, signal in enumerate(plant.outputs):
         real = np.concatenate([recording.columns[signal.name] for recording in recordings])
         model = np.concatenate([each[:, k] for each in models if each is not None] or [np.zeros(0)])
-        if len(model) < len(real) or np.min(real) < -_SIGNLESS * np.max(real):
+        if len(model) < len(real) or np.min(real) < -SIGNLESS_NOISE * np.max(real):
             continue
-        top = _SIGNLESS * float(np.max(np.abs(model)))
-        if np.max(model) > top and np.min(model) < -top and _alike(real, np.abs(model))[0] > _ALIKE:
+        top = SIGNLESS_NOISE * float(np.max(np.abs(model)))
+        if np.max(model) > top and np.min(model) < -top and _alike(real, np.abs(model))[0] > MISLABELLED_CORRELATION:
             found.add(signal.name)
     return frozenset(found)
 
@@ -164,25 +160,25 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
         alike, factor = _alike(real, model)
         for other in range(len(names)):
             cross, ratio = _alike(values[:, other], simulated[:, k])
-            if other != k and cross > max(_ALIKE, alike + 0.03) and 0.4 < ratio < 2.5:
+            if other != k and cross > max(MISLABELLED_CORRELATION, alike + 0.03) and 0.4 < ratio < 2.5:
                 back = _alike(values[:, k], simulated[:, other])
-                if back[0] > _ALIKE and 0.4 < back[1] < 2.5:
+                if back[0] > MISLABELLED_CORRELATION and 0.4 < back[1] < 2.5:
                     raise IdentifyError(
                         f"{recording.source}: columns {name} and {names[other]} look swapped (each follows the "
                         f"simulation of the other); map them in [recordings.rename]"
                     )
-        if alike < -_ALIKE and name not in folded:
+        if alike < -MISLABELLED_CORRELATION and name not in folded:
             raise IdentifyError(
                 f"{recording.source}: column {name} runs against the simulation (correlation {alike:.2f}); "
                 f"check the sign of the sensor or of the drive"
             )
         for known, unit in _FACTORS.get(name, ()):
-            if alike > _ALIKE and abs(np.log(factor / known)) < 0.3:
+            if alike > MISLABELLED_CORRELATION and abs(np.log(factor / known)) < 0.3:
                 raise IdentifyError(
                     f"{recording.source}: column {name} is {factor:.4g} times what the nominal plant does; it looks "
                     f"like {unit}. Convert the column, or correct the nominal parameters if it is right"
                 )
-        if alike > _ALIKE and not 0.15 < factor < 6.5:
+        if alike > MISLABELLED_CORRELATION and not 0.15 < factor < 6.5:
             raise IdentifyError(
                 f"{recording.source}: column {name} is {factor:.3g} times what the nominal plant does; the nominal "
                 f"parameters or a unit are wrong: correct them, or run firmloop identify first"

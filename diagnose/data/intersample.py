@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.policy import HOLD_GAIN, HOLD_HALVES, HOLD_RMS, HOLD_TRACE, STEPS_OF_A_NOMINAL_FIT
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment, best_start, experiments
 from firmloop.identify.fitting.noise import fit_noise
@@ -24,12 +25,6 @@ from firmloop.identify.simulation.simulate import constants_of, rest_start, simu
 
 Array = NDArray[np.float64]
 
-_STEPS = 12  # of a fit of the nominal plant
-_LIKE = (0.5, 2.0)  # share of a hold's trace that is found in the residual, from which it is worth fits of its own
-_ALIKE = 1.15  # ratio of that share in the first and second halves of the recordings
-HOLD_WORTH = 60.0  # drop of -2 log likelihood from which a hold is believed; a controller's output is held, as a rule
-_SMALLER = 0.98  # ratio of residual rms which that has to bring
-
 
 def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
     """Return what the recordings say if they were told to be held; another hold has to explain them clearly better.
@@ -43,11 +38,13 @@ def believed_hold(plant: Plant, train: Sequence[Recording]) -> str:
         return given
     try:
         shares = _shares(plant, train)
-        if not all(_LIKE[0] < share < _LIKE[1] for share in shares) or max(shares) > _ALIKE * min(shares):
+        if not all(HOLD_TRACE[0] < share < HOLD_TRACE[1] for share in shares) or max(shares) > HOLD_HALVES * min(
+            shares
+        ):
             return given
         tried = {hold: _evidence(plant, [replace(each, hold=hold) for each in train]) for hold in HOLDS}
         best = min(tried, key=lambda hold: tried[hold][0])
-        clear = tried[best][0] < tried[given][0] - HOLD_WORTH and tried[best][1] < _SMALLER * tried[given][1]
+        clear = tried[best][0] < tried[given][0] - HOLD_GAIN and tried[best][1] < HOLD_RMS * tried[given][1]
         return best if clear and not _drifts(plant, train, tried[best][0]) else given
     except IdentifyError:
         return given  # preflight will say it better
@@ -104,7 +101,7 @@ def _evidence(plant: Plant, train: Sequence[Recording]) -> tuple[float, float]:
 
 
 def fitted_nominal(
-    plant: Plant, train: Sequence[Recording], steps: int = _STEPS
+    plant: Plant, train: Sequence[Recording], steps: int = STEPS_OF_A_NOMINAL_FIT
 ) -> tuple[FitProblem, FitPoint, list[tuple[Array, Array]]]:
     """Fit the nominal plant from where it is given."""
     engine = simulator(plant, train[0].hold)

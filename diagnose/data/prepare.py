@@ -9,6 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.intersample import believed_hold, fitted_nominal
+from firmloop.diagnose.policy import (
+    APART_POWER,
+    CLOCK_GAP_STEPS,
+    CLOSE_POWER,
+    CLOSED_GAP_POWER,
+    CONSTANT_WEIGHT,
+    COPIED_ROWS,
+    COPIED_VALUES,
+    FAR_BETTER_POWER,
+    FAR_START,
+    INPUT_GOES_ON,
+    LATEST_ROWS,
+    LOAD_MOMENTS,
+    MET_POWER,
+    MOST_ROWS,
+    NONLINEAR_ROW_COST,
+    OTHER_MACHINE,
+    SAME_CONSTANT,
+    STEPS_OF_A_READ_FIT,
+    STRETCH_PLACES,
+    TRIAL_ROWS,
+    UNSEEN_COMBINATION,
+)
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.linear_forms import form_writer
 from firmloop.identify.plants.plant import Plant
@@ -21,29 +44,8 @@ from firmloop.identify.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
 
-_ALIKE_ROWS = 60  # rows in a row that two recordings share only where one is the other
-_ALIKE_VALUES = 10  # different values that those must hold
-_TRIAL_ROWS = 2000
-_FAR = 6.0  # factor on a parameter that is far off
-_FAR_BETTER = 0.5  # of the power that the fit from where it is given leaves
 _SOAK = ("b_", "L_", "delay_")  # parameters that move far to imitate an effect
 _TORQUE, _VOLTAGE = "kt_N_m_A", "ke_V_s_rad"
-_SAME_CONSTANT = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
-_PINNED = 30.0  # weight of their ratio beside the parameters' own shifts
-_CLOSE = 0.01  # of the outputs' power: where a fit leaves less, no other start is tried
-_MET = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
-_GAP = 3.0  # usual steps from which a gap between rows may be a jump of the clock
-_CLOSED = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
-_APART = 5.0  # times the power that separate fits leave, from which recordings are of different machines
-_OTHER = 1.3  # factor between their parameters
-_GOES_ON = 0.05  # of the span of an input, as a deviation, from which it does not stay
-_UNSEEN = 1e-6  # of the largest singular value of the slopes: a combination without a trace
-_MOST_ROWS = 30_000  # straight pieces of input over all recordings of one role
-_BENT = 8  # times as long takes a row of a plant whose equations are not linear
-_PLACES = 8  # where a stretch of a long recording may begin
-_MOMENTS = 8  # at which loads may change
-_LATEST = 200  # rows by which readings may come late or early
-_LONGER = 16  # of one that parameters are read off
 
 
 def prepared(
@@ -54,10 +56,10 @@ def prepared(
     check_clock(plant, (*train, *test))
     check_nominal(plant, train)
     check_same(plant, train)
-    hold = believed_hold(plant, shortened(plant, train, _MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
-    rows = _MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
+    hold = believed_hold(plant, shortened(plant, train, MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
+    rows = MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
     if not form_writer(plant).linear_rate:
-        rows = rows // _BENT
+        rows = rows // NONLINEAR_ROW_COST
     seen, unseen = (shortened(plant, part, rows) for part in (train, test))
     return tuple(replace(each, hold=hold) for each in seen), tuple(replace(each, hold=hold) for each in unseen)
 
@@ -71,12 +73,12 @@ def check_apart(plant: Plant, train: Sequence[Recording], test: Sequence[Recordi
             held = np.column_stack([other.columns[name] for name in names if name in other.columns])
             if held.shape[1] != rows.shape[1]:
                 continue
-            for begin in np.linspace(0, max(len(rows) - _ALIKE_ROWS, 0), _PLACES).astype(int):
-                part = rows[begin : begin + _ALIKE_ROWS]
-                if len(part) < _ALIKE_ROWS or len(np.unique(part[:, -1])) < _ALIKE_VALUES:
+            for begin in np.linspace(0, max(len(rows) - COPIED_ROWS, 0), STRETCH_PLACES).astype(int):
+                part = rows[begin : begin + COPIED_ROWS]
+                if len(part) < COPIED_ROWS or len(np.unique(part[:, -1])) < COPIED_VALUES:
                     continue
                 for at in np.flatnonzero(np.all(held == part[0], axis=1)):
-                    if np.array_equal(held[at : at + _ALIKE_ROWS], part):
+                    if np.array_equal(held[at : at + COPIED_ROWS], part):
                         raise IdentifyError(
                             f"recordings.test: {one.source} repeats {other.source} from {other.time[at]:.6g} s on, "
                             "value for value; what was fitted cannot judge the fit, so record another one"
@@ -88,9 +90,9 @@ def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
     for recording in recordings:
         gaps = np.diff(recording.time)
         step, worst = float(np.median(gaps)), int(np.argmax(gaps))
-        if gaps[worst] < _GAP * step:
+        if gaps[worst] < CLOCK_GAP_STEPS * step:
             continue
-        near = slice(max(worst - _TRIAL_ROWS // 2, 0), worst + _TRIAL_ROWS // 2)
+        near = slice(max(worst - TRIAL_ROWS // 2, 0), worst + TRIAL_ROWS // 2)
         part = replace(recording, time=recording.time[near], columns={k: v[near] for k, v in recording.columns.items()})
         stamps = part.time.copy()
         stamps[worst + 1 - near.start :] -= gaps[worst] - step
@@ -98,7 +100,7 @@ def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
             open_, closed = (_trial(plant, [each]).power for each in (part, replace(part, time=stamps)))
         except IdentifyError:
             continue
-        if closed < _CLOSED * open_:
+        if closed < CLOSED_GAP_POWER * open_:
             raise IdentifyError(
                 f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s, but the "
                 "motion goes on as if it had not; correct the time stamps, or cut the recording there"
@@ -115,16 +117,16 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     # No linear fit meets a sensor that ends: what it says of the parameters is worth nothing, unless it does meet it.
     ends = any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs)
     given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
-    short = shortened(plant, train, _TRIAL_ROWS)
+    short = shortened(plant, train, TRIAL_ROWS)
     try:
         begun = _trial(plant, short)
-        best = begun if begun.power < _CLOSE * len(begun.slopes) else _best_trial(plant, short, begun)
+        best = begun if begun.power < CLOSE_POWER * len(begun.slopes) else _best_trial(plant, short, begun)
     except IdentifyError:
         return  # preflight will say it better
-    found = best if best.power < _FAR_BETTER * begun.power else begun
+    found = best if best.power < FAR_BETTER_POWER * begun.power else begun
     shifts = _seen_shifts(found, given)
     far, rows = [name for name in _far(shifts) if _tells(found, name)], found.slopes.shape[0]
-    met = found.power < (_CLOSE if ends else _MET) * rows
+    met = found.power < (CLOSE_POWER if ends else MET_POWER) * rows
     near = found is not begun and not _far(_seen_shifts(begun, given))
     if not (far and met) or (near and _pushed(plant, short, begun, found.power)) or _late(plant, short, found.power):
         return
@@ -137,7 +139,9 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
 
 def _far(shifts: Mapping[str, float]) -> list[str]:
     """Return the parameters that have moved too far, by their logarithms, furthest first."""
-    return sorted((name for name in shifts if abs(shifts[name]) > np.log(_FAR)), key=lambda each: -abs(shifts[each]))
+    return sorted(
+        (name for name in shifts if abs(shifts[name]) > np.log(FAR_START)), key=lambda each: -abs(shifts[each])
+    )
 
 
 def _tells(found: _Trial, name: str) -> bool:
@@ -164,7 +168,7 @@ def _pushed(plant: Plant, train: Sequence[Recording], begun: _Trial, power: floa
     balances = sum(each.state >= 0 for each in plant.balances)
     total = 0.0
     for recording, (residual, slopes) in zip(train, begun.pairs, strict=True):
-        moments = np.linspace(recording.time[0], recording.time[-1], _MOMENTS, endpoint=False)
+        moments = np.linspace(recording.time[0], recording.time[-1], LOAD_MOMENTS, endpoint=False)
         pushes = (recording.time[:, None] >= moments).astype(float)
         loads = [disturbed(plant, begun.values, recording, pushes, k) * begun.weights[:, None] for k in range(balances)]
         tall = np.concatenate([slopes, *loads], axis=2).reshape(residual.size, -1)
@@ -178,7 +182,7 @@ def _aligned(plant: Plant, recording: Recording) -> Recording:
     """Return the recording with its outputs moved to where the first of them is most like the simulated one."""
     outputs = [each.name for each in plant.outputs]
     ours = simulate(plant, recording, None)[:, 0]
-    most = min(_LATEST, len(ours) // 4)
+    most = min(LATEST_ROWS, len(ours) // 4)
     inner = recording.columns[outputs[0]][most : len(ours) - most]
     alike = [float(np.corrcoef(inner, ours[lag : lag + len(inner)])[0, 1]) for lag in range(2 * most + 1)]
     lag = most - int(np.argmax(np.nan_to_num(alike)))
@@ -195,7 +199,7 @@ def _at_limit(plant: Plant, recording: Recording, output: str) -> bool:
         return False
     standing = np.abs(np.abs(column) - found.level) <= found.half
     pushed = (drive * np.sign(column))[standing]
-    return float(np.std(pushed)) > _GOES_ON * float(np.ptp(drive))
+    return float(np.std(pushed)) > INPUT_GOES_ON * float(np.ptp(drive))
 
 
 def check_same(plant: Plant, train: Sequence[Recording]) -> None:
@@ -204,7 +208,7 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
     Where there are more than two, all of either machine must be met together: what a missing effect makes of one
     machine's parameters differs from recording to recording.
     """
-    short = shortened(plant, train, _TRIAL_ROWS)
+    short = shortened(plant, train, TRIAL_ROWS)
     if len(short) < 2:
         return
     columns = [np.column_stack([each.columns[signal.name] for signal in plant.outputs]) for each in short]
@@ -217,14 +221,14 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
     except IdentifyError:
         return
     powers = [_scaled(each, [column], whole) for each, column in zip(alone, columns, strict=True)]
-    if together.power < _APART * sum(powers):
+    if together.power < APART_POWER * sum(powers):
         return
     free = {p.name for p in plant.parameters if p.free}
     first = {name: value for name, value in alone[0].values.items() if name in free}
     shifts = [_seen_shifts(other, first) for other in alone]
     for index, moved in enumerate(shifts):
         far = max(moved, key=lambda each: abs(moved[each]), default="")
-        if far and abs(moved[far]) > np.log(_OTHER):
+        if far and abs(moved[far]) > np.log(OTHER_MACHINE):
             first_one = [abs(each.get(far, 0.0)) < abs(each.get(far, 0.0) - moved[far]) for each in shifts]
             groups = [[k for k, mine in enumerate(first_one) if mine == which] for which in (True, False)]
             both = 0.0
@@ -232,7 +236,7 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
                 parts = [columns[k] for k in group]
                 found = alone[group[0]] if len(group) == 1 else _trial(plant, [short[k] for k in group])
                 both += _scaled(found, parts, whole)
-            if together.power < _APART * both:
+            if together.power < APART_POWER * both:
                 continue
             raise IdentifyError(
                 f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
@@ -282,11 +286,11 @@ def _together(plant: Plant, index: int) -> tuple[int, ...]:
         return (index,)
     both = tuple(names.index(name) for name in (_TORQUE, _VOLTAGE))
     one, other = (plant.parameters[place].value for place in both)
-    return both if one > 0.0 and other > 0.0 and abs(np.log(one / other)) < _SAME_CONSTANT else (index,)
+    return both if one > 0.0 and other > 0.0 and abs(np.log(one / other)) < SAME_CONSTANT else (index,)
 
 
 def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
-    problem, point, pairs = fitted_nominal(plant, train, _LONGER)
+    problem, point, pairs = fitted_nominal(plant, train, STEPS_OF_A_READ_FIT)
     power = sum(float(np.sum(residual**2)) for residual, _ in pairs)
     every = [parameter.name for parameter in plant.parameters]
     values = dict(zip(every, map(float, point.constants), strict=True))
@@ -309,17 +313,17 @@ def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
     if not names or not np.all(np.isfinite(sizes)) or np.any(sizes == 0.0):
         return {}
     _, size, basis = np.linalg.svd(slopes, full_matrices=False)
-    unseen = basis[size < _UNSEEN * size[0]].T
+    unseen = basis[size < UNSEEN_COMBINATION * size[0]].T
     judged = np.array([not name.startswith(_SOAK) for name in names])
     if unseen.size:
         weight, aim = np.diag(np.where(judged, 1.0, 1e-3)), np.zeros(len(names))
         if {_TORQUE, _VOLTAGE} <= set(names):
             apart = float(np.log(given[_TORQUE] / given[_VOLTAGE]))
-            if abs(apart) < _SAME_CONSTANT or abs(apart) > np.log(_FAR):
+            if abs(apart) < SAME_CONSTANT or abs(apart) > np.log(FAR_START):
                 ratio = np.zeros((1, len(names)))
-                ratio[0, [names.index(_TORQUE), names.index(_VOLTAGE)]] = _PINNED, -_PINNED
+                ratio[0, [names.index(_TORQUE), names.index(_VOLTAGE)]] = CONSTANT_WEIGHT, -CONSTANT_WEIGHT
                 weight = np.concatenate([weight, ratio])
-                aim = np.append(aim, 0.0 if abs(apart) < _SAME_CONSTANT else -_PINNED * apart)
+                aim = np.append(aim, 0.0 if abs(apart) < SAME_CONSTANT else -CONSTANT_WEIGHT * apart)
         move, *_ = np.linalg.lstsq(weight @ unseen, aim - weight @ shift, rcond=None)
         shift = shift + unseen @ move
     return {name: float(each) for name, each, yes in zip(names, shift, judged, strict=True) if yes}
@@ -377,7 +381,7 @@ def shortened(plant: Plant, recordings: Sequence[Recording], rows: int) -> tuple
     cut = []
     for recording in recordings:
         keep = int(len(recording.time) * rows / total)
-        places = np.unique(np.linspace(0, len(recording.time) - keep, _PLACES).astype(int))
+        places = np.unique(np.linspace(0, len(recording.time) - keep, STRETCH_PLACES).astype(int))
         lively = [
             sum(float(np.std(recording.columns[n][p : p + keep]) / np.std(recording.columns[n])) for n in names)
             for p in places

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.policy import COARSE_ANGLE_RAD, COARSE_STEP, EVEN_STEPS, STEPS_ALONE
 from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -15,10 +16,6 @@ from firmloop.identify.recordings.recording import Recording
 Array = NDArray[np.float64]
 
 DIRECT = ("wraps", "steps")  # what is seen without a search, as Effect.seen_by says
-_COARSE = 1.0 / 512.0  # of the range: finer steps are what any sensor has
-_TURN = 2.0 * np.pi / 200.0  # rad: no encoder has fewer steps a turn unless it is a coarse one
-_OWN = 0.45  # residual rms over step up to which the steps, and not noise, are what is left
-_EVEN = 1e-3  # of a step, by which a multiple may be off
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +34,9 @@ def coarse(plant: Plant, train: Sequence[Recording], left: Sequence[float]) -> t
     for signal, rms in zip(plant.outputs, left, strict=True):
         values = np.concatenate([recording.columns[signal.name] for recording in train])
         step = _step(values)
-        least = _TURN if signal.unit == "rad" else _COARSE * float(np.ptp(values))
-        if step is not None and step > least and rms < _OWN * step:
-            found.append(Direct(effect_seen_by("steps").name, signal.name, (step,), (_EVEN * step,)))
+        least = COARSE_ANGLE_RAD if signal.unit == "rad" else COARSE_STEP * float(np.ptp(values))
+        if step is not None and step > least and rms < STEPS_ALONE * step:
+            found.append(Direct(effect_seen_by("steps").name, signal.name, (step,), (EVEN_STEPS * step,)))
     return tuple(found)
 
 
@@ -52,6 +49,6 @@ def _step(values: Array) -> float | None:
     step = float(gaps.min())
     step = float(np.mean(gaps[gaps < 1.5 * step]))
     counts = np.round((levels - levels[0]) / step)
-    if np.any(np.abs(levels - levels[0] - counts * step) > _EVEN * step * (20.0 + counts)):
+    if np.any(np.abs(levels - levels[0] - counts * step) > EVEN_STEPS * step * (20.0 + counts)):
         return None
     return float((levels[-1] - levels[0]) / counts[-1])

@@ -12,6 +12,35 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import Direct
 from firmloop.diagnose.data.viterbi import cheapest
+from firmloop.diagnose.policy import (
+    AT_RIM,
+    FARTHEST_LEAP,
+    FEWEST_LEAPS,
+    FEWEST_LEVELS,
+    FEWEST_WRAPS,
+    GIVEN_DEVIATION,
+    LASTING_LEAP,
+    LEAP,
+    LEAP_EITHER_WAY,
+    LEAP_GAINS,
+    MET_LEAPS,
+    MOST_TURNS_OFF,
+    RANGE_BATCHES,
+    RANGE_DEVIATIONS,
+    RANGE_DIFFERENCE_STEP,
+    RANGE_NEAR_SPAN,
+    RANGE_REFINED,
+    RARE_WRAPS,
+    RIM,
+    SEEN_SHARES,
+    TELLING_WRAP,
+    WHOLE_RANGE,
+    WRAP_BACK,
+    WRAP_CALM,
+    WRAP_EDGE,
+    WRAP_JUMP,
+    WRAPS_UNLIKE,
+)
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.plants.plant import Plant
@@ -19,30 +48,6 @@ from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import measured, simulate
 
 Array = NDArray[np.float64]
-
-_JUMP = 0.5  # of the range: a change from row to row that only a wrap makes
-_EDGE = 0.25  # of the range: a wrap begins and ends this near to its ends
-_BACK = 0.08  # of the range: rows beside a wrap go against it, but for noise
-_CALM = 0.2  # of the range: a reading that usually moves more from row to row cannot be unrolled
-_UNLIKE = 0.05  # of the range, by which wraps differ
-_LEVELS = 8  # of all readings: where there are fewer, they leap by the steps of a coarse sensor
-_FEWEST = 2  # jumps in all recordings
-_REFINED = 3  # times a range is refined
-_SURE = 3.0  # deviations of what the jumps say, further from which no fit is believed
-_WHOLE = 0.97  # of what is seen of a range, less than which none is
-_RARE = 0.003  # share of readings that must be off by a range
-_MOST_TURNS = 8  # that a reading may be off
-_LEAPT = 0.1  # ranges from row to row, from which a reading may as well have gone the other way round
-_LEAP, _LASTING, _FAR_AWAY = 0.5, 1.5, 2.0  # ranges: of a leap, of a row away from the plant, and the most that counts
-_LEAPS = 10  # by more than half a range, that tell of it
-_GAINS, _SHARES = np.arange(0.8, 1.21, 0.05), np.arange(0.9, 1.01, 0.02)  # of the plant's leaps; of what is seen
-_MET = 0.08  # of the range, by which leaps differ from the plant's (rms); chance leaves 0.29
-_RIM, _AT_RIM = 0.05, 0.3  # of what is seen, and the share of readings that near its ends: more is a limit
-_TELLING = 0.35  # of the residual without wraps
-_NEAR = 0.2  # of the range, by which the readings' span and their jumps may differ
-_STEP = 1e-4  # of a parameter's logarithm, for difference quotients
-_GIVEN = 0.3  # standard deviation of a given parameter, as a logarithm
-_BATCHES = 12  # of all rows: what is left may be slow, and its sums over batches tell by how much it moves the range
 
 
 def unwrapped(
@@ -52,7 +57,7 @@ def unwrapped(
     found = []
     for signal in plant.outputs:
         columns = [recording.columns[signal.name] for recording in train]
-        if len(np.unique(np.concatenate(columns))) < _LEVELS:
+        if len(np.unique(np.concatenate(columns))) < FEWEST_LEVELS:
             continue
         undo: Callable[[Plant, Recording, str, float], Recording] = _unrolled
         wrap = _wrap(columns)
@@ -70,7 +75,7 @@ def unwrapped(
             for before, after in zip((*train, *test), moved, strict=True)
         ]
         reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
-        if abs(reach - wrap[0]) > _SURE * wrap[2] or deviation > wrap[2]:
+        if abs(reach - wrap[0]) > RANGE_DEVIATIONS * wrap[2] or deviation > wrap[2]:
             reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit, or the jumps tell more
         low = wrap[1]
         whole = [shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
@@ -99,18 +104,20 @@ def _wrap(columns: Sequence[Array]) -> tuple[float, float, float] | None:
     sizes = []
     for column in columns:
         steps = np.diff(column)
-        if float(np.median(np.abs(steps))) > _CALM * reach:
+        if float(np.median(np.abs(steps))) > WRAP_CALM * reach:
             return None
-        for row in np.flatnonzero(np.abs(steps) > _JUMP * reach):
+        for row in np.flatnonzero(np.abs(steps) > WRAP_JUMP * reach):
             begin, end, side = column[row], column[row + 1], float(np.sign(steps[row]))
-            if max(begin, end) < high - _EDGE * reach or min(begin, end) > low + _EDGE * reach:
+            if max(begin, end) < high - WRAP_EDGE * reach or min(begin, end) > low + WRAP_EDGE * reach:
                 return None
-            around = [steps[k] for k in (row - 1, row + 1) if 0 <= k < len(steps) and abs(steps[k]) <= _JUMP * reach]
-            if any(side * step > _BACK * reach for step in around):
+            around = [
+                steps[k] for k in (row - 1, row + 1) if 0 <= k < len(steps) and abs(steps[k]) <= WRAP_JUMP * reach
+            ]
+            if any(side * step > WRAP_BACK * reach for step in around):
                 return None  # a wrap goes against the motion around it
             sizes.append(abs(float(steps[row])) - side * float(np.mean(around)) if around else reach)
     usual = np.array(sizes)
-    if len(usual) < _FEWEST or float(np.std(usual)) > _UNLIKE * reach:
+    if len(usual) < FEWEST_WRAPS or float(np.std(usual)) > WRAPS_UNLIKE * reach:
         return None
     return float(np.mean(usual)), low, float(np.std(usual, ddof=1)) / np.sqrt(len(usual))
 
@@ -126,18 +133,21 @@ def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float,
     if not reach > 0.0 or not np.all(np.isfinite(wanted)):
         return None
     found = None
-    for _ in range(_REFINED):
+    for _ in range(RANGE_REFINED):
         turns = np.round((wanted - seen) / reach)
         moved = turns != 0.0
-        if np.mean(moved) < _RARE or np.max(np.abs(turns)) > _MOST_TURNS:
+        if np.mean(moved) < RARE_WRAPS or np.max(np.abs(turns)) > MOST_TURNS_OFF:
             return found
         table = np.column_stack([turns, wanted, np.ones(len(seen))])
         answer = np.linalg.lstsq(table, seen, rcond=None)[0]
         left = seen - table @ answer
         plain = np.linalg.lstsq(table[:, 1:], seen, rcond=None)[0]
-        if np.std(left) > _TELLING * np.std(seen - table[:, 1:] @ plain) or abs(answer[0] / reach + 1.0) > _NEAR:
+        if (
+            np.std(left) > TELLING_WRAP * np.std(seen - table[:, 1:] @ plain)
+            or abs(answer[0] / reach + 1.0) > RANGE_NEAR_SPAN
+        ):
             return found  # where spikes are bent, a straight line through all may be worse than the plant as given
-        reach = max(float(-answer[0]), _WHOLE * float(np.ptp(seen)))
+        reach = max(float(-answer[0]), WHOLE_RANGE * float(np.ptp(seen)))
         wanted = wanted * answer[1] + answer[2]
         found = reach, low, np.inf
     return found
@@ -151,25 +161,25 @@ def _leaping(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[tuple
     """
     seen, wanted = np.concatenate(columns), np.concatenate(expected)
     low, whole = float(seen.min()), float(np.ptp(seen))
-    near = np.mean(np.abs(seen - low - whole / 2.0) > (0.5 - _RIM) * whole)
-    if not whole > 0.0 or near > _AT_RIM or not np.all(np.isfinite(wanted)):
+    near = np.mean(np.abs(seen - low - whole / 2.0) > (0.5 - RIM) * whole)
+    if not whole > 0.0 or near > AT_RIM or not np.all(np.isfinite(wanted)):
         return None, 0.0
     leaps, aims = (np.concatenate([np.diff(each) for each in parts]) for parts in (columns, expected))
     best: tuple[float, float, float] | None = None
-    for gain in _GAINS:
-        for share in _SHARES:
+    for gain in LEAP_GAINS:
+        for share in SEEN_SHARES:
             reach = share * whole
             away = gain * aims - leaps
-            turned = np.abs(away) > _JUMP * reach
-            if np.count_nonzero(turned) >= _LEAPS:
+            turned = np.abs(away) > WRAP_JUMP * reach
+            if np.count_nonzero(turned) >= FEWEST_LEAPS:
                 spread = float(np.std((away - reach * np.round(away / reach))[turned])) / reach
                 best = min(best or (np.inf, 0.0, 0.0), (spread, gain, reach))
-    if best is None or best[0] > _MET:
+    if best is None or best[0] > MET_LEAPS:
         return None, 0.0
     _, gain, reach = best
     turns = np.round((gain * aims - leaps) / reach)
     answer = np.linalg.lstsq(np.column_stack([aims, -turns])[turns != 0.0], leaps[turns != 0.0], rcond=None)[0]
-    if abs(answer[1] / reach - 1.0) > _NEAR:
+    if abs(answer[1] / reach - 1.0) > RANGE_NEAR_SPAN:
         return None, 0.0  # whole ranges are not what these leaps differ by
     return (float(answer[1]), low, np.inf), float(answer[0])
 
@@ -181,31 +191,31 @@ def _refined(
     index = [signal.name for signal in plant.outputs].index(name)
     free = [p.name for p in plant.parameters if p.free and p.value > 0.0]
     logs, change, spread = np.zeros(len(free)), 0.0, 0.0
-    for _ in range(_REFINED):
+    for _ in range(RANGE_REFINED):
         base = _all_of(plant, recordings, free, logs)
         if base is None:
             return reach, spread
         columns = []
         for place in range(len(free)):
-            near = _all_of(plant, recordings, free, logs + _STEP * (np.arange(len(free)) == place))
-            columns.append(np.zeros_like(base) if near is None else (near - base) / _STEP)
+            near = _all_of(plant, recordings, free, logs + RANGE_DIFFERENCE_STEP * (np.arange(len(free)) == place))
+            columns.append(np.zeros_like(base) if near is None else (near - base) / RANGE_DIFFERENCE_STEP)
         steps = np.zeros_like(base)
         steps[:, index] = np.concatenate(turns)
         seen = np.concatenate([measured(plant, recording) for recording in recordings])
         left = seen + change * steps - base
         sizes = np.maximum(np.std(left, axis=0), 1e-12)
         tall = np.stack([each / sizes for each in (*columns, -steps)], axis=2).reshape(-1, len(free) + 1)
-        prior = np.eye(len(free), len(free) + 1) / _GIVEN
+        prior = np.eye(len(free), len(free) + 1) / GIVEN_DEVIATION
         whole = np.concatenate([tall, prior])
-        aim = np.concatenate([(left / sizes).ravel(), -logs / _GIVEN])
+        aim = np.concatenate([(left / sizes).ravel(), -logs / GIVEN_DEVIATION])
         answer = np.linalg.lstsq(whole, aim, rcond=1e-9)[0]
         logs, change = np.clip(logs + answer[:-1], -1.0, 1.0), change + float(answer[-1])
         covariance = np.linalg.pinv(whole.T @ whole)
         scores = tall * (left / sizes).reshape(-1, 1)
-        parts = np.array([np.sum(part, axis=0) for part in np.array_split(scores, _BATCHES)])
-        by_batches = np.std((parts @ covariance)[:, -1], ddof=1) * np.sqrt(_BATCHES)
+        parts = np.array([np.sum(part, axis=0) for part in np.array_split(scores, RANGE_BATCHES)])
+        by_batches = np.std((parts @ covariance)[:, -1], ddof=1) * np.sqrt(RANGE_BATCHES)
         spread = max(float(np.sqrt(covariance[-1, -1])), float(by_batches))
-    return (reach + change, spread) if abs(change) < _UNLIKE * reach else (reach, spread)
+    return (reach + change, spread) if abs(change) < WRAPS_UNLIKE * reach else (reach, spread)
 
 
 def _all_of(plant: Plant, recordings: Sequence[Recording], free: Sequence[str], logs: Array) -> Array | None:
@@ -261,13 +271,13 @@ def _near(away: Array, moved: Array) -> Array:
     Where it or the plant, by `moved` (n - 1,) ranges, leaps, it may have leapt the other way round: by a little more,
     but what comes after it lasts.
     """
-    turns = np.arange(-_MOST_TURNS, _MOST_TURNS + 1)
-    lasting = (np.minimum(np.abs(away[:, None] + turns), _FAR_AWAY) / _LASTING) ** 2
+    turns = np.arange(-MOST_TURNS_OFF, MOST_TURNS_OFF + 1)
+    lasting = (np.minimum(np.abs(away[:, None] + turns), FARTHEST_LEAP) / LASTING_LEAP) ** 2
     apart = turns[None, :] - turns[:, None]
     leaps = np.diff(away)
-    free = (np.abs(leaps) > _LEAPT) | (np.abs(moved) > _LEAPT)
+    free = (np.abs(leaps) > LEAP_EITHER_WAY) | (np.abs(moved) > LEAP_EITHER_WAY)
     places = cheapest(
         lasting,
-        lambda row: np.where(free[row - 1] | (apart == 0), (leaps[row - 1] + apart) / _LEAP, np.inf) ** 2,
+        lambda row: np.where(free[row - 1] | (apart == 0), (leaps[row - 1] + apart) / LEAP, np.inf) ** 2,
     )
     return np.asarray(away + turns[places])

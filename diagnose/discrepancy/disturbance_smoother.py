@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, SHORTEST_SPAN_S, WORST_SPANS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.plants.plant import Plant
@@ -18,10 +19,6 @@ from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import course_of, measured
 
 Array = NDArray[np.float64]
-
-SPANS = 3
-_WINDOW = 0.05  # s; spans shorter than that are not told apart
-_MOST_ROWS = 20_000  # a longer recording is smoothed up to here
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +53,7 @@ def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent
         return None
     constants = np.array([p.value for p in plant.parameters])[: plant.rate.numel_in(2)]
     course = course_of(plant, recording)
-    drive, rows = course.drive[:_MOST_ROWS], min(len(course.drive), _MOST_ROWS)
+    drive, rows = course.drive[:MOST_SMOOTHED_ROWS], min(len(course.drive), MOST_SMOOTHED_ROWS)
     states, extra, inputs = len(plant.states), len(balances), bare.b.shape[1]
     size = states + extra
     whole = np.zeros((size + inputs, size + inputs))
@@ -110,12 +107,12 @@ def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tup
     worst = int(np.argmax(np.sum(each**2, axis=0)))
     time = problem.train[0].time
     step = float(np.median(np.diff(time)))
-    width = max(int(_WINDOW / step), 3)
+    width = max(int(SHORTEST_SPAN_S / step), 3)
     power = scipy.ndimage.uniform_filter1d(each[:, worst] ** 2, width)
     spans: list[tuple[float, float]] = []
     open_power = power.copy()
     level = 0.3 * float(np.max(power))
-    for _ in range(SPANS):
+    for _ in range(WORST_SPANS):
         peak = int(np.argmax(open_power))
         if open_power[peak] <= max(level, 0.0):
             break

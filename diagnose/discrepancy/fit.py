@@ -15,10 +15,21 @@ from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, outputs_of
+from firmloop.diagnose.policy import (
+    DETERMINED_SHAPE,
+    LIVE_COLUMN,
+    LONG_MEMORY,
+    MISSED_MOST,
+    NEARER_SHAPE_SHARE,
+    SHAPE_GAIN,
+    SHAPE_ROUNDS,
+    SHAPE_SHARE,
+    SLOW_SHAPE_GAIN,
+    TRIED_SHAPES,
+)
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.round import screened
 from firmloop.diagnose.search.screen import Screened, secants
-from firmloop.diagnose.search.stepwise import LONG_MEMORY
 from firmloop.identify.fitting.least_squares import triangle
 from firmloop.identify.fitting.noise import Noise, flat
 from firmloop.identify.fitting.projection import orthogonal, outside, with_starts
@@ -26,16 +37,6 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
-
-SHAPE_GAIN = 70.0  # drop of BIC by a nameless shape, from which it counts as a mismatch
-SLOW_GAIN = 100.0  # the same where a disturbance is slow in every output
-SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
-_NEARER_SHARE = 0.05  # the same where simulations come far nearer by it
-_MOST = 0.5  # share of residuals that a shape leaves, on train and test, from which an explanation has missed most
-_TRIED = 3  # terms weighed in full beside named effects, of each noise model's order
-_ROUNDS = 2  # of fitting with the noise that the last fit left over
-_LIVE = 1e-4  # of a column, which the base's own unknowns cannot imitate
-_DETERMINED = 1e-3  # least singular value of what a fit may move, of the largest
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +91,8 @@ def outweighs(shape: Shape | None, noises: Sequence[Noise], explained: float) ->
     if shape is None:
         return False
     slow = all(len(noise.coefficients) >= LONG_MEMORY for noise in noises)
-    some = shape.gain > (SLOW_GAIN if slow else SHAPE_GAIN)
-    return some and shape.gain > (_NEARER_SHARE if shape.left < _MOST else SHAPE_SHARE) * explained
+    some = shape.gain > (SLOW_SHAPE_GAIN if slow else SHAPE_GAIN)
+    return some and shape.gain > (NEARER_SHAPE_SHARE if shape.left < MISSED_MOST else SHAPE_SHARE) * explained
 
 
 def best_shape(search: Search, candidate: Candidate) -> Shape | None:
@@ -167,7 +168,7 @@ def _promising(base: _Base, choices: Sequence[NamelessTerm]) -> list[NamelessTer
     picked: list[int] = []
     for noises in (base.candidate.noises, flat(base.candidate.noises)):
         gains = _promised(base, moved, noises)
-        picked += [int(place) for place in np.argsort(-gains)[:_TRIED] if gains[place] > 0.0]
+        picked += [int(place) for place in np.argsort(-gains)[:TRIED_SHAPES] if gains[place] > 0.0]
     return [choices[place] for place in dict.fromkeys(picked)]
 
 
@@ -180,7 +181,7 @@ def _promised(base: _Base, moved: Sequence[Sequence[Array]], noises: Sequence[No
     for parts in moved:
         tall = _stacked(parts, noises)
         pure = outside(basis, tall)
-        live = np.linalg.norm(pure, axis=0) > _LIVE * np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+        live = np.linalg.norm(pure, axis=0) > LIVE_COLUMN * np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         gain = float(np.sum((orthogonal(pure[:, live]).T @ left) ** 2)) if np.any(live) else 0.0
         gains.append(gain - float(np.sum(live)) * np.log(len(left)))
     return np.array(gains)
@@ -208,7 +209,7 @@ def _weighed(base: _Base, moved: Sequence[Array], free: bool = False) -> tuple[f
     # A noise model may hold what the term would explain, and then hides it from the fit: so begin without one, too.
     begins = (base.candidate.noises, flat(base.candidate.noises))
     for noises in begins if moved else begins[:1]:
-        for _ in range(_ROUNDS):
+        for _ in range(SHAPE_ROUNDS):
             answer = _solved(tall, base.residuals[: base.train], noises)
             left = [residual - part @ answer for part, residual in zip(tall, base.residuals, strict=False)]
             shared = answer[: size + count]
@@ -229,7 +230,7 @@ def _solved(tall: Sequence[Array], residuals: Sequence[Array], noises: Sequence[
     small = triangle(_stacked(whole, noises))
     sizes = np.linalg.norm(small[:, :-1], axis=0)
     sizes[sizes == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(small[:, :-1] / sizes, small[:, -1], rcond=_DETERMINED)[0] / sizes)
+    return np.asarray(np.linalg.lstsq(small[:, :-1] / sizes, small[:, -1], rcond=DETERMINED_SHAPE)[0] / sizes)
 
 
 def _score(base: _Base, left: Sequence[Array], unknowns: int) -> float:

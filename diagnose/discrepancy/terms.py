@@ -10,6 +10,15 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.discrepancy.disturbance_smoother import Latent
+from firmloop.diagnose.policy import (
+    DRIFT_CYCLES,
+    FAR_TO_ONE_SIDE,
+    HARMONICS,
+    HATS,
+    LINES_PER_CYCLE,
+    NEIGHBOUR_CYCLES,
+    SPRING_MEMORIES_S,
+)
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linear_response import disturbed
@@ -20,13 +29,6 @@ from firmloop.identify.simulation.superset import travelled
 Array = NDArray[np.float64]
 
 SENSOR = "sensor"
-_HATS = 10
-_HARMONICS = 4
-_MEMORY = (0.003, 0.01, 0.03, 0.1, 0.3)  # s after which a stretched spring yields, at the usual speed, or relaxes
-_FINER = 4  # lines of a spectrum per cycle in a recording
-_NEIGHBOURS = 40  # cycles in a recording that a line is held against
-_CYCLES = 5  # in a recording: a slower wave is a drift
-_ASIDE = 0.1  # of the rows, and of the way to the other side, that are far to one side
 _TURNING = " (per turn)"
 _POSITIONS = ("position_rad", "position_m")
 _SPEEDS = ("speed_rad_s", "speed_m_s")
@@ -63,7 +65,7 @@ class Covariate:
     def shapes(self, at: Array, train: int) -> Array:
         """Return hats or waves (n, b) at `at` (n,)."""
         if self.periodic:
-            waves = [wave(order * at) for order in range(1, _HARMONICS + 1) for wave in (np.sin, np.cos)]
+            waves = [wave(order * at) for order in range(1, HARMONICS + 1) for wave in (np.sin, np.cos)]
             return np.stack(waves, axis=1)
         knots = self.centres(train)
         return np.stack([np.interp(at, knots, row) for row in np.eye(len(knots))], axis=1)
@@ -75,11 +77,11 @@ class Covariate:
         if self.bent:
             every = np.concatenate(self.values[:train])
             return np.array([every.min(), 0.0, every.max()])
-        return np.unique(np.quantile(np.concatenate(self.values[:train]), np.linspace(0.0, 1.0, _HATS)))
+        return np.unique(np.quantile(np.concatenate(self.values[:train]), np.linspace(0.0, 1.0, HATS)))
 
     def _reaches(self, train: int) -> Array:
         steps = np.concatenate([np.diff(values) for values in self.values[:train]])
-        return float(np.sqrt(np.mean(steps**2))) / self.step * np.array(_MEMORY)
+        return float(np.sqrt(np.mean(steps**2))) / self.step * np.array(SPRING_MEMORIES_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,21 +143,21 @@ def nameless_terms(
 
 def _two_sided(coordinate: Covariate, count: int) -> bool:
     """Tell whether a coordinate goes far to both sides of zero."""
-    low, high = np.quantile(np.concatenate(coordinate.values[:count]), [_ASIDE, 1.0 - _ASIDE])
-    return bool(low < 0.0 < high and min(-low, high) > _ASIDE * max(-low, high))
+    low, high = np.quantile(np.concatenate(coordinate.values[:count]), [FAR_TO_ONE_SIDE, 1.0 - FAR_TO_ONE_SIDE])
+    return bool(low < 0.0 < high and min(-low, high) > FAR_TO_ONE_SIDE * max(-low, high))
 
 
 def loudest(recordings: Sequence[Recording], residuals: Sequence[Array]) -> float:
     """Return the pitch (rad/s) of the line that stands out most from its neighbours in all spectra; 0 where none."""
     shortest = min(len(each) for each in residuals)
     step = float(np.median(np.diff(recordings[0].time)))
-    rows = _FINER * shortest
+    rows = LINES_PER_CYCLE * shortest
     total = np.zeros(rows // 2 + 1)
     for left in residuals:
         power = np.abs(np.fft.rfft(left[:shortest] * np.hanning(shortest)[:, None], rows, axis=0)) ** 2
-        around = scipy.ndimage.median_filter(power, (_FINER * _NEIGHBOURS, 1), mode="nearest")
+        around = scipy.ndimage.median_filter(power, (LINES_PER_CYCLE * NEIGHBOUR_CYCLES, 1), mode="nearest")
         total += np.sum(power / np.maximum(around, 1e-300), axis=1)
-    total[: _FINER * _CYCLES] = 0.0
+    total[: LINES_PER_CYCLE * DRIFT_CYCLES] = 0.0
     return float(2.0 * np.pi * np.argmax(total) / (rows * step)) if np.any(total) else 0.0
 
 
@@ -210,4 +212,6 @@ def _yielding(travel: Array, reaches: Array) -> Array:
 def _relaxing(travel: Array, step: float) -> Array:
     """Return how far springs behind dampers are stretched (n, b): each forgets its way over a time (Maxwell's)."""
     steps = np.diff(travel, prepend=travel[0])
-    return np.stack([scipy.signal.lfilter([1.0], [1.0, -np.exp(-step / time)], steps) for time in _MEMORY], axis=1)
+    return np.stack(
+        [scipy.signal.lfilter([1.0], [1.0, -np.exp(-step / time)], steps) for time in SPRING_MEMORIES_S], axis=1
+    )

@@ -17,15 +17,10 @@ from firmloop.diagnose.model.candidate import elsewhere, without
 from firmloop.diagnose.model.fit import Fitted, deviations, widened
 from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem, searched
 from firmloop.diagnose.model.sandwich_covariance import batches, pushed, sizes_of
+from firmloop.diagnose.policy import BATCHES, CHANCE_GAIN, LOAD_BY_CHANCE, PULL_BY_CHANCE, WITHIN_BATCHES
 from firmloop.identify.fitting.noise import Noise, colored
 
 Array = NDArray[np.float64]
-
-_CHANCE = 3.0  # deviations of an average, less than which a slow disturbance has by chance
-_PULLED = 5.0  # the same of what pulls by where it is
-FEW = 500.0  # drop of BIC that such an average may bring
-_BATCHES = 12  # of each recording
-_WITHIN = 0.3  # of what an effect does, that its loads by batches may leave
 
 
 def deviation(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
@@ -35,7 +30,7 @@ def deviation(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: L
         return 0.0
     moments = [fitted.point.values[key] for key in term.keys if key.endswith(MOMENT)]
     first = min(moments, default=-np.inf)
-    late = np.concatenate([batches(recording, _BATCHES) >= first for recording in problem.train])
+    late = np.concatenate([batches(recording, BATCHES) >= first for recording in problem.train])
     parts = [part for part in (np.sum(late), np.sum(~late)) if part]
     return float(np.std(np.concatenate(means), ddof=1) * np.sqrt(sum(1.0 / part for part in parts)))
 
@@ -51,7 +46,7 @@ def times_chance(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term
     if spread > 0.0 and problem.test and not searched(term):
         means = _means(*elsewhere(problem, fitted, noises), noises, term)
         if means is not None:
-            count, more = _BATCHES * len(problem.train), np.concatenate(means)
+            count, more = BATCHES * len(problem.train), np.concatenate(means)
             share = len(more) / (count + len(more))
             value = value + share * float(np.mean(more))
             spread = float(np.hypot((1.0 - share) * spread, share * np.std(more, ddof=1) / np.sqrt(len(more))))
@@ -81,7 +76,7 @@ def _times_pull(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term:
         one, other = (problem.engine.simulate(recording, each, start) for each in values)
         done = np.nan_to_num(one - other)
         found = _by_batches(problem, fitted, noises, term, index, (done, fitted.residuals[index]))
-        if found is None or found[0][1] > _WITHIN:
+        if found is None or found[0][1] > WITHIN_BATCHES:
             return np.inf
         pulls.append(found[0][0])
         means.append(found[1][0])
@@ -94,14 +89,16 @@ def accidental(term: LibraryTerm, times: float, gain: float) -> bool:
 
     `gain` is the drop of BIC it brought: where it is large, what batches differ by may be other physics.
     """
-    return gain < FEW and times < (_CHANCE if term.effect.lasting else _PULLED)
+    return gain < CHANCE_GAIN and times < (LOAD_BY_CHANCE if term.effect.lasting else PULL_BY_CHANCE)
 
 
 def by_chance(
     problem: Problem, fitted: Fitted, noises: Sequence[Noise], terms: Iterable[LibraryTerm], gain: float
 ) -> bool:
     """Tell whether one of the terms, which brought `gain` together, may be such an average."""
-    return gain < FEW and any(accidental(term, times_chance(problem, fitted, noises, term), gain) for term in terms)
+    return gain < CHANCE_GAIN and any(
+        accidental(term, times_chance(problem, fitted, noises, term), gain) for term in terms
+    )
 
 
 def with_lasting(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -132,7 +129,7 @@ def _by_batches(
     problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm, index: int, seen: Iterable[Array]
 ) -> list[tuple[Array, float]] | None:
     """Return for each of `seen` (n, r) the load, or offset, of every batch that makes it, and the share it leaves."""
-    begins = batches(problem.train[index], _BATCHES)
+    begins = batches(problem.train[index], BATCHES)
     moves = pushed(problem, fitted, index, begins) if term.output is None else _offsets(problem, term, index, begins)
     return None if moves is None else sizes_of(problem, fitted, noises, index, moves, seen)
 

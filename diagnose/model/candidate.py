@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, outputs_of
-from firmloop.diagnose.policy import ON_BOUND
+from firmloop.diagnose.policy import (
+    ABSURD_COST,
+    CLOSER_RMS,
+    FAINT_SHARE,
+    HELD_SHARE,
+    IMPOSSIBLE,
+    MINOR_SHARE,
+    ON_BOUND,
+    RICHER_PRICE,
+    RMS_BY_CHANCE,
+    SHARPER_INNOVATIONS,
+    SLOW_WAVE_PERIODS,
+    STRANGE_RMS,
+    TOLD_ON_TRAIN,
+    WIDER_RMS,
+)
 from firmloop.identify.fitting.noise import Noise, colored, memory
 from firmloop.identify.plants.effects import effects, find_effect
 
 Array = NDArray[np.float64]
-
-TIE = 10.0  # explanations closer than this in BIC are not told apart
-RICHER = 25.0  # what a richer effect must win over the simpler one that it contains
-MINOR = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
-IMPOSSIBLE = 1e9  # the score of what cannot be
-_WIDER = 1.1  # ratio of residual rms from which an explanation is none
-_SHARPER = 0.75  # ratio of innovation rms, from which an explanation is one however its simulations stray
-_TOLD = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
-_FEW_PERIODS = 4.0  # in the whole way, below which a wave is as slow as a disturbance
-_STRANGE = 2.0  # such a ratio of unseen residuals over white noise, from which an explanation does not hold there
-_CLOSER = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
-HELD = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
-_ABSURD = 1e3  # ratio of costs from which initial states are none
-_FAINT = 5e-7  # of what an output moves, rms: what simulations by other steps differ by
-_CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,21 +114,21 @@ def by_luck(residuals: Sequence[Array]) -> Array:
     That of n independent samples is known to 1 / sqrt(2 n) of itself. NaN after a divergence.
     """
     rows = sum(map(len, residuals))
-    return np.asarray(1.0 + _CHANCE * np.sqrt(0.5 * memories(residuals) / rows))
+    return np.asarray(1.0 + RMS_BY_CHANCE * np.sqrt(0.5 * memories(residuals) / rows))
 
 
 def larger(candidate: Candidate, base: Candidate) -> bool:
     """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
     pairs = list(zip(candidate.noises, base.noises, strict=True))
-    if any(mine.scale <= _SHARPER * theirs.scale or mine.rms <= theirs.rms for mine, theirs in pairs):
+    if any(mine.scale <= SHARPER_INNOVATIONS * theirs.scale or mine.rms <= theirs.rms for mine, theirs in pairs):
         return False
     lucky = by_luck(candidate.fitted.residuals)
-    return any(mine.rms > max(_WIDER, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
+    return any(mine.rms > max(WIDER_RMS, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
 
 
 def farther(candidate: Candidate, base: Candidate) -> bool:
     """Tell whether simulations of some output are farther off than there, however well innovations foresee each row."""
-    return any(mine.rms > _WIDER * theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
+    return any(mine.rms > WIDER_RMS * theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
 
 
 def tells(candidate: Candidate, base: Candidate) -> bool:
@@ -137,7 +137,7 @@ def tells(candidate: Candidate, base: Candidate) -> bool:
     Beside other effects by a share of the whole gain at least: where those are chaotic, any change helps somewhere.
     """
     gain = evidence(base.fitted, base.noises) - evidence(candidate.fitted, candidate.noises)
-    return gain > (_TOLD * (base.score - candidate.score) if base.fitted.terms else 0.0)
+    return gain > (TOLD_ON_TRAIN * (base.score - candidate.score) if base.fitted.terms else 0.0)
 
 
 def faint(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
@@ -145,14 +145,14 @@ def faint(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
     measured = np.concatenate([outputs_of(problem, recording) for recording in problem.train])
     pairs = zip(candidate.fitted.residuals, base.fitted.residuals, strict=True)
     changed = rms_of([mine - theirs for mine, theirs in pairs])
-    return bool(np.all(changed < _FAINT * np.ptp(measured, axis=0)))
+    return bool(np.all(changed < FAINT_SHARE * np.ptp(measured, axis=0)))
 
 
 def creeps(term: LibraryTerm, values: Mapping[str, float]) -> bool:
     """Tell whether an effect may look like a slow disturbance; a wave that hardly repeats in the whole way does."""
     periods = {".periods_per_rev": term.scales.travel / (2.0 * np.pi), ".periods_per_m": term.scales.travel}
     waves = [values[key] * way for ending, way in periods.items() for key in term.keys if key.endswith(ending)]
-    return term.effect.slow or min(waves, default=np.inf) < _FEW_PERIODS
+    return term.effect.slow or min(waves, default=np.inf) < SLOW_WAVE_PERIODS
 
 
 def rms_of(residuals: Sequence[Array]) -> Array:
@@ -181,19 +181,19 @@ def contradicted(problem: Problem, candidate: Candidate, nominal: Candidate) -> 
     after, refit = (
         relative(unseen_residuals(problem, each.fitted, candidate.noises), sizes) for each in (candidate, nominal)
     )
-    return not (after < _STRANGE or after < HELD * refit)
+    return not (after < STRANGE_RMS or after < HELD_SHARE * refit)
 
 
 def closer(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
     """Tell whether simulations come far closer to some output, the unseen ones too: that is no trace."""
     train = [one.rms / other.rms for one, other in zip(candidate.noises, base.noises, strict=True)]
-    if not min(train) < _CLOSER[0] or not problem.test:
+    if not min(train) < CLOSER_RMS[0] or not problem.test:
         return False
     powers = [
         np.mean(np.concatenate(unseen_residuals(problem, each.fitted, each.noises)) ** 2, axis=0)
         for each in (candidate, base)
     ]
-    return bool(np.any((np.array(train) < _CLOSER[0]) & (powers[0] < _CLOSER[1] ** 2 * powers[1])))
+    return bool(np.any((np.array(train) < CLOSER_RMS[0]) & (powers[0] < CLOSER_RMS[1] ** 2 * powers[1])))
 
 
 def joined(base: Fitted, term: LibraryTerm) -> tuple[tuple[LibraryTerm, ...], Mapping[str, float]]:
@@ -229,7 +229,7 @@ def relieved(
     now, then = (
         fit(problem, problem.train, *each, noises, 0).cost for each in ((base.terms, base.point), (terms, taken))
     )
-    if then - now < RICHER or not fit(problem, problem.train, terms, point, noises, 0).cost < _ABSURD * then:
+    if then - now < RICHER_PRICE or not fit(problem, problem.train, terms, point, noises, 0).cost < ABSURD_COST * then:
         return terms, taken
     return terms, point
 
@@ -249,7 +249,7 @@ def contain(some: Collection[str], others: Collection[str]) -> bool:
     return any(other in find_effect(name).contains for name in some for other in others)
 
 
-def simplest(candidates: Sequence[Candidate], without: float, least: float = RICHER) -> Candidate:
+def simplest(candidates: Sequence[Candidate], without: float, least: float = RICHER_PRICE) -> Candidate:
     """Return the best; a simpler one that it contains wins where the richer one gains less than `least` beside it.
 
     `without` is the score without either.
@@ -262,9 +262,9 @@ def simplest(candidates: Sequence[Candidate], without: float, least: float = RIC
     return chosen
 
 
-def richer(candidate: Candidate, simpler: Candidate, gain: float, least: float = RICHER) -> bool:
+def richer(candidate: Candidate, simpler: Candidate, gain: float, least: float = RICHER_PRICE) -> bool:
     """Tell whether an effect wins enough over the simpler one that it contains, which had won `gain`.
 
     Also on train alone: its further parameters have to tell there, where they were fitted.
     """
-    return tells(candidate, simpler) and simpler.score - candidate.score >= max(least, MINOR * gain)
+    return tells(candidate, simpler) and simpler.score - candidate.score >= max(least, MINOR_SHARE * gain)

@@ -12,26 +12,19 @@ from dataclasses import replace
 
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, meeting
+from firmloop.diagnose.policy import (
+    BRIEF_CONTACT,
+    CONTACT_FIT_PATIENCE,
+    CONTACT_NUDGES,
+    CONTACT_STRETCHES,
+    GROWTH_PATIENCE,
+    HARDER_CONTACTS,
+    NUDGE_GAIN,
+    STEPS_OF_A_FIT,
+    STEPS_OF_A_NEAR_FIT,
+)
 from firmloop.identify.fitting.noise import Noise, flat
 from firmloop.identify.recordings.recording import Recording
-
-_NUDGES = (  # factors on where a contact is, how stiff it is, and how damped: as much of critical as it was
-    (1.0, 1.0, 1.0),
-    (1.02, 1.0, 1.0),
-    (0.98, 1.0, 1.0),
-    (1.1, 1.0, 1.0),
-    (0.9, 1.0, 1.0),
-    (1.0, 0.5, math.sqrt(0.5)),
-    (1.0, 2.0, math.sqrt(2.0)),
-)
-_STRETCHES = (0.05, 0.1, 0.2, 0.35, 0.55, 0.75)  # of the rows that a fit grows over before it takes all
-_BRIEF = 0.2  # of the rows; fewer do not tell how stiff and how damped a contact is
-_HARDER = (1.0, 3.0, 10.0)  # factors on how stiff contacts are, where a stretch begins to grow
-_GROWTH = 24.0  # million steps of simulation after which no stretch begins to grow
-_LAST = 24  # steps of a fit to all rows
-_STEPS = 12  # of a fit to some, and from a nudge
-_WORTH = 2.0  # evidence that a nudge has to bring
-PATIENCE = 20.0  # million steps of simulation
 
 
 def met(problem: Problem, fitted: Fitted, noises: Sequence[Noise], patience: float) -> Fitted:
@@ -40,7 +33,9 @@ def met(problem: Problem, fitted: Fitted, noises: Sequence[Noise], patience: flo
     return past_contacts(problem, fitted, noises_of(problem, fitted.residuals), patience)
 
 
-def past_contacts(problem: Problem, fitted: Fitted, noises: Sequence[Noise], patience: float = PATIENCE) -> Fitted:
+def past_contacts(
+    problem: Problem, fitted: Fitted, noises: Sequence[Noise], patience: float = CONTACT_FIT_PATIENCE
+) -> Fitted:
     """Move the contacts that terms make, a little at a time, as long as a fit from there explains more."""
     if not meeting(fitted.terms):
         return fitted
@@ -49,13 +44,13 @@ def past_contacts(problem: Problem, fitted: Fitted, noises: Sequence[Noise], pat
     moved = True
     while moved:
         moved = False
-        for factors in _NUDGES:
+        for factors in CONTACT_NUDGES:
             if problem.engine.steps > until:
                 return fitted
-            other = fit(problem, problem.train, fitted.terms, _nudged(fitted, factors), noises, _STEPS)
+            other = fit(problem, problem.train, fitted.terms, _nudged(fitted, factors), noises, STEPS_OF_A_NEAR_FIT)
             left = noises_of(problem, other.residuals)
             score = evidence(other, left)
-            if told - score > _WORTH:
+            if told - score > NUDGE_GAIN:
                 fitted, told, noises, moved = other, score, left, True
                 break
     return fitted
@@ -65,14 +60,14 @@ def grown(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Fit again on stretches that grow, with contacts as stiff as they were and stiffer; return what explains most."""
     if not meeting(fitted.terms):
         return fitted
-    until = problem.engine.steps + _GROWTH
+    until = problem.engine.steps + GROWTH_PATIENCE
     best, told = fitted, own_evidence(problem, fitted)
-    for harder in _HARDER:
+    for harder in HARDER_CONTACTS:
         begin = _nudged(fitted, (1.0, harder, math.sqrt(harder)))
         other = _over_stretches(problem, fitted.terms, begin, noises)
         score = own_evidence(problem, other)
         gain = told - score
-        if gain > _WORTH:
+        if gain > NUDGE_GAIN:
             best, told = other, score
         if (harder == 1.0 and not gain > 0.0) or problem.engine.steps > until:
             break
@@ -100,12 +95,12 @@ def _nudged(fitted: Fitted, factors: Sequence[float]) -> Point:
 def _over_stretches(problem: Problem, terms: Sequence[LibraryTerm], point: Point, noises: Sequence[Noise]) -> Fitted:
     """Fit from a point to more and more rows; how contacts give way is left for later."""
     giving = [key for key, which in _contacts(terms).items() if which > 0]
-    for share in _STRETCHES:
+    for share in CONTACT_STRETCHES:
         part = replace(problem, train=tuple(_first(each, share) for each in problem.train), memory={})
-        held = giving if share < _BRIEF else ()
-        first = fit(part, part.train, terms, point, flat(noises), _STEPS, held=held)
+        held = giving if share < BRIEF_CONTACT else ()
+        first = fit(part, part.train, terms, point, flat(noises), STEPS_OF_A_NEAR_FIT, held=held)
         point, noises = first.point, noises_of(part, first.residuals)
-    return fit(problem, problem.train, terms, point, noises, _LAST)
+    return fit(problem, problem.train, terms, point, noises, STEPS_OF_A_FIT)
 
 
 def _first(recording: Recording, share: float) -> Recording:

@@ -9,24 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of
+from firmloop.diagnose.policy import (
+    CORRECTED_SHARE,
+    CORRECTIONS,
+    DAMPINGS,
+    DIVERGED_RESIDUAL,
+    EXACT_STEPS,
+    FEW_DAMPINGS,
+    FIRST_DAMPING,
+    FIT_PATIENCE,
+    HELD_DAMPING,
+    KEPT_SLOPES,
+    LEAST_DAMPING,
+    LEAST_DECREASE,
+    LEAST_RELATIVE_DECREASE,
+    LONGEST_STEP,
+    UNDAMPED,
+)
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
-
-_FAR = 1e9  # times the noise: what a diverged simulation counts, more than any other
-_ENOUGH = 5e-5  # relative decrease of the cost that is no longer worth a step
-_WORTH = 0.02  # decrease of the cost, in units of the noise, that is no longer worth a step
-PATIENCE = 10.0  # million steps of simulation for one fit: stiff corners of some effects simulate very slowly
-_FIRST, _LEAST = 1e-3, 1e-10  # damping, in units of each coordinate's own information
-_UNDAMPED = 1e-8  # damping that holds no valley back
-_TRIES, _FEW_TRIES = 6, 2  # dampings of a step; and after one that gained little
-_EXACT = 8  # steps of a fit that is taken to its end
-_HELD = 0.02  # damping that holds a valley back, from which slopes for initial states have to be exact
-_BACK = 8  # corrections of a step
-_CLOSER = 0.5  # share of what a step costs too much, that a correction may leave
-_MOST = 3.0  # change of a coordinate by one step
-_KEPT = 16  # slopes for initial states
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,7 @@ class SumOfSquares:
         cost = 0.0
         for part in residuals:
             if np.any(np.isnan(part)):
-                cost += _FAR**2 * part.size
+                cost += DIVERGED_RESIDUAL**2 * part.size
             else:
                 cost += float(np.sum(whitened(part, self.noises) ** 2))
         return Place(point, cost, self.pull(point), residuals)
@@ -156,7 +159,7 @@ class SumOfSquares:
         return np.asarray(self.tether[:, :-1] @ self._inner(point) - self.tether[:, -1])
 
 
-def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float = PATIENCE) -> tuple[Place, Array]:
+def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float = FIT_PATIENCE) -> tuple[Place, Array]:
     """Search from `begin` as Levenberg (1944) and Marquardt (1963); return the place and J'J of the slopes taken last.
 
     Where some combinations of coordinates are known far better than others, a long step along what is hardly known
@@ -167,10 +170,10 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
     place = squares.at(begin)
     until = squares.problem.engine.steps + patience
     own: list[Array] | None = squares.start_slopes(begin)  # for a few steps
-    damping, tries = _FIRST, _TRIES
+    damping, tries = FIRST_DAMPING, DAMPINGS
     normal: Array | None = None
     begun: tuple[Array, ...] | None = None
-    rough = steps >= _EXACT and squares.problem.engine.engine.equations is None  # see start_slopes
+    rough = steps >= EXACT_STEPS and squares.problem.engine.engine.equations is None  # see start_slopes
     for _ in range(steps):
         if squares.problem.engine.steps > until:
             break
@@ -182,31 +185,31 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
             if lower is not None:
                 break
             damping = max(damping * 8.0, 1e-6)
-        little = lower is None or place.whole - lower.whole < max(_WORTH, _ENOUGH * place.cost)
+        little = lower is None or place.whole - lower.whole < max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
         place = lower or place
-        if own and rough and (little or damping > _HELD):
-            own, damping, tries = None, _FIRST, _TRIES
+        if own and rough and (little or damping > HELD_DAMPING):
+            own, damping, tries = None, FIRST_DAMPING, DAMPINGS
             begun = squares.restarted(slopes, place)
-            if little and squares.promised(begun, place) < max(_WORTH, _ENOUGH * place.cost):
+            if little and squares.promised(begun, place) < max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost):
                 break
             continue
-        if lower is None or (little and damping < _UNDAMPED):
+        if lower is None or (little and damping < UNDAMPED):
             break
-        damping, tries = (damping / 1e3, _FEW_TRIES) if little else (damping / 6.0, _TRIES)
-        damping = max(damping, _LEAST)
+        damping, tries = (damping / 1e3, FEW_DAMPINGS) if little else (damping / 6.0, DAMPINGS)
+        damping = max(damping, LEAST_DAMPING)
     return place, squares.normal(squares.slopes(place, own)) if normal is None else normal
 
 
 def _lower(squares: SumOfSquares, place: Place, slopes: Sequence[Array], normal: Array, damping: float) -> Place | None:
     """Return a place that costs less, a damped step and its corrections away; None where they do not lead there."""
     trial, worse = place, np.inf
-    for _ in range(_BACK + 1):
+    for _ in range(CORRECTIONS + 1):
         step = solved(normal, squares.descent(slopes, trial), damping)
-        step[: len(squares.unknowns)] = np.clip(step[: len(squares.unknowns)], -_MOST, _MOST)
+        step[: len(squares.unknowns)] = np.clip(step[: len(squares.unknowns)], -LONGEST_STEP, LONGEST_STEP)
         trial = squares.at(squares.moved(trial.point, step))
         if trial.whole < place.whole:
             return trial
-        if not trial.finite or trial.whole - place.whole > _CLOSER * worse:
+        if not trial.finite or trial.whole - place.whole > CORRECTED_SHARE * worse:
             break
         worse = trial.whole - place.whole
     return None
@@ -286,7 +289,7 @@ def start_slopes(problem: Problem, recording: Recording, point: Point, index: in
     key = (id(recording), tuple(sorted(values.items())), start.tobytes())
     found = problem.memory.get(key)
     if found is None:
-        while len(problem.memory) >= max(_KEPT, len(problem.train) + len(problem.test)):
+        while len(problem.memory) >= max(KEPT_SLOPES, len(problem.train) + len(problem.test)):
             problem.memory.pop(next(iter(problem.memory)))
         found = problem.engine.slopes(recording, values, names, start)
         problem.memory[key] = found = _anchored(problem, recording, found)

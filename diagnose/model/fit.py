@@ -9,19 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import PATIENCE, SumOfSquares, descended, solved
+from firmloop.diagnose.model.descent import SumOfSquares, descended, solved
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, Unknown, coordinates, full_start
 from firmloop.diagnose.model.torque_scale import near_given
+from firmloop.diagnose.policy import (
+    CONSTANT_DEVIATION,
+    FIT_PATIENCE,
+    GIVEN_DEVIATION,
+    LAST_GAIN,
+    LAST_STEPS,
+    SAME_CONSTANT,
+    SETTLED_START,
+)
 from firmloop.identify.fitting.noise import Noise, fit_noise
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
-
-_GIVEN = 0.3  # standard deviation of a nominal parameter as given, as a logarithm: it counts where data are silent
-_LAST_STEPS, _LAST_GAIN = 4, 1e-3  # steps at the very end of a fit, and what the last of them gains
-_SETTLED = 0.01  # of the cost: an initial state is there where a step changes no more
-_SAME = 0.02  # of log(kt / ke): in SI units a motor's torque constant is its voltage constant
-_NEAR = 0.3  # of log(kt / ke) as given, up to which the two are meant to be the same constant
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ def fit(
     begin: Point,
     noises: Sequence[Noise],
     steps: int,
-    patience: float = PATIENCE,
+    patience: float = FIT_PATIENCE,
     held: Collection[str] = (),
 ) -> Fitted:
     """Search from `begin` in a given number of steps; bounds hold by stopping at them.
@@ -86,7 +89,7 @@ def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     squares = SumOfSquares(problem, problem.train, unknowns, noises, tethers(problem, unknowns))
     place, normal = near_given(squares, squares.at(fitted.point)), fitted.normal
     told = [variances(normal, count)]
-    for _ in range(_LAST_STEPS):
+    for _ in range(LAST_STEPS):
         slopes = squares.slopes(place)
         normal = squares.normal(slopes)
         told.append(variances(normal, count))
@@ -98,7 +101,7 @@ def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
             if gain > 0.0:
                 place = trial
                 break
-        if gain < _LAST_GAIN:
+        if gain < LAST_GAIN:
             break
     seen = told[-1] > 0.0
     wider = np.sqrt(np.where(seen, np.max(told, axis=0), 1.0) / np.where(seen, told[-1], 1.0))
@@ -163,17 +166,17 @@ def tethers(problem: Problem, unknowns: Sequence[Unknown]) -> Array:
     for each in unknowns:
         if each.name in given and np.isfinite(given[each.name]):
             row = np.zeros(len(unknowns) + 1)
-            row[places[each.name]] = 1.0 / (_GIVEN if each.logarithmic else 10.0)
+            row[places[each.name]] = 1.0 / (GIVEN_DEVIATION if each.logarithmic else 10.0)
             row[-1] = row[places[each.name]] * each.inner(given[each.name])
             rows.append(row)
     ke, kt = given.get("ke_V_s_rad", 0.0), given.get("kt_N_m_A", 0.0)
-    if ke > 0.0 and kt > 0.0 and abs(np.log(kt / ke)) < _NEAR:
+    if ke > 0.0 and kt > 0.0 and abs(np.log(kt / ke)) < SAME_CONSTANT:
         row = np.zeros(len(unknowns) + 1)
         for name, sign, fixed in (("kt_N_m_A", 1.0, kt), ("ke_V_s_rad", -1.0, ke)):
             if name in places:
-                row[places[name]] = sign / _SAME
+                row[places[name]] = sign / CONSTANT_DEVIATION
             else:
-                row[-1] -= sign * np.log(fixed) / _SAME
+                row[-1] -= sign * np.log(fixed) / CONSTANT_DEVIATION
         rows.append(row)
     return np.array(rows).reshape(len(rows), len(unknowns) + 1)
 
@@ -197,7 +200,7 @@ def fit_starts(
             gain = place.cost - trial.cost
             if gain > 0.0:
                 place = trial
-            if exact and gain < _SETTLED * place.cost:
+            if exact and gain < SETTLED_START * place.cost:
                 break
         starts.append(place.point.starts[0])
     return Point(values, tuple(starts))

@@ -12,6 +12,13 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import DIRECT, Direct
 from firmloop.diagnose.data.unwrap import unwrapped
+from firmloop.diagnose.policy import (
+    COARSE_CHANGE,
+    DIFFERENCE_STEP,
+    FINE_DIFFERENCE_STEP,
+    LEAST_INERTIA,
+    ROUGH_DIFFERENCE_STEP,
+)
 from firmloop.identify.plants.attach import all_uses, label_of, parameters_of, site_of
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
 from firmloop.identify.plants.effects import find_effect
@@ -23,11 +30,6 @@ from firmloop.identify.simulation.superset import Superset, inertia_parameter, s
 Array = NDArray[np.float64]
 
 MOMENT = ".time_s"  # how the full name of a moment ends
-_COARSE = 1.0  # as longest change: several times as fast as the usual, and alters an effect's trace by < 1/1000
-_STEP = 1e-5  # of a coordinate, for difference quotients
-_FINE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
-_ROUGH_STEP = 3e-3  # the same where bodies meet: each time they meet a moment later, outputs move by a small leap
-_LEAST = 0.1  # of the nominal inertia, which stays where a load is split off
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,7 @@ def make_problem(plant: Plant, train: Sequence[Recording], test: Sequence[Record
     """List every term the plant can have, and where a fit of each begins."""
     train, test, direct = unwrapped(plant, train, test)
     engine = superset(plant)
-    engine.hasten(_COARSE)
+    engine.hasten(COARSE_CHANGE)
     engine.follow(True)
     sizes = cache(partial(scales_of, plant, train))
     terms = []
@@ -151,7 +153,7 @@ def entered(values: Mapping[str, float], term: LibraryTerm, start: Mapping[str, 
     whole = {**values, **start}
     if term.taken is not None:
         load, held = term.taken
-        whole[held] = max(values[held] - whole[load], _LEAST * values[held])
+        whole[held] = max(values[held] - whole[load], LEAST_INERTIA * values[held])
     return whole
 
 
@@ -173,9 +175,9 @@ def meeting(terms: Iterable[LibraryTerm]) -> bool:
 def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str, float]) -> tuple[Unknown, ...]:
     """Return the unknowns of a hypothesis: the free nominal parameters, then those of its terms."""
     found = []
-    step = _FINE_STEP if turning(terms) and not problem.engine.recorded else _STEP
+    step = FINE_DIFFERENCE_STEP if turning(terms) and not problem.engine.recorded else DIFFERENCE_STEP
     if meeting(terms):
-        step = _ROUGH_STEP
+        step = ROUGH_DIFFERENCE_STEP
     for parameter in problem.plant.parameters:
         if parameter.free:
             value = at.get(parameter.name, parameter.value)

@@ -14,6 +14,13 @@ import numpy as np
 
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
+from firmloop.diagnose.policy import (
+    LEAST_KINK_DECREASE,
+    LIMIT_NUDGES,
+    MOST_KINK_SOLVES,
+    STEPS_AT_ONCE,
+    STEPS_PAST_KINKS,
+)
 from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve
@@ -22,13 +29,8 @@ from firmloop.identify.plants.plant import EffectUse
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.simulation.simulate import constants_of, simulator
 
-_STEPS, _AT_ONCE = 60, 4
-_GAIN = 1e-7  # of the cost, by which a few steps have to lower it
-_NUDGES = (0.97, 1.03, 0.9, 1.1)
-_MOST = 100  # solves of a few steps each
 
-
-def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: int = _MOST) -> Fitted:
+def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: int = MOST_KINK_SOLVES) -> Fitted:
     """Return the fit at its minimum of the plain squared error, outputs weighted by 1 / noise rms.
 
     After `most` solves of a few steps each it stays where it is.
@@ -54,7 +56,7 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     kinked = limits(fitted.terms)
     places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]
     for index in places:
-        for factor in _NUDGES:
+        for factor in LIMIT_NUDGES:
             if left <= 0:
                 break
             nudged = place.constants.copy()
@@ -73,10 +75,10 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
 def _solved(fit_problem: FitProblem, place: FitPoint, most: int) -> tuple[FitPoint, float, int]:
     """Minimize, a few steps at once, in at most `most` solves; return how many of them are left too."""
     cost = math.inf
-    for _ in range(min(_STEPS // _AT_ONCE, most)):
+    for _ in range(min(STEPS_PAST_KINKS // STEPS_AT_ONCE, most)):
         most -= 1
-        next_place, next_cost = solve(fit_problem, place, _AT_ONCE)
-        if not next_cost < cost * (1.0 - _GAIN):
+        next_place, next_cost = solve(fit_problem, place, STEPS_AT_ONCE)
+        if not next_cost < cost * (1.0 - LEAST_KINK_DECREASE):
             break
         place, cost = next_place, next_cost
     return place, cost, most

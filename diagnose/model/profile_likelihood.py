@@ -16,21 +16,22 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.model.fit import Fitted, cost_at, ended, fit, inverse, moved, widened
 from firmloop.diagnose.model.hypothesis import MOMENT, Point, Problem
+from firmloop.diagnose.policy import (
+    CHI_SQUARED_95,
+    PROFILE_GAIN,
+    PROFILE_REACHES,
+    PROFILE_SCAN,
+    PROFILE_TURNS,
+    STEPS_OF_A_NEAR_FIT,
+)
 from firmloop.identify.fitting.noise import Noise
 
 Array = NDArray[np.float64]
 
-_RISE = 3.841458820694124  # 95 % of chi-squared with one degree of freedom
-_REACHES = (2.0, 4.0, 8.0, 16.0)  # deviations
-_FOUND = 0.5  # decrease of the cost that is worth fitting again from there
-_SCAN = np.arange(-40.0, 41.0, 2.0)  # deviations within which a moment may have a better place
-_TURNS = 3
-_STEPS = 12  # of a fit of the other unknowns
-
 
 def profiled(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Return the fit with deviations as far as the cost allows; from a better place, should one be met on the way."""
-    for _ in range(_TURNS):
+    for _ in range(PROFILE_TURNS):
         factors, better = _tried(problem, fitted, noises)
         if better is None:
             return widened(fitted, factors)
@@ -43,7 +44,7 @@ def _tried(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> tuple[A
     factors = np.ones(len(fitted.coordinates))
     covariance = inverse(fitted.normal)
     here = cost_at(problem, fitted, fitted.point, noises)
-    best, least = None, here - _FOUND
+    best, least = None, here - PROFILE_GAIN
     own = {key for term in fitted.terms for key in term.keys}
     met = {key for term in fitted.terms if term.effect.contact for key in term.keys}
     for index, each in enumerate(fitted.coordinates):
@@ -51,30 +52,30 @@ def _tried(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> tuple[A
         if each.name not in own or not 0.0 < spread < np.inf:
             continue
         path = covariance[:, index] / spread
-        for reach in _SCAN if each.name.endswith(MOMENT) else ():
+        for reach in PROFILE_SCAN if each.name.endswith(MOMENT) else ():
             place = moved(problem, fitted, reach * path)
             cost = cost_at(problem, fitted, place, noises)
             if cost < least:
                 best, least = place, cost
         for sign in (1.0, -1.0):
             before, risen = 0.0, 0.0
-            for reach in _REACHES:
+            for reach in PROFILE_REACHES:
                 place = moved(problem, fitted, sign * reach * path)
                 cost = cost_at(problem, fitted, place, noises)
-                if each.name in met and cost - here >= _RISE:
+                if each.name in met and cost - here >= CHI_SQUARED_95:
                     place, cost = _followed(problem, fitted, noises, each.name, place, cost)
                 if cost < least:
                     best, least = place, cost
                 rise = max(cost - here, risen)
-                if rise >= _RISE:
-                    crossed = before + (reach - before) * (np.sqrt(_RISE) - np.sqrt(risen)) / (
+                if rise >= CHI_SQUARED_95:
+                    crossed = before + (reach - before) * (np.sqrt(CHI_SQUARED_95) - np.sqrt(risen)) / (
                         np.sqrt(rise) - np.sqrt(risen)
                     )
-                    factors[index] = max(factors[index], crossed / np.sqrt(_RISE))
+                    factors[index] = max(factors[index], crossed / np.sqrt(CHI_SQUARED_95))
                     break
                 before, risen = reach, rise
             else:
-                factors[index] = max(factors[index], _REACHES[-1] / np.sqrt(_RISE))
+                factors[index] = max(factors[index], PROFILE_REACHES[-1] / np.sqrt(CHI_SQUARED_95))
     return factors, best
 
 
@@ -82,6 +83,6 @@ def _followed(
     problem: Problem, fitted: Fitted, noises: Sequence[Noise], held: str, place: Point, cost: float
 ) -> tuple[Point, float]:
     """Fit all unknowns but one anew from a place; return where that ends and its cost, or the same if it is no less."""
-    other = fit(problem, problem.train, fitted.terms, place, noises, _STEPS, held=(held,)).point
+    other = fit(problem, problem.train, fitted.terms, place, noises, STEPS_OF_A_NEAR_FIT, held=(held,)).point
     less = cost_at(problem, fitted, other, noises)
     return (other, less) if less < cost else (place, cost)

@@ -17,17 +17,19 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.descent import SumOfSquares, start_slopes, whitened
 from firmloop.diagnose.model.fit import Fitted, inverse, strength, tethers, widened
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, searched
+from firmloop.diagnose.policy import (
+    CERTAIN_SIZE,
+    CERTAIN_STEP,
+    KNOWN_BEFOREHAND,
+    PUSH_SHARE,
+    PUSHED_BATCHES,
+    ROUNDED_MOVE,
+)
 from firmloop.identify.fitting.noise import Noise, colored, flat
 from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
-
-_BATCHES = 50  # of each recording: a disturbance between two of them is moved by either
-_CERTAIN, _STEP = 2.5, 4.0  # deviations of an effect's size from none; of one whose moment was searched for
-_ROUNDED = 1e-6  # of the longest move
-_KNOWN = 0.5  # of what is told of a combination, from which it was known beforehand
-_PUSH = 0.002  # of the largest effort: what bodies that meet make of more is not of first order
 
 
 def pushed(problem: Problem, fitted: Fitted, index: int, begins: Array) -> Array | None:
@@ -37,7 +39,7 @@ def pushed(problem: Problem, fitted: Fitted, index: int, begins: Array) -> Array
         return None
     recording, start = problem.train[index], fitted.point.starts[index]
     push, moment = probe.keys
-    size = _PUSH * probe.scales.effort
+    size = PUSH_SHARE * probe.scales.effort
     values = {key: value for key, value in fitted.point.values.items() if key not in probe.keys}
     without = problem.engine.simulate(recording, values, start)
     steps = [
@@ -62,7 +64,7 @@ def sizes_of(
     """
     sizes = flat(noises)
     lengths = np.linalg.norm(whitened(moves, sizes), axis=0)
-    told = lengths > _ROUNDED * np.max(lengths)
+    told = lengths > ROUNDED_MOVE * np.max(lengths)
     if np.sum(told) > 1:
         moves = moves[..., told]
     own = np.nan_to_num(start_slopes(problem, problem.train[index], fitted.point, index, exact=True))
@@ -81,7 +83,7 @@ def doubtful(fitted: Fitted, noises: Sequence[Noise]) -> LibraryTerm | None:
     """Return the term that is least more than what a slow disturbance makes of nothing; None where all are."""
     if not colored(noises) or not fitted.terms:
         return None
-    times = {term: strength(fitted, term) / (_STEP if searched(term) else _CERTAIN) for term in fitted.terms}
+    times = {term: strength(fitted, term) / (CERTAIN_STEP if searched(term) else CERTAIN_SIZE) for term in fitted.terms}
     least = min(times, key=lambda term: times[term])
     return least if times[least] < 1.0 else None
 
@@ -97,7 +99,7 @@ def with_pushes(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fi
         return fitted
     answers, pulled = [], []
     for index, slopes in enumerate(squares.slopes(place)):
-        moves = pushed(problem, fitted, index, batches(problem.train[index], _BATCHES))
+        moves = pushed(problem, fitted, index, batches(problem.train[index], PUSHED_BATCHES))
         if moves is None:
             return fitted
         answers.append(sizes_of(problem, fitted, noises, index, moves, (place.residuals[index],))[0][0])
@@ -122,5 +124,5 @@ def answering(normal: Array, tether: Array) -> Array:
     half = axes[:, live] / np.sqrt(values[live]) / sizes[:, None]
     before = tether[:, :-1] @ half[: tether.shape[1] - 1]
     known, turned = np.linalg.eigh(before.T @ before)
-    told = half @ turned[:, known < _KNOWN]
+    told = half @ turned[:, known < KNOWN_BEFOREHAND]
     return np.asarray(told @ told.T)

@@ -13,10 +13,10 @@ import scipy
 
 from firmloop.diagnose.model.descent import Place, SumOfSquares
 from firmloop.diagnose.model.hypothesis import Point
+from firmloop.diagnose.policy import FARTHEST_TORQUE_SCALE
 
 _CONSTANT = "kt_N_m_A"
 _TORQUE = re.compile(r"_(N|kg)(_|$)")  # in a name: its unit has a force in it
-_FAR = math.log(4.0)
 
 
 def near_given(squares: SumOfSquares, place: Place) -> Place:
@@ -31,7 +31,9 @@ def near_given(squares: SumOfSquares, place: Place) -> Place:
         return Point({**values, **{key: factor * values[key] for key in keys}}, place.point.starts)
 
     likely = scipy.optimize.minimize_scalar(
-        lambda each: squares.pull(scaled(each)), bounds=(-_FAR, _FAR), method="bounded"
+        lambda each: squares.pull(scaled(each)),
+        bounds=(-FARTHEST_TORQUE_SCALE, FARTHEST_TORQUE_SCALE),
+        method="bounded",
     )
     trial = squares.at(scaled(float(likely.x)))
     return trial if trial.whole < place.whole else place

@@ -11,16 +11,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import TIE, Candidate
+from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import fit_starts, inverse
 from firmloop.diagnose.model.hypothesis import Point, Problem
+from firmloop.diagnose.policy import AT_REST, IN_MOTION, TIE
 from firmloop.diagnose.search.found import Search, candidates_of
 
 Array = NDArray[np.float64]
-
-_STILL, _MOVING = 3.0, 5.0  # deviations of a beginning from rest, up to which a machine rests and from which it moves
-_REST = TIE  # what a recording that begins in motion tells against it, where another tied explanation begins at rest
 
 
 def rested(found: Search) -> Search:
@@ -30,10 +28,10 @@ def rested(found: Search) -> Search:
     if not best.fitted.terms or not tied or not found.problem.engine.engine.sticking:
         return found
     begun = {frozenset(each.fitted.terms): _begins(found.problem, each) for each in (*reversed(tied), best)}
-    if not any(np.all(away < _STILL) for away in begun.values()):
+    if not any(np.all(away < AT_REST) for away in begun.values()):
         return found
-    behind = _REST * (len(found.problem.train) + len(found.problem.test))
-    moving = {terms for terms, away in begun.items() if np.all(away > _MOVING)}
+    behind = TIE * (len(found.problem.train) + len(found.problem.test))
+    moving = {terms for terms, away in begun.items() if np.all(away > IN_MOTION)}
 
     def put_back(candidate: Candidate) -> Candidate:
         return (

@@ -8,9 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from firmloop.diagnose.model.candidate import (
-    MINOR,
-    RICHER,
-    TIE,
     Candidate,
     contain,
     containing,
@@ -24,13 +21,18 @@ from firmloop.diagnose.model.candidate import (
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, own_evidence
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
-
-_STARTS = 3  # from which one effect is tried in the place of another
-_SHORT, _LONG = 3, 12  # steps of a trial and of a final fit
-_HOPELESS = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
-_TRIAL = 2.0  # million steps of simulation for a trial, after which no further step is made
-_SAME = 0.1  # of that drop, that may be missing where two effects are the same for all that is known of them
-_PATIENCE = 40.0  # million steps of simulation after which nothing further is tried
+from firmloop.diagnose.policy import (
+    EXCHANGE_PATIENCE,
+    EXCHANGE_STARTS,
+    EXCHANGE_TRIAL_PATIENCE,
+    EXCHANGED_SHARE,
+    HOPELESS_SHARE,
+    MINOR_SHARE,
+    RICHER_PRICE,
+    STEPS_OF_A_NEAR_FIT,
+    STEPS_OF_A_TRIAL,
+    TIE,
+)
 
 
 def swapped(problem: Problem, best: Candidate, gain: float) -> tuple[Candidate, tuple[Candidate, ...]]:
@@ -40,9 +42,9 @@ def swapped(problem: Problem, best: Candidate, gain: float) -> tuple[Candidate, 
     begun = problem.engine.steps
     for gone, come in mistaken(problem, best.fitted):
         labels = frozenset(c.label for c in (*best.fitted.terms, come) if c != gone)
-        if labels not in seen and problem.engine.steps - begun < _PATIENCE:
+        if labels not in seen and problem.engine.steps - begun < EXCHANGE_PATIENCE:
             seen.add(labels)
-            tried.append(_translated(problem, best, gone, come, _HOPELESS * gain))
+            tried.append(_translated(problem, best, gone, come, HOPELESS_SHARE * gain))
     for winner in sorted(tried, key=lambda each: each.score):
         theirs, ours = set(winner.fitted.names), set(best.fitted.names)
         if contain(theirs - ours, ours):
@@ -54,7 +56,8 @@ def swapped(problem: Problem, best: Candidate, gain: float) -> tuple[Candidate, 
         if better and not larger(winner, best):
             # What it is put in the place of may only have been further from its end.
             again = rated(
-                problem, fit(problem, problem.train, best.fitted.terms, best.fitted.point, winner.noises, _LONG)
+                problem,
+                fit(problem, problem.train, best.fitted.terms, best.fitted.point, winner.noises, STEPS_OF_A_NEAR_FIT),
             )
             if again.score < winner.score:
                 return again, tuple(sorted((best, *tried), key=lambda each: each.score))
@@ -77,7 +80,7 @@ def mistaken(problem: Problem, best: Fitted) -> list[tuple[LibraryTerm, LibraryT
 
 def amounting(problem: Problem, best: Candidate, gain: float) -> Candidate:
     """Put the simpler effect in the place of one whose values amount to it; `gain` is what all effects have brought."""
-    allowed = max(RICHER, _SAME * gain)
+    allowed = max(RICHER_PRICE, EXCHANGED_SHARE * gain)
     return next((one for one in plainer(problem, best) if one.score - best.score < allowed), best)
 
 
@@ -111,8 +114,8 @@ def merged(problem: Problem, best: Candidate, gain: float) -> Candidate:
         }
         kept, rest = without(best.fitted, *gone)
         begin = Point(entered(rest.values, come, start), rest.starts)
-        one = rated(problem, fit(problem, problem.train, (*kept, come), begin, best.noises, _LONG))
-        if one.score - best.score < max(TIE, MINOR * gain):
+        one = rated(problem, fit(problem, problem.train, (*kept, come), begin, best.noises, STEPS_OF_A_NEAR_FIT))
+        if one.score - best.score < max(TIE, MINOR_SHARE * gain):
             return one
     return best
 
@@ -191,15 +194,15 @@ def _translated(
     values = candidate.fitted.point.values
     shared = {key: values[own] for key, own in alike(gone, come).items()}
     starts = [{**start, **shared} for start in problem.starts[come.label]]
-    distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:_STARTS]
+    distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:EXCHANGE_STARTS]
     trials = []
     for start in distinct:
         begin = exchanged(candidate.fitted, gone, come, start)
-        trials.append(fit(problem, problem.train, *begin, candidate.noises, _SHORT, _TRIAL))
+        trials.append(fit(problem, problem.train, *begin, candidate.noises, STEPS_OF_A_TRIAL, EXCHANGE_TRIAL_PATIENCE))
     best = min(trials, key=lambda each: each.cost)
     if own_evidence(problem, best) - evidence(candidate.fitted, candidate.noises) > behind:
         return rated(problem, best)
-    return rated(problem, fit(problem, problem.train, best.terms, best.point, candidate.noises, _LONG))
+    return rated(problem, fit(problem, problem.train, best.terms, best.point, candidate.noises, STEPS_OF_A_NEAR_FIT))
 
 
 def as_large(

@@ -5,27 +5,31 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import product
 
-from firmloop.diagnose.model.candidate import TIE, extended, larger, rated, tells
+from firmloop.diagnose.model.candidate import extended, larger, rated, tells
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
 from firmloop.diagnose.model.hypothesis import first_point
-from firmloop.diagnose.policy import STEPS_OF_A_FIT, STEPS_OF_A_LAST_FIT, STEPS_OF_A_TRIAL
+from firmloop.diagnose.policy import (
+    EXHAUSTIVE_FINALS,
+    EXHAUSTIVE_PATIENCE,
+    EXHAUSTIVE_SHARE,
+    STEPS_OF_A_FIT,
+    STEPS_OF_A_LAST_FIT,
+    STEPS_OF_A_TRIAL,
+    TIE,
+)
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.round import every_start
 from firmloop.diagnose.search.screen import Screened
 from firmloop.diagnose.search.stepwise import accepted
 from firmloop.identify.fitting.noise import flat
 
-_FINAL = 3  # terms fitted to the end
-_SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
-_PATIENCE = 32.0  # million steps of simulation after which no further term is tried
-
 
 def exhausted(found: Search) -> Search | None:
     """Return a search that begins with the one term that explains more than all of the best does; None if none."""
     problem, base = found.problem, found.nominal
     without = evidence(base.fitted, base.noises)
-    worth = _SHARE * (without - evidence(found.best.fitted, found.best.noises))
-    until = problem.engine.steps + _PATIENCE
+    worth = EXHAUSTIVE_SHARE * (without - evidence(found.best.fitted, found.best.noises))
+    until = problem.engine.steps + EXHAUSTIVE_PATIENCE
     known = [each.term for each in found.screened]
     rest = [(term, problem.starts[term.label]) for term in problem.terms if term not in known]
     every = (*found.screened, *(Screened(term, 0.0, starts[0], 0.0) for term, starts in rest if starts))
@@ -43,7 +47,7 @@ def exhausted(found: Search) -> Search | None:
     trials = [min(fits, key=lambda pair: pair[0]) for fits in told.values()]
     trials.sort(key=lambda pair: pair[0])
     candidates = []
-    for trial in [each for score, each in trials if without - score > worth][:_FINAL]:
+    for trial in [each for score, each in trials if without - score > worth][:EXHAUSTIVE_FINALS]:
         longer = fit(
             problem, problem.train, trial.terms, trial.point, noises_of(problem, trial.residuals), STEPS_OF_A_FIT
         )

@@ -11,16 +11,18 @@ from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point
 from firmloop.diagnose.model.lost_sign import from_unfolded
+from firmloop.diagnose.policy import (
+    FIRM_TO_RUN_AWAY,
+    LOST_PARAMETER,
+    MOVED_FAR,
+    RUN_AWAY,
+    SIGNLESS_NOISE,
+    STEPS_FROM_GIVEN,
+    TRIED_FROM_GIVEN,
+)
 from firmloop.diagnose.search.orders import best_orders
 from firmloop.diagnose.search.screen import Screened, ground, screen
 from firmloop.identify.fitting.noise import colored, flat
-
-_STEPS = 6  # of a trial
-_MOVED, _FIRM = 0.15, 0.05  # of a parameter, as a logarithm: far from where it was given; well determined
-_FAR_OFF = 1.5  # factor on a nominal parameter that has run away
-_LOST = 6.0  # the same, so far that what hides behind it does not show beside what was found
-_FOLD = 0.03  # of the largest reading: noise of one that is never negative
-_GIVEN = 3  # terms tried beside the parameters as given
 
 
 def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
@@ -31,7 +33,7 @@ def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
     sizes, found = flat(candidate.noises), candidate.fitted
     told: set[str] = set()
     if found.terms:
-        away = runaways(problem, found, _LOST)
+        away = runaways(problem, found, LOST_PARAMETER)
         calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
     else:
         told = {term.label for term in problem.terms if _folded(problem, term)}
@@ -43,8 +45,10 @@ def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
     under = [ground(problem, problem.train, given, sizes)]
     others = [term for term in problem.terms if term not in found.terms]
     (screened,) = screen(problem, problem.train, given, others, under, best_orders(problem, given, under))
-    picked = [one for k, one in enumerate(screened) if k < _GIVEN or one.term.label in told]
-    tried = [fit(problem, problem.train, *extended(given, each.term, each.start), sizes, _STEPS) for each in picked]
+    picked = [one for k, one in enumerate(screened) if k < TRIED_FROM_GIVEN or one.term.label in told]
+    tried = [
+        fit(problem, problem.train, *extended(given, each.term, each.start), sizes, STEPS_FROM_GIVEN) for each in picked
+    ]
     return (*tried, *(from_unfolded(problem, term) for term in others if term.label in told))
 
 
@@ -58,7 +62,7 @@ def _folded(problem: Problem, term: LibraryTerm) -> bool:
         values = recording.columns[term.output]
         ours = values - residual_of(problem, recording, begin, k)[:, index]
         top = float(values.max())
-        if float(values.min()) < -_FOLD * top or not float(np.nanmin(ours)) < -10.0 * _FOLD * top:
+        if float(values.min()) < -SIGNLESS_NOISE * top or not float(np.nanmin(ours)) < -10.0 * SIGNLESS_NOISE * top:
             return False
     return True
 
@@ -68,13 +72,13 @@ def _ran_away(problem: Problem, nominal: Candidate) -> bool:
     given = {p.name: p.value for p in problem.plant.parameters}
     sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
     for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
-        if each.logarithmic and size * _FIRM**2 > 1.0:
-            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > _MOVED:
+        if each.logarithmic and size * FIRM_TO_RUN_AWAY**2 > 1.0:
+            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > MOVED_FAR:
                 return True
     return False
 
 
-def runaways(problem: Problem, fitted: Fitted, factor: float = _FAR_OFF) -> dict[str, float]:
+def runaways(problem: Problem, fitted: Fitted, factor: float = RUN_AWAY) -> dict[str, float]:
     """Return the values as given of free nominal parameters that a fit has moved by a factor from there.
 
     An inertia that terms have taken a part of has not gone with it.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import believable, rms_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.policy import REFITS, SAME_RMS, STEPS_OF_A_REFIT
+from firmloop.diagnose.policy import REFITS, SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
@@ -61,7 +61,7 @@ def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
     for _ in range(REFITS):
         left = np.maximum(np.maximum(rms_of(fitted.residuals), problem.floors), 1e-30)
         sizes = [white(float(rms)) for rms in left]
-        fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_REFIT)
+        fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
     return fitted
 
 
@@ -76,7 +76,7 @@ def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:
         if start is None:
             continue
         terms, point = exchanged(fitted, gone, come, start)
-        other = by_simulation_error(problem, fit(problem, problem.train, terms, point, sizes, STEPS_OF_A_REFIT))
+        other = by_simulation_error(problem, fit(problem, problem.train, terms, point, sizes, STEPS_OF_A_FIT))
         if believable(other) and np.all(rms_of(other.residuals) <= SAME_RMS * left):
             found.append(other)
     return tuple(found)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from firmloop.diagnose.model.angle import strayed
-from firmloop.diagnose.model.candidate import TIE, Candidate, rated
+from firmloop.diagnose.model.candidate import Candidate, rated
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, turning
-from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.diagnose.policy import ANGLE_AMENDMENTS, STEPS_OF_A_FIT, TIE
 from firmloop.diagnose.search.exchange import exchanged
 from firmloop.diagnose.search.found import Search
-
-_TIMES = 8  # that the angle is amended, each by the last fit, as long as that explains more
 
 
 def retimed(found: Search) -> Search:
@@ -48,7 +46,7 @@ def _in_place(problem: Problem, best: Candidate, gone: LibraryTerm, come: Librar
     start = {**problem.starts[come.label][0], come.keys[0]: best.fitted.point.values[gone.keys[0]]}
     noises = best.noises
     one = rated(problem, fit(problem, problem.train, *exchanged(best.fitted, gone, come, start), noises, 0))
-    for _ in range(_TIMES):
+    for _ in range(ANGLE_AMENDMENTS):
         held, before = problem.engine.strayed, one
         problem.engine.amend(strayed(problem, one))
         one = rated(problem, fit(problem, problem.train, one.fitted.terms, one.fitted.point, noises, STEPS_OF_A_FIT))

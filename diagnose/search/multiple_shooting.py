@@ -12,14 +12,12 @@ from dataclasses import replace
 from firmloop.diagnose.model.candidate import Candidate, larger, rated, tells
 from firmloop.diagnose.model.fit import fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
-from firmloop.diagnose.policy import CLEAR_GAIN, STEPS_OF_A_FIT
+from firmloop.diagnose.policy import CLEAR_GAIN, PIECES, ROWS_OF_A_PIECE, STEPS_OF_A_FIT
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.simulation_error import strays
 from firmloop.diagnose.search.stepwise import accepted, search
 from firmloop.identify.fitting.noise import Noise, flat
 from firmloop.identify.recordings.recording import Recording
-
-_PIECES, _LEAST = 8, 200  # pieces of a recording, and rows of one
 
 
 def in_pieces(found: Search, progress: Progress) -> Search | None:
@@ -65,7 +63,7 @@ def _cut(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
 
 def _count(recording: Recording) -> int:
     """Return in how many pieces a recording is cut."""
-    return min(max(len(recording.time) // _LEAST, 1), _PIECES)
+    return min(max(len(recording.time) // ROWS_OF_A_PIECE, 1), PIECES)
 
 
 def _whole(problem: Problem, terms: Sequence[LibraryTerm], point: Point, noises: Sequence[Noise]) -> Candidate:

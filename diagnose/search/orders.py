@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.descent import whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.policy import HIGHEST_ORDER, KEPT_ORDERS, MOMENTS_TRIED, ORDERS_AT_ONCE
 from firmloop.diagnose.search.screen import Ground
 from firmloop.identify.fitting.projection import outside
 from firmloop.identify.plants.effects import effect_seen_by
@@ -19,11 +20,6 @@ from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.superset import travelled
 
 Array = NDArray[np.float64]
-
-_HIGHEST = 48
-_KEPT = 2
-_MOMENTS = 60
-_AT_ONCE = 8  # choices that are pushed through the plant together
 
 
 def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[float, ...]]:
@@ -37,7 +33,7 @@ def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Ma
     found = {}
     if any(balance.kind in ("torque", "force") for balance in plant.balances):
         span = max(float(recording.time[-1]) for recording in problem.train)
-        moments = span * np.arange(1, _MOMENTS) / _MOMENTS
+        moments = span * np.arange(1, MOMENTS_TRIED) / MOMENTS_TRIED
         found[effect_seen_by("moment").name] = _best(
             problem, base, grounds, moments, lambda k, at: (problem.train[k].time >= at)[:, None] * 1.0
         )
@@ -45,7 +41,7 @@ def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Ma
     if not any(balance.kind == "torque" for balance in plant.balances) or not angles:
         return found
     efforts = [effort_of(plant, values, recording) for recording in problem.train]
-    waves = np.arange(1.0, _HIGHEST + 1.0)
+    waves = np.arange(1.0, HIGHEST_ORDER + 1.0)
     found[effect_seen_by("order").name] = _best(
         problem, base, grounds, waves, lambda k, order: _wave(order * angles[k])
     )
@@ -91,8 +87,8 @@ def _best(
     """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
     gains = np.zeros((len(grounds), len(choices)))
     plants = [response(problem.plant, base.point.values, recording) for recording in problem.train]
-    for first in range(0, len(choices), _AT_ONCE):
-        some = choices[first : first + _AT_ONCE]
+    for first in range(0, len(choices), ORDERS_AT_ONCE):
+        some = choices[first : first + ORDERS_AT_ONCE]
         moved = [
             plant.to(np.concatenate([torque(k, float(choice)) for choice in some], axis=1), len(recording.time))
             for k, (plant, recording) in enumerate(zip(plants, problem.train, strict=True))
@@ -103,5 +99,5 @@ def _best(
             live = np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)
             seen = np.flatnonzero(np.all(live.reshape(len(some), -1), axis=1))
             gains[index, first + seen] = _explained(pure.reshape(len(pure), len(some), -1)[:, seen], under.left)
-    best = [float(choices[np.argsort(-row)[rank]]) for rank in range(_KEPT) for row in gains]
+    best = [float(choices[np.argsort(-row)[rank]]) for rank in range(KEPT_ORDERS) for row in gains]
     return tuple(dict.fromkeys(best))

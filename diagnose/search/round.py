@@ -8,27 +8,33 @@ from itertools import islice
 
 import numpy as np
 
-from firmloop.diagnose.model.candidate import IMPOSSIBLE, Candidate, extended, rated, related
-from firmloop.diagnose.model.continuation import PATIENCE, met, past_contacts
+from firmloop.diagnose.model.candidate import Candidate, extended, rated, related
+from firmloop.diagnose.model.continuation import met, past_contacts
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.model.kinks import limits
-from firmloop.diagnose.policy import CLEAR_GAIN, STEPS_OF_A_FIT, STEPS_OF_A_LAST_FIT, STEPS_OF_A_TRIAL
+from firmloop.diagnose.policy import (
+    CLEAR_GAIN,
+    CONTACT_FIT_PATIENCE,
+    CONTACT_STARTS,
+    FINALS_OF_A_ROUND,
+    IMPOSSIBLE,
+    INSISTING_PATIENCE,
+    LARGEST_SIZE,
+    PROMISED_IN_A_ROUND,
+    PROMISED_SHARE,
+    ROUND_PATIENCE,
+    SMALL_GRID,
+    STEPS_OF_A_FIT,
+    STEPS_OF_A_LAST_FIT,
+    STEPS_OF_A_TRIAL,
+    TRIED_IN_A_ROUND,
+)
 from firmloop.diagnose.search.exchange import relatives
 from firmloop.diagnose.search.from_given import afresh, runaways
 from firmloop.diagnose.search.orders import best_orders
 from firmloop.diagnose.search.screen import Screened, ground, screen
 from firmloop.identify.fitting.noise import Noise, colored, flat, white
-
-_TRIED = 5  # terms refitted per round, besides relatives
-_FINAL = 4  # of them refitted to the end
-_PROMISED = 3  # more of them, where no trial gains
-_MET = 3  # starts from which a contact is followed further
-_WHOLE = 0.999  # of the largest possible size, from which an effect had to be that large
-_FEW = 8  # starts of a grid that are all followed
-_INSISTED = 20.0  # million steps of simulation for what had promised much and gained nothing
-_ROUND = 40.0  # million steps of simulation after which a round tries no further term
-_SHARE = 0.08  # of the best screened drop
 
 
 def screened(problem: Problem, best: Candidate) -> tuple[Screened, ...]:
@@ -64,7 +70,7 @@ def tried_beside(
 ) -> tuple[Candidate, ...]:
     """Refit the most promising terms and their relatives; the best are refitted to the end."""
     top = screened[0].gain if screened else 0.0
-    picked = [each for each in screened[:_TRIED] if each.gain > max(worth, _SHARE * top)]
+    picked = [each for each in screened[:TRIED_IN_A_ROUND] if each.gain > max(worth, PROMISED_SHARE * top)]
     trials = _trials(problem, best, screened, picked, others)
     without = evidence(best.fitted, best.noises)
     if trials and without - trials[0][0] < CLEAR_GAIN:
@@ -91,7 +97,7 @@ def tried_beside(
 
 def _met(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     """Lead a fit past its contacts; where those are new, on a stretch that grows first."""
-    return (met if fitted.terms[-1].effect.contact else past_contacts)(problem, fitted, noises, PATIENCE)
+    return (met if fitted.terms[-1].effect.contact else past_contacts)(problem, fitted, noises, CONTACT_FIT_PATIENCE)
 
 
 def _trials(
@@ -113,7 +119,7 @@ def _trials(
     begun = problem.engine.steps
     away = bool(best.fitted.terms) and bool(runaways(problem, best.fitted))
     for each in [*picked, *more]:
-        if found and problem.engine.steps - begun > _ROUND:
+        if found and problem.engine.steps - begun > ROUND_PATIENCE:
             break
         meeting = bool(each.term.effect.contact) and each in picked  # bodies: every start has a valley of its own
         every = problem.starts[each.term.label] if meeting else _starts(problem, each)
@@ -122,7 +128,7 @@ def _trials(
             begins.append(afresh(problem, best.fitted, each))
         fits = [fit(problem, problem.train, terms, begin, best.noises, STEPS_OF_A_TRIAL) for terms, begin in begins]
         if meeting:
-            first = sorted(fits, key=lambda one: one.cost)[:_MET]
+            first = sorted(fits, key=lambda one: one.cost)[:CONTACT_STARTS]
             fits = [
                 fit(problem, problem.train, one.terms, one.point, best.noises, STEPS_OF_A_FIT // 2) for one in first
             ]
@@ -136,9 +142,9 @@ def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> 
     sizes = [white(noise.scale) for noise in best.noises]
     found = []
     begun = problem.engine.steps
-    for each in picked[:_PROMISED]:
+    for each in picked[:PROMISED_IN_A_ROUND]:
         for start in every_start(problem, each):
-            if each.gain > CLEAR_GAIN and problem.engine.steps - begun < _INSISTED:
+            if each.gain > CLEAR_GAIN and problem.engine.steps - begun < INSISTING_PATIENCE:
                 fitted = fit(problem, problem.train, *extended(best.fitted, each.term, start), sizes, STEPS_OF_A_FIT)
                 if not _too_large(fitted):
                     found.append((own_evidence(problem, fitted), fitted))
@@ -154,9 +160,9 @@ def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], 
     final: list[Fitted] = []
     for score, fitted in trials:
         near = len(final) < 2 or score - trials[0][0] < CLEAR_GAIN
-        if near and len(final) < _FINAL and all(fitted.terms != other.terms for other in final):
+        if near and len(final) < FINALS_OF_A_ROUND and all(fitted.terms != other.terms for other in final):
             final.append(fitted)
-    for each in picked[: _PROMISED if trials[0][0] > without else 1]:
+    for each in picked[: PROMISED_IN_A_ROUND if trials[0][0] > without else 1]:
         promised = next((fitted for _, fitted in trials if fitted.terms[-1] == each.term), None)
         if promised is not None and all(promised.terms != other.terms for other in final):
             final.append(promised)
@@ -175,13 +181,13 @@ def _too_large(fitted: Fitted) -> bool:
     newest = fitted.terms[-1]
     sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
     bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
-    return any(fitted.point.values[key] > _WHOLE * high for key, high in bounded)
+    return any(fitted.point.values[key] > LARGEST_SIZE * high for key, high in bounded)
 
 
 def every_start(problem: Problem, screened: Screened) -> Sequence[Mapping[str, float]]:
     """Return all starts of a term; of a large grid, which was searched when it was screened, the one it promised."""
     starts = problem.starts[screened.term.label]
-    return starts if len(starts) <= _FEW else (screened.start,)
+    return starts if len(starts) <= SMALL_GRID else (screened.start,)
 
 
 def _starts(problem: Problem, screened: Screened) -> list[Mapping[str, float]]:

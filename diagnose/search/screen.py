@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.descent import slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, entered, outputs_of
+from firmloop.diagnose.policy import PARALLEL, SCREEN_PATIENCE
 from firmloop.identify.fitting.noise import Noise, fit_noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
-
-_PATIENCE = 4.0  # million steps of simulation for one term: stiff corners of some effects simulate very slowly
-_PARALLEL = 1e-5  # what is left of a direction below this share of its length cannot be told from a nominal change
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +94,7 @@ def screen(
         trace: list[Sequence[Sequence[Array]]] = [() for _ in grounds]
         begun = problem.engine.steps
         for start in _promising(problem.starts[term.label], orders.get(term.effect.name, ())):
-            if problem.engine.steps - begun > _PATIENCE:
+            if problem.engine.steps - begun > SCREEN_PATIENCE:
                 break
             traced = secants(problem, recordings, base, term, start)
             for index, under in enumerate(grounds):
@@ -163,7 +161,7 @@ def _judge(
     sizes = np.linalg.norm(tall, axis=0)
     pure = outside(under.basis, tall)
     rest = np.linalg.norm(pure, axis=0)
-    live = rest > _PARALLEL * np.maximum(sizes, 1e-300)
+    live = rest > PARALLEL * np.maximum(sizes, 1e-300)
     share = float(rest[0] / max(sizes[0], 1e-300))
     if not np.any(live):
         return Screened(term, 0.0, start, share)

@@ -10,22 +10,19 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import memories, rms_of
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm
+from firmloop.diagnose.policy import DRIFT_SHARE, NEARER_RMS, SLOW_RMS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 
 Array = NDArray[np.float64]
 
-_SLOW = 4.0  # residual rms over innovation rms from which a misfit may be slow
-_DRIFT = 0.02  # of an output's spread: what a slow disturbance may do
-_CLEAR = 0.9  # ratio of residual rms from which simulations come nearer
 
-
-def strays(found: Search, share: float = _DRIFT) -> bool:
+def strays(found: Search, share: float = DRIFT_SHARE) -> bool:
     """Tell whether an explanation leaves a slow misfit that is not small, a `share` of it, beside the motion."""
     problem, noises = found.problem, found.best.noises
     spreads = [np.concatenate([each.columns[s.name] for each in problem.train]).std() for s in problem.plant.outputs]
     large = any(noise.rms > share * spread for noise, spread in zip(noises, spreads, strict=True))
-    return large and max(noise.rms / noise.scale for noise in noises) > _SLOW
+    return large and max(noise.rms / noise.scale for noise in noises) > SLOW_RMS
 
 
 def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
@@ -37,7 +34,7 @@ def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
     return tuple(made)
 
 
-def nearer(one: Fitted, other: Fitted, share: float = _CLEAR) -> bool:
+def nearer(one: Fitted, other: Fitted, share: float = NEARER_RMS) -> bool:
     """Tell whether the simulations of one explanation leave less than a share of another's."""
     return _ratio(one.residuals, other.residuals) < share
 

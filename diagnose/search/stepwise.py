@@ -13,8 +13,6 @@ from firmloop.diagnose.data.quantization import coarse
 from firmloop.diagnose.model.angle import follows_record, lost_count, strayed
 from firmloop.diagnose.model.batch_means import accidental, by_chance, times_chance
 from firmloop.diagnose.model.candidate import (
-    MINOR,
-    TIE,
     Candidate,
     closer,
     creeps,
@@ -30,7 +28,29 @@ from firmloop.diagnose.model.continuation import past_contacts
 from firmloop.diagnose.model.descent import whitened
 from firmloop.diagnose.model.fit import evidence, fit, noises_of
 from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Point, Problem, first_point, meeting, turning
-from firmloop.diagnose.policy import STEPS_OF_A_FIT, STEPS_OF_A_TRIAL
+from firmloop.diagnose.policy import (
+    COLORED_THRESHOLD,
+    CONTACT_SEARCH_PATIENCE,
+    EXCHANGES,
+    LEVELLED,
+    LEVELLED_WITHIN,
+    LONG_MEMORY,
+    MINOR_SHARE,
+    MOST_EFFECTS,
+    NEEDED_RMS,
+    NEVER_BY_CHANCE,
+    NOISE_GAIN,
+    NOMINAL_SPREAD,
+    SEARCH_PATIENCE,
+    SEARCHED_PRICE,
+    SLOW_THRESHOLD,
+    STEPPED_LIMIT_THRESHOLD,
+    STEPS_OF_A_FIT,
+    STEPS_OF_A_TRIAL,
+    THRESHOLD,
+    TIE,
+    WORTH_A_REFIT,
+)
 from firmloop.diagnose.search.exchange import amounting, merged, parted, swapped
 from firmloop.diagnose.search.found import Progress, Search, candidates_of
 from firmloop.diagnose.search.from_given import from_given, runaways
@@ -41,23 +61,7 @@ from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
 
-THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/diagnose/nulls.py measures the rate of false alarms
-COLORED_THRESHOLD = 60.0  # the same where there is a slow disturbance
-SLOW_THRESHOLD = 80.0  # and there for effects that look like one
-_STEPPED = 500.0  # the same of a limit of a sensor of coarse steps: the last of them looks like one
-_SEARCHED = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 _SOUGHT = (MOMENT, ".periods_per_rev", ".periods_per_m")
-LONG_MEMORY = 6  # order of a noise model from which a disturbance is slow
-MOST_EFFECTS = 4
-_SURE = 8.0  # deviations by batches, more than which no slow disturbance has
-_SWAPS = 3  # times that what is mistaken for an effect is put in its place
-_FAR_MORE = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
-_NEAR, _LEVELLED = 3.0 * TIE, 3  # BIC from the best, and how many candidates, that are polished as that was
-_NEARER = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
-_WORTH = 12.0  # screened drop of the whitened sum of squares from which a refit is worth its time
-_PATIENCE = 180.0  # million steps of simulation after which no further effect is looked for
-_LONGER = 240.0  # the same beside bodies that meet, whose fits take far longer
-_SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 
 
 def search(problem: Problem, progress: Progress) -> Search:
@@ -71,7 +75,7 @@ def search(problem: Problem, progress: Progress) -> Search:
     first: tuple[Screened, ...] = ()
     begun = problem.engine.steps
     for turn in range(MOST_EFFECTS):
-        patience = _LONGER if meeting(best.fitted.terms) else _PATIENCE
+        patience = CONTACT_SEARCH_PATIENCE if meeting(best.fitted.terms) else SEARCH_PATIENCE
         if turn and problem.engine.steps - begun > patience:
             break
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
@@ -79,7 +83,7 @@ def search(problem: Problem, progress: Progress) -> Search:
         first = first or table
         # Where noise alone is left, no term gains more than it promises; where not, a soaked one hides another.
         whole = not colored(best.noises)
-        worth = max(_WORTH, 0.5 * MINOR * sum(gains)) if whole else _WORTH
+        worth = max(WORTH_A_REFIT, 0.5 * MINOR_SHARE * sum(gains)) if whole else WORTH_A_REFIT
         candidates = tried_beside(problem, best, table, from_given(problem, best), worth)
         if not candidates:
             break
@@ -95,7 +99,7 @@ def search(problem: Problem, progress: Progress) -> Search:
         if larger(chosen, base):
             chosen = _accompanied(problem, chosen, base, worth)
         gain = base.score - chosen.score
-        trace = gain < MINOR * sum(gains) and not closer(problem, chosen, base)
+        trace = gain < MINOR_SHARE * sum(gains) and not closer(problem, chosen, base)
         if trace or not _earned(problem, chosen, base) or lost_count(problem, chosen, base):
             best = base
             break
@@ -119,7 +123,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
     `table` are the terms as screened, best first; None screens them.
     """
     problem, base = found.problem, found.best
-    candidates = tried_beside(problem, base, screened(problem, base) if table is None else table, (), _WORTH)
+    candidates = tried_beside(problem, base, screened(problem, base) if table is None else table, (), WORTH_A_REFIT)
     if not candidates:
         return None
     chosen = _nearer(problem, simplest(candidates, base.score), base)
@@ -147,7 +151,7 @@ def levelled(found: Search) -> Search:
     problem, best = found.problem, found.best
     near: dict[frozenset[LibraryTerm], Candidate] = {}
     for each in candidates_of(found):
-        if each.score - best.score < _NEAR and len(near) < _LEVELLED:
+        if each.score - best.score < LEVELLED_WITHIN and len(near) < LEVELLED:
             near.setdefault(frozenset(each.fitted.terms), each)
     polished = sorted((_unwhitened(problem, each) for each in near.values()), key=lambda each: each.score)
     if not polished:
@@ -160,7 +164,7 @@ def levelled(found: Search) -> Search:
 def _settled(problem: Problem, best: Candidate, gains: Sequence[float]) -> tuple[Candidate, tuple[Candidate, ...]]:
     """Drop what is not needed, and put what is mistaken for an effect in its place; the best and all that was tried."""
     tried: tuple[Candidate, ...] = ()
-    for _ in range(_SWAPS):
+    for _ in range(EXCHANGES):
         slim = pruned(problem, best)
         best, more = swapped(problem, slim, sum(gains))
         tried += more
@@ -229,7 +233,7 @@ def _unwhitened(problem: Problem, candidate: Candidate) -> Candidate:
         sizes = [white(noise.scale) for noise in candidate.noises]
         plain = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
         noises, last = noises_of(problem, plain.residuals), math.inf
-        while (size := sum(math.log(noise.rms) for noise in noises)) < last - _NEARER:
+        while (size := sum(math.log(noise.rms) for noise in noises)) < last - NOISE_GAIN:
             last = size  # it had ended in a valley that went on
             plain = fit(problem, problem.train, fitted.terms, plain.point, flat(noises), STEPS_OF_A_FIT)
             noises = noises_of(problem, plain.residuals)
@@ -284,12 +288,12 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
         if accidental(newest, times, gain):
             return np.inf
         nearer = any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
-        if nearer and _SURE < times < np.inf:  # what lasts hardly shows in innovations
+        if nearer and NEVER_BY_CHANCE < times < np.inf:  # what lasts hardly shows in innovations
             least = 0.0 if closer(problem, candidate, base) else THRESHOLD
     sizes = [noise.rms for noise in candidate.noises]
     if newest.effect.limits and newest.output in {each.output for each in coarse(problem.plant, problem.train, sizes)}:
-        least = _STEPPED
-    return least + (_SEARCHED if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
+        least = STEPPED_LIMIT_THRESHOLD
+    return least + (SEARCHED_PRICE if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
 
 
 def _nominal(problem: Problem) -> Candidate:
@@ -298,7 +302,7 @@ def _nominal(problem: Problem) -> Candidate:
     spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
     whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
     trials = []
-    for factor in _SPREAD:
+    for factor in NOMINAL_SPREAD:
         values = {
             p.name: p.value * (factor if p.free and p.name.startswith(("R_", "J_", "b_", "mass")) else 1.0)
             for p in problem.plant.parameters
@@ -358,7 +362,7 @@ def _spared(problem: Problem, best: Candidate, slim: Candidate) -> bool:
 
     Unseen recordings only confirm what brings something on train, too.
     """
-    if any(one.rms > _FAR_MORE * other.rms for one, other in zip(slim.noises, best.noises, strict=True)):
+    if any(one.rms > NEEDED_RMS * other.rms for one, other in zip(slim.noises, best.noises, strict=True)):
         return False
     lost, gone = slim.score - best.score, set(best.fitted.terms) - set(slim.fitted.terms)
     silent = evidence(slim.fitted, slim.noises) < evidence(best.fitted, best.noises)

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import Candidate, containing, rated
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, searched
+from firmloop.diagnose.policy import STEPS_BESIDE_USUAL
 from firmloop.diagnose.search.exchange import alike, exchanged
 from firmloop.diagnose.search.found import Search, richer_of
 
 Array = NDArray[np.float64]
-
-_STEPS = 8  # of a fit beside what is held
 
 
 def untold(search: Search, bar: float) -> tuple[Candidate, ...]:
@@ -76,5 +75,5 @@ def _usual(search: Search, gone: LibraryTerm, come: LibraryTerm) -> Iterator[Can
         if not any(np.allclose(held, other) for other in seen):
             seen.append(held)
             begin = exchanged(fitted, gone, come, {**added, **shared})
-            one = fit(problem, problem.train, *begin, search.best.noises, _STEPS, held=tuple(added))
+            one = fit(problem, problem.train, *begin, search.best.noises, STEPS_BESIDE_USUAL, held=tuple(added))
             yield rated(problem, one)

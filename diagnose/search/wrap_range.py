@@ -13,17 +13,13 @@ from firmloop.diagnose.model.candidate import Candidate, unseen_residuals
 from firmloop.diagnose.model.descent import slopes_of
 from firmloop.diagnose.model.fit import fit, noises_of
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.diagnose.policy import COUNTED_MOST, COUNTED_NEAR, COUNTING_ROUNDS, RANGE_DEVIATIONS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import flat
 from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
-
-_SURE = 3.0  # deviations from which a range was off
-_NEAR, _MOST = 0.25, 0.9  # of a range, and of all readings: so near an explanation is, that can count their turns
-_ROUNDS = 6  # of counting turns, each by a fit to what the last has counted
 
 
 def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording]) -> Problem | None:
@@ -37,7 +33,7 @@ def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording
         if direct.effect != effect_seen_by("wraps").name:
             continue
         index = [signal.name for signal in problem.plant.outputs].index(direct.output)
-        for _ in range(_ROUNDS):
+        for _ in range(COUNTING_ROUNDS):
             counted = _recounted(problem, best, (*train, *test), index, direct.values[0])
             if counted is None:
                 break
@@ -51,7 +47,7 @@ def regauged(found: Search, train: Sequence[Recording], test: Sequence[Recording
             for before, after in zip((*train, *test), (*problem.train, *problem.test), strict=True)
         ]
         off, deviation = _off(problem, best, index, turns[: len(train)])
-        if abs(off) > _SURE * deviation:
+        if abs(off) > RANGE_DEVIATIONS * deviation:
             values, deviations = (direct.values[0] + off, direct.values[1]), (deviation, direct.deviations[1])
             known = replace(direct, values=values, deviations=deviations)
             directs = (*problem.direct[:number], known, *problem.direct[number + 1 :])
@@ -70,9 +66,9 @@ def _recounted(problem: Problem, best: Candidate, raw: Sequence[Recording], inde
     for before, after, residual in zip(raw, (*problem.train, *problem.test), residuals, strict=True):
         simulated = after.columns[output] - residual[:, index]
         unrolled = before.columns[output] + reach * np.round((simulated - before.columns[output]) / reach)
-        near.append(np.abs(unrolled - simulated) < _NEAR * reach)
+        near.append(np.abs(unrolled - simulated) < COUNTED_NEAR * reach)
         changes.append(reach * np.round((unrolled - after.columns[output]) / reach))
-    if not any(np.any(change) for change in changes) or float(np.mean(np.concatenate(near))) < _MOST:
+    if not any(np.any(change) for change in changes) or float(np.mean(np.concatenate(near))) < COUNTED_MOST:
         return None
     return _moved(problem, output, changes)
 
