@@ -43,7 +43,6 @@ EXCHANGED_SHARE = 0.1  # of that drop, that may be missing where two effects are
 # What counts, as a ratio of residuals.
 SAME_RMS = 1.01  # closer ones differ by chance: 1 / sqrt(2 n) of an rms of 5,000 independent rows is 1 %
 WIDER_RMS = 1.1  # ratio of residual rms from which an explanation is none
-SHARPER_INNOVATIONS = 0.75  # ratio of innovation rms, from which an explanation is one however its simulations stray
 STRANGE_RMS = 2.0  # unseen residuals over white noise, from which an explanation does not hold there
 CLOSER_RMS = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
 HELD_SHARE = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
@@ -81,7 +80,7 @@ ON_BOUND = 1e-3  # share of a finite upper end of a range within which a fit end
 SAME_CONSTANT = 0.3  # of log(kt / ke) as given, up to which both are meant to be one constant, as they are in SI units
 CONSTANT_DEVIATION = 0.02  # standard deviation of log(kt / ke) where they are one
 CONSTANT_WEIGHT = 30.0  # weight of their ratio beside the parameters' own shifts
-GIVEN_DEVIATION = 0.3  # of a nominal parameter as given, as a logarithm: it counts where data are silent
+GIVEN_DEVIATION = 1.0  # of a nominal parameter as given, as a logarithm: it counts where data are silent
 FARTHEST_TORQUE_SCALE = math.log(4.0)  # as a logarithm
 LEAST_INERTIA = 0.1  # of the nominal inertia, which stays where a load is split off
 MOVED_FAR = 0.15  # as a logarithm: a parameter is far from where it was given
@@ -91,7 +90,6 @@ LOST_PARAMETER = 6.0  # factor on one so far away that what hides behind it does
 FIRM_TO_SAY = 0.1  # of a parameter, as one deviation: it is well determined
 HARDLY_MEANT = 3.0  # factor on a nominal parameter from which its value was hardly meant
 FAR_START = 6.0  # factor on a parameter that is far off
-NOMINAL_SPREAD = (1.0, 1.6, 0.6)  # factors on the nominal parameters from which the first fit starts
 LARGEST_SIZE = 0.999  # of the largest possible size, from which an effect had to be that large
 CHI_SQUARED_95 = 3.841458820694124  # 95 % of chi-squared with one degree of freedom
 PROFILE_REACHES = (2.0, 4.0, 8.0, 16.0)  # deviations at which a profile is tried
@@ -213,6 +211,8 @@ SPRING_MEMORIES_S = (0.003, 0.01, 0.03, 0.1, 0.3)  # after which a stretched spr
 LINES_PER_CYCLE = 4  # lines of a spectrum per cycle in a recording
 NEIGHBOUR_CYCLES = 40  # cycles in a recording that a line is held against
 DRIFT_CYCLES = 5  # in a recording: a slower wave is a drift
+MAINS_HZ = (50.0, 60.0, 100.0, 120.0)  # hum, and what rectifiers make of it
+GRID_HZ = 0.2  # by which a grid may be off: EN 50160 asks for less than 0.5
 FAR_TO_ONE_SIDE = 0.1  # of the rows, and of the way to the other side, that are far to one side
 
 # Recordings: what is refused, and what is cut.

@@ -11,13 +11,13 @@ from firmloop.diagnose.data.checks import Preflight, preflight
 from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
-from firmloop.diagnose.model.candidate import Candidate, believable, rated
-from firmloop.diagnose.model.fit import ended
+from firmloop.diagnose.model.candidate import Candidate, believable, by_simulation_error, rated
+from firmloop.diagnose.model.fit import ended, with_other_answer
 from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import (
-    by_simulation_error,
+    clearly_nearer,
     harmless,
     held,
     plain_refit,
@@ -28,7 +28,7 @@ from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.simulation_error import independent
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
-from firmloop.diagnose.verdict import judge, spoiled
+from firmloop.diagnose.verdict import judge, spoiled, withheld
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
@@ -64,7 +64,8 @@ class _Found:
 def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress) -> Diagnosis:
     """Say where the plant and its recordings differ and why; IdentifyError where the recordings cannot tell.
 
-    The test recordings take part in no choice: they are simulated at the very end.
+    The test recordings take part in no choice: they are simulated at the very end. Where an explanation simulates one
+    of them worse than the plain refit does, the plant stays the refit, whatever the finding says of train.
     """
     progress(0.02, "checking the recordings")
     check_sound(plant, (*train, *test))
@@ -90,6 +91,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     if explained and safe is None:
         finding, explained = spoiled(finding), False
     written = improved_plant(found, found.best) if explained else refit
+    if explained and not harmless(written, refit, later):
+        finding, written = withheld(finding), refit
     plants = {"before": plant, "refit": refit, "after": written}
     figures = simulated_figures(plants, {"train": whole, "test": later})
     finding = replace(finding, simulation_rms=figures)
@@ -99,12 +102,17 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
 def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Search | None:
     """Return the search, its best explanation with values that harm no simulation; None where there are none.
 
-    As found, or else by plain simulation error, beside the names that simulate just as well.
+    As found where no other values simulate clearly nearer. Where some do, a noise model has made noise of the motion:
+    the values are those of plain simulation error, beside the names that simulate just as well.
     """
-    if not found.best.fitted.terms or harmless(improved_plant(found, found.best), refit, recordings):
+    if not found.best.fitted.terms:
         return found
-    problem = found.problem
-    fitted = by_simulation_error(problem, found.best.fitted)
+    problem, before = found.problem, found.best.fitted
+    fitted = by_simulation_error(problem, before)
+    if not clearly_nearer(fitted, before):
+        doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
+        if harmless(improved_plant(found, found.best), refit, recordings):
+            return doubted
     fitted = ended(problem, fitted, independent(fitted.residuals))
     best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
     other = replace(found, best=best)

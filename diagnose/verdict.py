@@ -69,6 +69,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     train = _ratios(search, shown, told, noise, False)
     test = _ratios(search, shown, None, noise, True) if search.problem.test else None
     effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))
+    untestable = {**checks.untestable, **_unseen_here(search, shown)}
     location = None if verdict == "no_mismatch" else _location(search, noises, shape)
     shifts = _shifts(search, shown)
     white = (
@@ -87,7 +88,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         whiteness=white,
         noise=dict(zip(outputs, noise, strict=True)),
         shifts=shifts,
-        untestable={**checks.untestable, **_unseen_here(search, shown)},
+        untestable={name: why for name, why in untestable.items() if name not in {each.name for each in effects}},
         notes=(*checks.notes, *_far_from_given(shifts, deviations(shown.fitted), verdict)),
         says=(),
         law=_law(told),
@@ -104,6 +105,15 @@ def spoiled(finding: Finding) -> Finding:
     )
     others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
     return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))
+
+
+def withheld(finding: Finding) -> Finding:
+    """Return the finding where its explanation, right on train, simulates a test recording worse than the refit."""
+    said = (
+        "The written project is the plain refit: what explains the train recordings simulates a test recording worse. "
+        "Something differs between these recordings; take one more like the test recording into train."
+    )
+    return replace(finding, says=(*finding.says, said))
 
 
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candidate, ...]]:

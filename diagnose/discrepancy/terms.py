@@ -13,9 +13,11 @@ from firmloop.diagnose.discrepancy.disturbance_smoother import Latent
 from firmloop.diagnose.policy import (
     DRIFT_CYCLES,
     FAR_TO_ONE_SIDE,
+    GRID_HZ,
     HARMONICS,
     HATS,
     LINES_PER_CYCLE,
+    MAINS_HZ,
     NEIGHBOUR_CYCLES,
     SPRING_MEMORIES_S,
 )
@@ -158,7 +160,17 @@ def loudest(recordings: Sequence[Recording], residuals: Sequence[Array]) -> floa
         around = scipy.ndimage.median_filter(power, (LINES_PER_CYCLE * NEIGHBOUR_CYCLES, 1), mode="nearest")
         total += np.sum(power / np.maximum(around, 1e-300), axis=1)
     total[: LINES_PER_CYCLE * DRIFT_CYCLES] = 0.0
+    total[_hum(np.fft.rfftfreq(rows, step), 1.0 / step, 1.0 / (shortest * step))] = 0.0
     return float(2.0 * np.pi * np.argmax(total) / (rows * step)) if np.any(total) else 0.0
+
+
+def _hum(lines: NDArray[np.floating], rate: float, width: float) -> NDArray[np.bool_]:
+    """Tell which lines (Hz) may be mains hum read at a rate, `width` that of a line: noise, whatever it moves.
+
+    Where the rate is too low, the hum is seen at its mirror image.
+    """
+    seen = [abs(each - rate * round(each / rate)) for each in MAINS_HZ]
+    return np.asarray(np.any([abs(lines - each) < GRID_HZ + width for each in seen], axis=0))
 
 
 def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[str, Array]:

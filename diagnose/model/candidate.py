@@ -19,15 +19,16 @@ from firmloop.diagnose.policy import (
     IMPOSSIBLE,
     MINOR_SHARE,
     ON_BOUND,
+    REFITS,
     RICHER_PRICE,
     RMS_BY_CHANCE,
-    SHARPER_INNOVATIONS,
     SLOW_WAVE_PERIODS,
+    STEPS_OF_A_FIT,
     STRANGE_RMS,
     TOLD_ON_TRAIN,
     WIDER_RMS,
 )
-from firmloop.identify.fitting.noise import Noise, colored, memory
+from firmloop.identify.fitting.noise import Noise, colored, memory, white
 from firmloop.identify.plants.effects import effects, find_effect
 
 Array = NDArray[np.float64]
@@ -120,10 +121,31 @@ def by_luck(residuals: Sequence[Array]) -> Array:
 def larger(candidate: Candidate, base: Candidate) -> bool:
     """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
     pairs = list(zip(candidate.noises, base.noises, strict=True))
-    if any(mine.scale <= SHARPER_INNOVATIONS * theirs.scale or mine.rms <= theirs.rms for mine, theirs in pairs):
+    if any(mine.rms <= theirs.rms for mine, theirs in pairs):
         return False
     lucky = by_luck(candidate.fitted.residuals)
     return any(mine.rms > max(WIDER_RMS, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
+
+
+def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
+    """Fit the same terms by plain simulation error, each output weighed by 1 / its own residual rms."""
+    fitted = begin
+    for _ in range(REFITS):
+        left = np.maximum(np.maximum(rms_of(fitted.residuals), problem.floors), 1e-30)
+        sizes = [white(float(rms)) for rms in left]
+        fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
+    return fitted
+
+
+def led_back(problem: Problem, candidate: Candidate, base: Candidate) -> Candidate:
+    """Return an explanation with values of plain simulation error where its own simulate farther off than the base.
+
+    To a noise model with a memory a smooth misfit is next to nothing, so that it leads away.
+    """
+    if not larger(candidate, base):
+        return candidate
+    nearer = rated(problem, by_simulation_error(problem, candidate.fitted))
+    return candidate if larger(nearer, base) else nearer
 
 
 def farther(candidate: Candidate, base: Candidate) -> bool:

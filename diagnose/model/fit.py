@@ -149,6 +149,21 @@ def widened(fitted: Fitted, factors: Array) -> Fitted:
     return replace(fitted, wider=factors if fitted.wider is None else np.maximum(fitted.wider, factors))
 
 
+def with_other_answer(fitted: Fitted, values: Mapping[str, float]) -> Fitted:
+    """Widen deviations by how far another consistent estimate is off, that of plain simulation error.
+
+    Both are near the truth where the noise model is right; how far they are apart is its doubt (Hausman, Econometrica
+    46 (1978) 1251-1271).
+    """
+    own, factors = np.diag(inverse(fitted.normal)), []
+    for index, each in enumerate(fitted.coordinates):
+        here, there = (each.inner(known.get(each.name, 0.0)) for known in (fitted.point.values, values))
+        wider = 1.0 if fitted.wider is None else float(fitted.wider[index])
+        apart = (here - there) ** 2 / own[index] if own[index] > 0.0 else 0.0
+        factors.append(math.sqrt(wider**2 + apart) if math.isfinite(apart) else wider)
+    return widened(fitted, np.array(factors))
+
+
 def inverse(normal: Array, least: float = 1e-12) -> Array:
     """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates.
 

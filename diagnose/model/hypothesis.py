@@ -116,6 +116,23 @@ def make_problem(plant: Plant, train: Sequence[Recording], test: Sequence[Record
     engine = superset(plant)
     engine.hasten(COARSE_CHANGE)
     engine.follow(True)
+    terms = _terms(plant, train)
+    return Problem(plant, engine, tuple(train), tuple(test), terms, _grids(plant, terms), floors, {}, direct)
+
+
+def rescaled(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """Return the problem with fits that also begin from what effects may be beside these nominal values (SI).
+
+    Data sheets know nothing of the load, and a refit may have run away: sizes of effects follow both.
+    """
+    own = tuple(replace(each, value=values.get(each.name, each.value)) for each in problem.plant.parameters)
+    refit = replace(problem.plant, parameters=own)
+    grids = _grids(refit, _terms(refit, problem.train))
+    return replace(problem, starts={label: (*one, *grids.get(label, ())) for label, one in problem.starts.items()})
+
+
+def _terms(plant: Plant, train: Sequence[Recording]) -> tuple[LibraryTerm, ...]:
+    """List every term that recordings of the plant can have, by label: nothing depends on the order of a project."""
     sizes = cache(partial(scales_of, plant, train))
     terms = []
     for use in all_uses(plant):
@@ -133,9 +150,12 @@ def make_problem(plant: Plant, train: Sequence[Recording], test: Sequence[Record
         held = None if load is None else inertia_parameter(plant, site.balance)
         taken = None if load is None or held is None else (load, held)
         terms.append(LibraryTerm(effect, use.output, parameters, keys, taken, scales))
-    terms.sort(key=lambda term: term.label)  # nothing may depend on the order of lines in a project
-    starts = {term.label: _starts(plant, term) for term in terms}
-    return Problem(plant, engine, tuple(train), tuple(test), tuple(terms), starts, floors, {}, direct)
+    return tuple(sorted(terms, key=lambda term: term.label))
+
+
+def _grids(plant: Plant, terms: Sequence[LibraryTerm]) -> dict[str, tuple[Mapping[str, float], ...]]:
+    """Return the points that a fit of each term begins from, by its label."""
+    return {term.label: _starts(plant, term) for term in terms}
 
 
 def _bounded(effect: Effect, parameter: EffectParameter, scales: Scales) -> EffectParameter:

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import believable, rms_of
+from firmloop.diagnose.model.candidate import believable, by_luck, by_simulation_error, rms_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.policy import REFITS, SAME_RMS, STEPS_OF_A_FIT
+from firmloop.diagnose.policy import SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
@@ -55,14 +55,11 @@ def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> boo
     return bool(np.all(ours <= SAME_RMS * theirs))
 
 
-def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
-    """Fit the same terms by plain simulation error, each output weighed by 1 / its own residual rms."""
-    fitted = begin
-    for _ in range(REFITS):
-        left = np.maximum(np.maximum(rms_of(fitted.residuals), problem.floors), 1e-30)
-        sizes = [white(float(rms)) for rms in left]
-        fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
-    return fitted
+def clearly_nearer(one: Fitted, other: Fitted) -> bool:
+    """Tell whether simulations of one fit come nearer to some output than by chance, and to none less near."""
+    ours, theirs = (np.nan_to_num(rms_of(each.residuals), nan=np.inf) for each in (one, other))
+    lucky = np.maximum(by_luck(one.residuals), SAME_RMS)
+    return bool(np.all(ours <= SAME_RMS * theirs) and np.any(lucky * ours < theirs))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:

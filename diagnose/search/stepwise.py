@@ -27,7 +27,16 @@ from firmloop.diagnose.model.candidate import (
 from firmloop.diagnose.model.continuation import past_contacts
 from firmloop.diagnose.model.descent import whitened
 from firmloop.diagnose.model.fit import evidence, fit, noises_of
-from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Point, Problem, first_point, meeting, turning
+from firmloop.diagnose.model.hypothesis import (
+    MOMENT,
+    LibraryTerm,
+    Point,
+    Problem,
+    first_point,
+    meeting,
+    rescaled,
+    turning,
+)
 from firmloop.diagnose.policy import (
     COLORED_THRESHOLD,
     CONTACT_SEARCH_PATIENCE,
@@ -40,7 +49,6 @@ from firmloop.diagnose.policy import (
     NEEDED_RMS,
     NEVER_BY_CHANCE,
     NOISE_GAIN,
-    NOMINAL_SPREAD,
     SEARCH_PATIENCE,
     SEARCHED_PRICE,
     SLOW_THRESHOLD,
@@ -56,7 +64,10 @@ from firmloop.diagnose.search.found import Progress, Search, candidates_of
 from firmloop.diagnose.search.from_given import from_given, runaways
 from firmloop.diagnose.search.round import screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.fit import fit as identified
 from firmloop.identify.fitting.noise import colored, flat, white
+from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
@@ -68,6 +79,8 @@ def search(problem: Problem, progress: Progress) -> Search:
     """Explain the train recordings of a problem; tests only count when explanations are ranked."""
     progress(0.05, "refitting the nominal plant")
     nominal = _nominal(problem)
+    if runaways(problem, nominal.fitted):
+        problem = rescaled(problem, nominal.fitted.point.values)
     best = nominal
     problem.engine.follow(follows_record(problem, nominal))
     rounds: list[tuple[Candidate, ...]] = []
@@ -297,21 +310,14 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
 
 
 def _nominal(problem: Problem) -> Candidate:
-    """Fit the nominal plant from several starts with white noise, then with the noise it left over."""
+    """Fit the nominal plant from where `identify` ends with white noise, then with the noise it left over."""
     begin = first_point(problem, problem.train)
     spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
     whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
-    trials = []
-    for factor in NOMINAL_SPREAD:
-        values = {
-            p.name: p.value * (factor if p.free and p.name.startswith(("R_", "J_", "b_", "mass")) else 1.0)
-            for p in problem.plant.parameters
-        }
-        trials.append(
-            fit(
-                problem, problem.train, (), Point({**begin.values, **values}, begin.starts), whole, STEPS_OF_A_TRIAL * 2
-            )
-        )
+    trials = [
+        fit(problem, problem.train, (), each, whole, STEPS_OF_A_TRIAL * 2)
+        for each in (begin, Point({**begin.values, **_identified(problem)}, begin.starts))
+    ]
     fitted = min(trials, key=lambda each: each.cost)
     for _ in range(2):
         fitted = fit(
@@ -324,6 +330,14 @@ def _nominal(problem: Problem) -> Candidate:
         if not farther(last, plain):  # what simulates worse than the plain refit has made noise of the motion
             fits.append(last)
     return min(fits, key=lambda each: each.score)
+
+
+def _identified(problem: Problem) -> dict[str, float]:
+    """Return the parameters that `identify` would write; none where it would refuse the recordings."""
+    try:
+        return {p.name: p.value for p in identified(problem.plant, problem.train, (), NONE).plant.parameters}
+    except IdentifyError:
+        return {}
 
 
 def _columns(problem: Problem) -> list[list[Array]]:

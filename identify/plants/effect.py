@@ -101,6 +101,15 @@ class Scales:
     slew: float  # largest change of the input from row to row, over the sample time
     level: float  # of the state an overflow acts on
 
+    def times(self, rows: float) -> tuple[float, ...]:
+        """Return times from that many rows to a tenth of the longest recording, each four times the last, in s.
+
+        How fast a recording was sampled says nothing of how fast the machine is.
+        """
+        last = max(0.1 * self.span, rows * self.step)
+        count = 1 + int(math.log(last / (rows * self.step), 4.0) + 1e-9)
+        return tuple(rows * self.step * 4.0**k for k in range(count))
+
 
 @dataclass(frozen=True, slots=True)
 class Holding:

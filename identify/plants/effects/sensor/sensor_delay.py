@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((0.5 * scales.step,), (2.0 * scales.step,))
+    return tuple((time,) for time in scales.times(0.5))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((1.0 * scales.step,), (5.0 * scales.step,))
+    return tuple((time,) for time in scales.times(1.0))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

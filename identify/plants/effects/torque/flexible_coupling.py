@@ -21,12 +21,12 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
     return tuple(
         (
-            share * scales.inertia * (2.0 * math.pi * tone / scales.step) ** 2,
+            share * scales.inertia * (2.0 * math.pi / period) ** 2,
             share * scales.inertia,
-            0.1 * share * scales.inertia * 2.0 * math.pi * tone / scales.step,
+            0.1 * share * scales.inertia * 2.0 * math.pi / period,
         )
         for share in (0.3, 1.0)
-        for tone in (0.01, 0.03, 0.1)
+        for period in scales.times(8.0)
     )
 
 
