@@ -30,6 +30,7 @@ class Named:
     probability: float
     parameters: Mapping[str, Estimate]
     says: str
+    at: str = ""  # state, output or input of the plant that it acts on; blank for a controller's
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +156,8 @@ def _named(each: Named) -> dict[str, object]:
         },
         "says": each.says,
     }
+    if each.at:
+        entry["at"] = each.at
     if each.output is not None:
         entry["output"] = each.output
     return entry

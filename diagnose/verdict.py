@@ -40,7 +40,7 @@ from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.attach import parameters_of
+from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effect import EffectParameter
 from firmloop.identify.plants.effects import find_effect
 
@@ -188,7 +188,7 @@ def _read_off(problem: Problem, each: Direct) -> Named:
     }
     figures = ", ".join(f"{name} {_with_interval(estimate)}" for name, estimate in estimates.items())
     says = f"{effect.says.rstrip('.')} ({each.output}): {figures}."
-    return Named(each.effect, each.output, "sensor", 1.0, estimates, says)
+    return Named(each.effect, each.output, "sensor", 1.0, estimates, says, str(each.output))
 
 
 def _ratios(search: Search, shown: Candidate, shape: Shape | None, noise: Sequence[float], unseen: bool) -> Ratio:
@@ -244,7 +244,8 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
         value = candidate.fitted.point.values.get(key, each.neutral)
         interval = _interval(each, value, NORMAL_95 * spread.get(key, math.inf))
         estimates[each.name] = Estimate(value, interval, each.unit)
-    says = f"{term.effect.says.rstrip('.')}" + (f" ({term.output})" if term.output else "")
+    place = term.output or term.at
+    says = f"{term.effect.says.rstrip('.')}" + (f" ({place})" if place else "")
     figures = ", ".join(f"{name} {_with_interval(each)}" for name, each in estimates.items())
     return Named(
         term.effect.name,
@@ -253,6 +254,7 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
         probability,
         estimates,
         f"{says}: {figures}." if figures else f"{says}.",
+        acts_at(problem.plant, term.use({})),
     )
 
 

@@ -19,7 +19,7 @@ from firmloop.diagnose.policy import (
     LEAST_INERTIA,
     ROUGH_DIFFERENCE_STEP,
 )
-from firmloop.identify.plants.attach import all_uses, label_of, parameters_of, site_of
+from firmloop.identify.plants.attach import EffectUse, all_uses, label_of, parameters_of, site_of
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
@@ -34,7 +34,10 @@ MOMENT = ".time_s"  # how the full name of a moment ends
 
 @dataclass(frozen=True, slots=True)
 class LibraryTerm:
-    """One effect at one place: `output` is that of a sensor effect or the state of a flow effect, else None."""
+    """One effect at one place.
+
+    `output` is that of a sensor effect or the state of a flow effect, `at` the state of another body than the first.
+    """
 
     effect: Effect
     output: str | None
@@ -42,16 +45,24 @@ class LibraryTerm:
     keys: tuple[str, ...]  # full names of the parameters in the superset
     taken: tuple[str, str] | None  # a second inertia, and the nominal parameter that held it before
     scales: Scales  # sizes in the recordings, where the term acts
+    at: str | None = None
 
     @property
     def label(self) -> str:
         """Name that tells the place too."""
-        return self.effect.name if self.output is None else f"{self.effect.name} of {self.output}"
+        place = self.output if self.at is None else self.at
+        return self.effect.name if place is None else f"{self.effect.name} of {place}"
+
+    def use(self, values: Mapping[str, float]) -> EffectUse:
+        """Return the effect as a plant has it, with values by full name; what has none changes nothing."""
+        pairs = zip(self.keys, self.parameters, strict=True)
+        own = {each.name: values.get(key, each.neutral) for key, each in pairs}
+        return EffectUse(self.effect.name, self.output, own, tuple(each.name for each in self.parameters), self.at)
 
 
 def _starts(plant: Plant, term: LibraryTerm) -> tuple[Mapping[str, float], ...]:
     """Return the effect's own grid."""
-    grid = term.effect.starts(site_of(plant, term.effect, term.output), term.scales)
+    grid = term.effect.starts(site_of(plant, term.effect, term.output, term.at), term.scales)
     return tuple(dict(zip(term.keys, values, strict=True)) for values in grid)
 
 
@@ -139,17 +150,18 @@ def _terms(plant: Plant, train: Sequence[Recording]) -> tuple[LibraryTerm, ...]:
         effect = find_effect(use.name)
         if effect.seen_by in DIRECT:
             continue
-        site = site_of(plant, effect, use.output)
+        site = site_of(plant, effect, use.output, use.at)
         scales = sizes(site.output, site.balance)
         if effect.possible is not None and not effect.possible(scales):
             continue
-        parameters = tuple(_bounded(effect, each, scales) for each in parameters_of(plant, use.name, use.output))
+        known = parameters_of(plant, use.name, use.output, use.at)
+        parameters = tuple(_bounded(effect, each, scales) for each in known)
         label = label_of(plant, use)
         keys = tuple(f"{label}.{each.name}" for each in parameters)
         load = next((key for key, each in zip(keys, parameters, strict=True) if each.name == site.load), None)
         held = None if load is None else inertia_parameter(plant, site.balance)
         taken = None if load is None or held is None else (load, held)
-        terms.append(LibraryTerm(effect, use.output, parameters, keys, taken, scales))
+        terms.append(LibraryTerm(effect, use.output, parameters, keys, taken, scales, use.at))
     return tuple(sorted(terms, key=lambda term: term.label))
 
 

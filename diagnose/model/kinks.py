@@ -25,7 +25,6 @@ from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve
 from firmloop.identify.plants.attach import with_effects
-from firmloop.identify.plants.plant import EffectUse
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.simulation.simulate import constants_of, simulator
 
@@ -36,15 +35,7 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     After `most` solves of a few steps each it stays where it is.
     """
     values = fitted.point.values
-    uses = [
-        EffectUse(
-            term.effect.name,
-            term.output,
-            {each.name: values.get(key, each.neutral) for key, each in zip(term.keys, term.parameters, strict=True)},
-            tuple(each.name for each in term.parameters),
-        )
-        for term in fitted.terms
-    ]
+    uses = [term.use(values) for term in fitted.terms]
     nominal = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
     plant = with_effects(replace(problem.plant, parameters=nominal), uses)
     engine = simulator(plant, problem.train[0].hold)

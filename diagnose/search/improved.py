@@ -25,21 +25,13 @@ def improved_plant(search: Search, shown: Candidate) -> Plant:
     values, spread = shown.fitted.point.values, deviations(shown.fitted)
     bare = tuple(_improved(p, values, spread) for p in search.problem.plant.parameters)
     given = replace(search.problem.plant, parameters=bare)
-    named = {(term.effect.name, term.output) for term in shown.fitted.terms}
+    named = {(term.effect.name, term.output, term.at) for term in shown.fitted.terms}
     uses = [
         replace(use, values=values_of(given, use))
         for use in given.effects
-        if (use.name, use.output) not in named and (use.name, None) not in named
+        if not {(use.name, use.output, use.at), (use.name, None, use.at)} & named
     ]
-    uses += [
-        EffectUse(
-            term.effect.name,
-            term.output,
-            {each.name: values.get(key, each.neutral) for key, each in zip(term.keys, term.parameters, strict=True)},
-            tuple(each.name for each in term.parameters),
-        )
-        for term in shown.fitted.terms
-    ]
+    uses += [term.use(values) for term in shown.fitted.terms]
     known_spread = dict(spread)
     for each in directs(search):
         known = parameters_of(search.problem.plant, each.effect, each.output)

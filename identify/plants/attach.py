@@ -18,6 +18,7 @@ from firmloop.identify.units import ending_of, unit_of
 
 __all__ = [
     "EffectUse",
+    "acts_at",
     "all_uses",
     "inside_of",
     "label_of",
@@ -179,19 +180,35 @@ def placed(plant: Plant) -> tuple[tuple[Effect, Site, tuple[int, ...]], ...]:
 
 
 def all_uses(plant: Plant) -> tuple[EffectUse, ...]:
-    """Every candidate at its neutral value; sensor effects on every output, overflows on every level."""
+    """Every candidate at its neutral value; on every output, level or body that it can act on.
+
+    What the simulator remembers for one body acts on the first.
+    """
     uses = []
     for effect in candidates(plant):
-        outputs: Sequence[str | None] = (None,)
+        places: Sequence[tuple[str | None, str | None]] = ((None, None),)
         if effect.place == "sensor":
-            outputs = [s.name for s in plant.outputs if not effect.units or s.unit in effect.units]
+            places = [(s.name, None) for s in plant.outputs if not effect.units or s.unit in effect.units]
         elif effect.place == "flow":
-            outputs = [plant.states[b.state].name for b in plant.balances if b.kind == "flow"]
-        for output in outputs:
-            known = effect.parameters(site_of(plant, effect, output))
+            places = [(plant.states[b.state].name, None) for b in plant.balances if b.kind == "flow"]
+        elif effect.place == "torque" and not effect.remembers:
+            places = [*places, *((None, at) for at in places_of(plant, effect)[1:])]
+        for output, at in places:
+            known = effect.parameters(site_of(plant, effect, output, at))
             values = MappingProxyType({p.name: p.neutral for p in known})
-            uses.append(EffectUse(effect.name, output, values))
+            uses.append(EffectUse(effect.name, output, values, at=at))
     return tuple(uses)
+
+
+def acts_at(plant: Plant, use: EffectUse) -> str:
+    """Name what an effect acts on: the output it is read on, the state of its balance, or else the input."""
+    effect = find_effect(use.name)
+    site = site_of(plant, effect, use.output, use.at)
+    if effect.place == "sensor":
+        return site.output_name
+    if site.balance >= 0 and _has_state(plant, site.balance):
+        return plant.states[plant.balances[site.balance].state].name
+    return plant.inputs[0].name
 
 
 def with_position(plant: Plant, balance: int | None = None) -> Plant:
