@@ -11,13 +11,12 @@ from firmloop.diagnose.data.checks import Preflight, preflight
 from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
-from firmloop.diagnose.model.candidate import Candidate, believable, by_simulation_error, rated
+from firmloop.diagnose.model.candidate import Candidate, believable, by_simulation_error, clearly_nearer, rated
 from firmloop.diagnose.model.fit import ended, with_other_answer
 from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import (
-    clearly_nearer,
     harmless,
     held,
     plain_refit,

@@ -22,6 +22,7 @@ from firmloop.diagnose.policy import (
     REFITS,
     RICHER_PRICE,
     RMS_BY_CHANCE,
+    SAME_RMS,
     SLOW_WAVE_PERIODS,
     STEPS_OF_A_FIT,
     STRANGE_RMS,
@@ -137,15 +138,22 @@ def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
     return fitted
 
 
-def led_back(problem: Problem, candidate: Candidate, base: Candidate) -> Candidate:
-    """Return an explanation with values of plain simulation error where its own simulate farther off than the base.
+def clearly_nearer(one: Fitted, other: Fitted) -> bool:
+    """Tell whether simulations of one fit come nearer to some output than by chance, and to none less near."""
+    ours, theirs = (np.nan_to_num(rms_of(each.residuals), nan=np.inf) for each in (one, other))
+    lucky = np.maximum(by_luck(one.residuals), SAME_RMS)
+    return bool(np.all(ours <= SAME_RMS * theirs) and np.any(lucky * ours < theirs))
 
-    To a noise model with a memory a smooth misfit is next to nothing, so that it leads away.
+
+def nearest(problem: Problem, candidate: Candidate) -> Candidate:
+    """Return an explanation with values of plain simulation error where those simulate clearly nearer than its own.
+
+    To a noise model with a memory a smooth misfit is next to nothing, so that it leads away from what moves.
     """
-    if not larger(candidate, base):
+    if not colored(candidate.noises):
         return candidate
-    nearer = rated(problem, by_simulation_error(problem, candidate.fitted))
-    return candidate if larger(nearer, base) else nearer
+    plain = by_simulation_error(problem, candidate.fitted)
+    return rated(problem, plain) if clearly_nearer(plain, candidate.fitted) else candidate
 
 
 def farther(candidate: Candidate, base: Candidate) -> bool:

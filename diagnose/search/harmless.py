@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import believable, by_luck, by_simulation_error, rms_of
+from firmloop.diagnose.model.candidate import believable, by_simulation_error, rms_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.policy import SAME_RMS, STEPS_OF_A_FIT
@@ -53,13 +53,6 @@ def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> boo
     """Tell whether a plant simulates every output of every recording no worse than the plain refit does."""
     ours, theirs = (simulation_rms(each, recordings) for each in (plant, refit))
     return bool(np.all(ours <= SAME_RMS * theirs))
-
-
-def clearly_nearer(one: Fitted, other: Fitted) -> bool:
-    """Tell whether simulations of one fit come nearer to some output than by chance, and to none less near."""
-    ours, theirs = (np.nan_to_num(rms_of(each.residuals), nan=np.inf) for each in (one, other))
-    lucky = np.maximum(by_luck(one.residuals), SAME_RMS)
-    return bool(np.all(ours <= SAME_RMS * theirs) and np.any(lucky * ours < theirs))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:

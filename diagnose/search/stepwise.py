@@ -19,6 +19,7 @@ from firmloop.diagnose.model.candidate import (
     faint,
     farther,
     larger,
+    nearest,
     rated,
     relieved,
     simplest,
@@ -150,7 +151,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
 
 def accepted(problem: Problem, chosen: Candidate) -> Candidate:
     """Lead an explanation out of traps, let it follow the better angle, and take finer steps where it asks for them."""
-    return _refined(problem, _refollowed(problem, _unwhitened(problem, chosen)))
+    return nearest(problem, _refined(problem, _refollowed(problem, _unwhitened(problem, chosen))))
 
 
 def settled(found: Search) -> Search:
@@ -318,7 +319,7 @@ def _nominal(problem: Problem) -> Candidate:
         fit(problem, problem.train, (), each, whole, STEPS_OF_A_TRIAL * 2)
         for each in (begin, Point({**begin.values, **_identified(problem)}, begin.starts))
     ]
-    fitted = min(trials, key=lambda each: each.cost)
+    fitted = min(trials, key=lambda each: each.cost if math.isfinite(each.cost) else math.inf)
     for _ in range(2):
         fitted = fit(
             problem, problem.train, (), fitted.point, flat(noises_of(problem, fitted.residuals)), STEPS_OF_A_FIT

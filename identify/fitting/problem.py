@@ -100,8 +100,8 @@ def weighted(problem: FitProblem, point: FitPoint) -> Iterator[tuple[Array, Arra
     inner = np.where(problem.logarithmic, point.constants[list(problem.free)], 1.0)
     for made, start in zip(problem.experiments, point.starts, strict=True):
         residual, slopes = misfit(made, problem.engine, point.constants, start, problem.free)
-        residual *= problem.weights
         with np.errstate(over="ignore"):  # a trial that has diverged counts as far off
+            residual *= problem.weights
             slopes[..., :count] *= inner
             slopes *= problem.weights[:, None]
         yield residual, slopes
@@ -115,7 +115,7 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
         blocks = []
         for residual, slopes in weighted(problem, _point(problem, begin.constants, unknowns)):
             aim, tall = residual.reshape(-1), slopes.reshape(-1, slopes.shape[2])
-            if not (np.all(np.isfinite(aim)) and np.all(np.isfinite(tall))):
+            if not (np.max(np.abs(aim), initial=0.0) <= _FAR and np.max(np.abs(tall), initial=0.0) <= _STEEP):
                 aim = np.clip(np.nan_to_num(aim, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
                 tall = np.clip(np.nan_to_num(tall, nan=0.0), -_STEEP, _STEEP)
             blocks.append(triangle(tall[:, count:], tall[:, :count], aim[:, None]))
