@@ -148,12 +148,16 @@ def clearly_nearer(one: Fitted, other: Fitted) -> bool:
 def nearest(problem: Problem, candidate: Candidate) -> Candidate:
     """Return an explanation with values of plain simulation error where those simulate clearly nearer than its own.
 
-    To a noise model with a memory a smooth misfit is next to nothing, so that it leads away from what moves.
+    To a noise model with a memory a smooth misfit is next to nothing, so that it leads away from what moves. The score
+    stays that of the likelier values: a part of an explanation leaves edges that no noise model likes.
     """
     if not colored(candidate.noises):
         return candidate
     plain = by_simulation_error(problem, candidate.fitted)
-    return rated(problem, plain) if clearly_nearer(plain, candidate.fitted) else candidate
+    if not clearly_nearer(plain, candidate.fitted):
+        return candidate
+    nearer = rated(problem, plain)
+    return replace(nearer, score=min(nearer.score, candidate.score)) if nearer.score < IMPOSSIBLE else candidate
 
 
 def farther(candidate: Candidate, base: Candidate) -> bool:
