@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from firmloop.codegen.misra import EDITIONS
-from firmloop.presentation.report import STYLE
+from firmloop.presentation.report import page
 from firmloop.presentation.sections import page_table
 from firmloop.stages.evidence.requirements import MET, NOT_MET, OPEN
 
@@ -26,14 +26,10 @@ def about_evidence(evidence: Evidence) -> list[str]:
 
 def evidence_page(evidence: Evidence, command: str) -> str:
     """Return the page."""
-    name, document = html.escape(evidence.project.name), evidence.as_dict()
-    parts = [
-        "<!DOCTYPE html>",
-        '<html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{name}: firmloop evidence</title>",
-        f"<style>\n{STYLE}\ntd {{ overflow-wrap: anywhere; }}\n</style></head><body>",
-        f"<h1>{name}: evidence</h1>",
+    document = evidence.as_dict()
+    sections = [
+        "<style>td { overflow-wrap: anywhere; }</style>",
+        f"<h1>{html.escape(evidence.project.name)}: evidence</h1>",
         *(f"<p>{html.escape(line)}</p>" for line in about_evidence(evidence)[:1]),
         "<h2>Requirements</h2>",
         page_table(
@@ -57,10 +53,8 @@ def evidence_page(evidence: Evidence, command: str) -> str:
         _named(("file", "SHA-256"), document["files"]),
         _named(("bill of materials (SPDX)", ""), document["spdx"]),
         _named(("project", ""), document["project"]),
-        f"<h2>This page</h2><p>was made by <code>{html.escape(command)}</code></p>",
-        "</body></html>",
     ]
-    return "\n".join(parts) + "\n"
+    return page(evidence.project.name, "evidence", sections, command)
 
 
 def _named(head: Sequence[str], entries: object) -> str:

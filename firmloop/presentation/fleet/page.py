@@ -11,7 +11,7 @@ import numpy as np
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.figures import DATA, LIMIT, MODEL, styled, svg
 from firmloop.presentation.fleet.words import HEAD, TYPICAL_HEAD, different_rows, notes, typical_rows, verdict
-from firmloop.presentation.report import STYLE
+from firmloop.presentation.report import page
 from firmloop.presentation.sections import page_table
 
 if TYPE_CHECKING:
@@ -23,18 +23,8 @@ MOST_NAMES = 40  # below the picture; of more machines, those that differ alone 
 
 def fleet_page(name: str, command: str, members: Sequence[Member], compared: Compared) -> str:
     """Return the page."""
-    parts = [
-        "<!DOCTYPE html>",
-        '<html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{html.escape(name)}: firmloop fleet</title>",
-        f"<style>\n{STYLE}\n</style></head><body>",
-        f"<h1>{html.escape(name)}: {html.escape(verdict(compared))}</h1>",
-        *fleet_sections(members, compared),
-        f"<h2>This report</h2><p>was made by <code>{html.escape(command)}</code></p>",
-        "</body></html>",
-    ]
-    return "\n".join(parts) + "\n"
+    title = f"<h1>{html.escape(name)}: {html.escape(verdict(compared))}</h1>"
+    return page(name, "fleet", [title, *fleet_sections(members, compared)], command)
 
 
 def fleet_sections(members: Sequence[Member], compared: Compared) -> list[str]:
