@@ -54,7 +54,7 @@ def evidence(made: Run, before: Mapping[str, object] | None, *, stage: Stage = q
     with stage("reading the C with static checks"):
         readings = read_statically(code.generated.bundle)
     found = claims(code.generated, made.designed.loop, made.verified.outcomes, proving, readings)
-    asked = requirements(code.project, code.program, found)
+    asked = requirements(code.project, made.designed.gains, code.program, found)
     collected = Evidence(
         code.project, code.generated, code.files, made.identified.data, asked, found, readings, NOT_JUDGED
     )

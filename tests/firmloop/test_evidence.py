@@ -14,7 +14,9 @@ import pytest
 from firmloop.cli import main
 from tests.firmloop.conftest import PROJECT
 
-FIXED = PROJECT.replace('number = "float32"', 'number = "fixed"\nbits = 32\nmax_error_V = 0.01')
+FIXED = PROJECT.replace('number = "float32"', 'number = "fixed"\nbits = 32\nmax_error_V = 0.01').replace(
+    "ki = 0.5", "ki = 0.5\nu_max = 7.3"
+)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -56,6 +58,11 @@ def test_every_requirement_rests_on_claims(project: Path, capsys: pytest.Capture
     assert asked["signals.output"]["says"] == "output output stays from -12 to 12 V"
     assert asked["signals.output"]["claims"][:2] == ["ranges: intervals", "ranges: z3"]
     assert claims["ranges: z3"]["result"] == "proven" and claims["ranges: z3"]["version"]
+    assert asked["controller.u_max"] == {
+        "says": "output output is at most 7.3 V",
+        "status": "met",
+        "claims": asked["signals.output"]["claims"],
+    }
     assert asked["arithmetic.max_error_V: output"]["status"] == "met"
     assert claims["same bits: host"]["result"] == "agrees" and "differences" in claims["same bits: host"]["detail"]
     named = {name for one in asked.values() for name in one["claims"]}

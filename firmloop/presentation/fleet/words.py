@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -62,7 +61,7 @@ def typical_rows(compared: Compared) -> list[tuple[str, ...]]:
 def different_rows(one: Different) -> list[tuple[str, ...]]:
     """Give a line an effect and a line a figure; machine and time stand on the first."""
     rows: list[tuple[str, ...]] = [
-        (name, _value(each), _ends(each.get("ci95")), "show none", _percent(float(str(effect["probability"]))))
+        (name, _value(each), _ends(each.get("ci95")), "most show none", _percent(effect["probability"]))
         for name, effect in one.effects.items()
         for each in _first(effect)
     ]
@@ -103,11 +102,10 @@ def _since(one: Different) -> str:
         return ""
     if one.since is None:
         return f"only {', '.join(each.rpartition('/')[2] for each in one.departing)}"
-    return (
-        f"{one.since.rpartition('/')[2]} (the last {len(one.departing)} of {one.recordings})"
-        if (len(one.departing) < one.recordings)
-        else f"all {one.recordings} recordings"
-    )
+    later = len(one.departing) - one.departing.index(one.since)
+    if later == one.recordings:
+        return f"all {one.recordings} recordings"
+    return f"{one.since.rpartition('/')[2]} (the last {later} of {one.recordings})"
 
 
 def _first(effect: Mapping[str, object]) -> list[Mapping[str, object]]:
@@ -125,8 +123,8 @@ def _ends(ends: object) -> str:
     return f"{ends[0]:.3g} to {ends[1]:.3g}" if isinstance(ends, list | tuple) else ""
 
 
-def _percent(probability: float) -> str:
-    return f"{100.0 * probability:.0f} % sure" if math.isfinite(probability) else ""
+def _percent(probability: object) -> str:
+    return f"{100.0 * probability:.0f} % sure" if isinstance(probability, float | int) else ""
 
 
 def _count(number: int, what: str) -> str:

@@ -82,7 +82,7 @@ def _compared(outcomes: Sequence[Outcome]) -> Iterator[Claim]:
 
 def _judged(one: Judgement, fixed: bool) -> Claim:
     holds = {PROVEN: True, REFUTED: False}.get(one.result)
-    if not fixed:
+    if not fixed and one.result == PROVEN:
         detail = "nothing is claimed of words in floating point"
         return Claim(RANGES, one.judge, one.claim, one.judge, one.version, "unknown", None, detail)
     return Claim(RANGES, one.judge, one.claim, one.judge, one.version, one.result, holds, one.says)

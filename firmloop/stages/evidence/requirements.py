@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from firmloop.identify.signal import Signal
@@ -29,7 +30,9 @@ class Requirement:
         return MET if any(claim.holds for claim in self.claims) else OPEN
 
 
-def requirements(project: Project, program: Program, found: Sequence[Claim]) -> tuple[Requirement, ...]:
+def requirements(
+    project: Project, gains: Mapping[str, float], program: Program, found: Sequence[Claim]
+) -> tuple[Requirement, ...]:
     """Return what the project asks, in the order of its file, then what is asked of every project."""
 
     def resting(about: str, of: str | None = None) -> tuple[Claim, ...]:
@@ -38,6 +41,8 @@ def requirements(project: Project, program: Program, found: Sequence[Claim]) -> 
     def asked() -> Iterator[Requirement]:
         for signal in project.controller_outputs:
             yield Requirement(f"signals.{signal.name}", f"output {_within(signal)}", resting(RANGES))
+        for key, says, kept in _limits(project, gains, program):
+            yield Requirement(f"controller.{key}", says, resting(RANGES) if kept else ())
         for parameter in program.parameters:
             says = f"parameter {parameter.name} can be set while it runs, and stays within its range"
             yield Requirement(f"controller.tunable.{parameter.name}", says, resting(RANGES))
@@ -56,6 +61,22 @@ def requirements(project: Project, program: Program, found: Sequence[Claim]) -> 
         yield Requirement("C: MISRA", "every departure from MISRA C has its reason", resting(MISRA))
 
     return tuple(asked())
+
+
+def _limits(project: Project, gains: Mapping[str, float], program: Program) -> Iterator[tuple[str, str, bool]]:
+    """Give each limit of the only output by its key, and whether the range that is proven keeps it.
+
+    A limit is what the output's number format makes of it: 7.3 V in steps of 1/2048 V is 7.2998 V.
+    """
+    if len(program.outputs) != 1 or len(program.results) != 1:
+        return
+    (output,), source = project.controller_outputs, program.results[0].source
+    held = next((op.result for op in program.body if op.result.name == source), program.outputs[0])
+    for key, word, sign, end in (("u_min", "least", -1, held.low), ("u_max", "most", 1, held.high)):
+        if key in gains and key not in program.tunable:
+            limit = round(math.ldexp(gains[key], held.number.fraction))
+            says = f"output {output.name} is at {word} {gains[key]:g} {output.unit}"
+            yield key, says, sign * end <= sign * limit
 
 
 def _allowed(most: float, program: Program, found: Sequence[Claim]) -> tuple[Claim, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
+from firmloop.presentation.fleet.words import different_rows
 from firmloop.stages.fleet.compare import FAMILY, Compared, compare
 from firmloop.stages.fleet.member import Estimated, Key, Member
 
@@ -67,6 +68,18 @@ def test_one_machine_with_many_recordings_weighs_as_one() -> None:
     found = compare([*fleet, *(Member("odd", f"odd/{k}.csv", KEY, odd) for k in range(40))])
     assert names(found) == ["odd"] and found.different[0].since == "odd/0.csv"
     assert found.typical[0].centre == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_machine_that_departed_for_a_while_and_then_for_good() -> None:
+    fleet = members(drawn(np.random.default_rng(6), 12))
+    moved = [1.0, 1.5, 1.0, 1.5, 1.5]
+    history = [{"R": value, "J": 1.0, "k": 1.0} for value in moved]
+    own = [Member("old", f"old/{k}.csv", KEY, one.parameters) for k, one in enumerate(members(history, 0.001))]
+    (found,) = compare([*fleet, *own]).different
+    assert (found.since, found.departing) == ("old/3.csv", ("old/1.csv", "old/3.csv", "old/4.csv"))
+    assert different_rows(found)[0][1] == "3.csv (the last 2 of 5)"
+    (gone,) = compare([*fleet, *own[:3]]).different
+    assert gone.since is None and different_rows(gone)[0][1] == "only 1.csv"
 
 
 def test_an_effect_that_most_machines_show_belongs_to_the_type() -> None:
