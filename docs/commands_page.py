@@ -16,7 +16,8 @@ STATUS = """## Exit status
 | status | meaning |
 |---|---|
 | 0 | the C agrees with its reference; no mismatch between simulation and recording |
-| 1 | the C differs, or a sanitizer found undefined behavior; a mismatch was found; a cost has grown too much |
+| 1 | the C differs, or a sanitizer found undefined behavior; a mismatch was found; a machine of a fleet \
+is different; a cost has grown too much; the evidence is not what was filed |
 | 2 | the project file, a recording or the command line is wrong: the message names file, key, value and rule |
 | 3 | a tool, sanitizer, port or board is not there, or memory ran out: the message names the way out |
 | 70 | a fault of firmloop itself; `FIRMLOOP_DEBUG=1` shows where |

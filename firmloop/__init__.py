@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from firmloop.door.design import design as design
     from firmloop.door.diagnose import diagnose as diagnose
+    from firmloop.door.diagnose_fleet import diagnose_fleet as diagnose_fleet
     from firmloop.door.generate import generate as generate
     from firmloop.door.identify import identify as identify
     from firmloop.door.load import load as load
@@ -34,6 +35,7 @@ __all__ = [
     "at_rest",
     "design",
     "diagnose",
+    "diagnose_fleet",
     "generate",
     "identify",
     "load",

@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NO_READER
     except (KeyboardInterrupt, _Stopped):
-        complain("stopped; nothing was written")
+        complain("stopped; nothing was left half-written")
         return STOPPED
     except Exception as error:
         return _failed(error, console)

@@ -68,7 +68,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "codegen": (
         ("bundle", "toolchain"),
-        ("environment", "names", "toml_table", "view"),
+        ("environment", "misra", "names", "toml_table", "view"),
         ("delivery", "emit", "host", "target"),
         ("firmware", "fmu", "packages"),
     ),

@@ -4,15 +4,12 @@
 
 gcc's -fanalyzer under all warnings, cppcheck's MISRA C:2012 checks, the double-precision helpers that the linker took,
 the stack from gcc's call graph, and what a NaN at each input does: outputs must keep their ranges, then and after it.
-Exit status 1 when a tool finds something that no reason below covers. cppcheck's MISRA addon is not a certified
-checker; it gives rule numbers, the reasons are ours.
+Exit status 1 when a tool finds something that no reason of codegen/misra.py covers.
 """
 
 from __future__ import annotations
 
-import re
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -22,16 +19,18 @@ from pathlib import Path
 import numpy as np
 
 from bench.codegen.example_laws import example_law
-from firmloop.codegen.bundle import Bundle, write_files
+from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import firmware
+from firmloop.codegen.misra import deviations
 from firmloop.codegen.target import load_target
 from firmloop.design.kinds import kinds
 from firmloop.design.law import Law
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program, QuantizeError
-from firmloop.verify.build.host import WARNINGS, build_host
+from firmloop.verify.build.host import build_host
 from firmloop.verify.build.image import Image, build_image
+from firmloop.verify.build.static_checks import read_statically
 from firmloop.verify.compare import record_type
 from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.packing import records
@@ -41,22 +40,6 @@ TARGET = "qemu_mps2_an386"
 LOST_AT = 7  # sample in which an input is no number
 SEEN = 40  # samples
 
-# Rule of MISRA C:2012 -> (category, why the generated code departs from it)
-REASONS = {
-    "2.3": ("advisory", "the array-size idiom stands for a static assertion, which C99 does not have"),
-    "2.4": ("advisory", "status bits are an enumeration without a variable of its type"),
-    "2.5": ("advisory", "macros of the header (program id, period, Q formats) are for the user"),
-    "8.9": ("advisory", "a problem's numbers stand before the function that reads them, not inside it"),
-    "9.3": ("required", "an array without a size is as long as its initializers, all of which are given"),
-    "10.1": ("required", "arithmetic right shift of a signed value: asserted at compile time in fl_fixed.h"),
-    "10.6": ("required", "a truth value (0 or 1) becomes a 32-bit word"),
-    "10.7": ("required", "a shift's count is narrower than what is shifted, and is not converted to it"),
-    "15.5": ("advisory", "a search ends where its answer is known, a step where an input is not a number"),
-    "18.4": ("advisory", "a pointer goes through a matrix row by row, which an index would multiply for"),
-    "19.2": ("advisory", "a float's bits are read or written as a word; C99 6.5.2.3 keeps the bytes of a union"),
-    "20.1": ("advisory", "the sizes of a problem stand before the header that they size"),
-}
-
 
 def laws() -> Iterator[tuple[str, Law]]:
     """Give the PID with every part in use, and every example of every kind."""
@@ -64,20 +47,6 @@ def laws() -> Iterator[tuple[str, Law]]:
     for kind in kinds().values():
         for name, request in kind.examples.items():
             yield name, kind.design(request).law
-
-
-def misra(folder: Path, sources: tuple[str, ...]) -> Counter[str]:
-    """Return how often each rule is hit."""
-    command = ["cppcheck", "--addon=misra", "--std=c99", "--quiet", *sources]
-    said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    return Counter(re.findall(r"\[misra-c2012-([0-9.]+)\]", said.stderr + said.stdout))
-
-
-def analyzer(folder: Path, sources: tuple[str, ...]) -> list[str]:
-    """Return what gcc's analyzer and all warnings say."""
-    command = ["gcc", *WARNINGS, "-O2", "-fanalyzer", "-c", *sources]
-    said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    return said.stderr.strip().splitlines()
 
 
 def image(program: Program, bundle: Bundle) -> Image | None:
@@ -113,8 +82,9 @@ def main() -> int:
     """Print one line per kind and format, then each rule's reason."""
     chosen = sys.argv[1:]
     hits: Counter[str] = Counter()
+    not_run: set[str] = set()
     wrong = 0
-    print("law                    format    analyzer  MISRA  double helpers  stack B  outputs lost to NaN")
+    print("law                    format    no reason  MISRA rules  double helpers  stack B  outputs lost to NaN")
     for name, law in laws():
         for arithmetic in ARITHMETICS if not chosen or name in chosen else ():
             try:
@@ -123,27 +93,23 @@ def main() -> int:
                 print(f"{name:22} {arithmetic:9} refused: {error}")
                 continue
             bundle = emit(program, "firmloop generate project.toml")
-            with tempfile.TemporaryDirectory() as text:
-                folder = Path(text)
-                write_files(bundle.files, folder)
-                words = analyzer(folder, bundle.sources)
-                found = misra(folder, bundle.sources) if shutil.which("cppcheck") else Counter()
+            readings = read_statically(bundle)
+            rules = [each for reading in readings for each in reading.findings if each.reason]
+            bare = [each for reading in readings for each in reading.findings if not each.reason]
+            not_run |= {f"{reading.tool}: {reading.not_run}" for reading in readings if reading.not_run}
             built, lost = image(program, bundle), spoiled(program, bundle)
             double = "-" if built is None else str(len(built.double_helpers))
             stack = "-" if built is None or built.stack_bytes is None else str(built.stack_bytes)
-            print(
-                f"{name:22} {arithmetic:9} {len(words):8} {found.total():6} {double:>15} {stack:>8} {lost:20}",
-                flush=True,
-            )
-            print("".join(f"    {word}\n" for word in words), end="")
-            hits += found
-            wrong += len(words) + sum(rule not in REASONS for rule in found) + lost
+            figures = f"{len(bare):9} {len(rules):12} {double:>15} {stack:>8} {lost:20}"
+            print(f"{name:22} {arithmetic:9} {figures}", flush=True)
+            print("".join(f"    {each.file}:{each.line}: {each.says} [{each.rule}]\n" for each in bare), end="")
+            hits += Counter(each.rule for each in rules)
+            wrong += len(bare) + lost
             wrong += arithmetic != "float64" and built is not None and bool(built.double_helpers)
-    for rule, count in sorted(hits.items(), key=lambda item: [int(part) for part in item[0].split(".")]):
-        category, why = REASONS.get(rule, ("?", "NO REASON GIVEN"))
-        print(f"rule {rule:5} {category:9} {count:5} hits in all: {why}")
-    if not shutil.which("cppcheck"):
-        print("cppcheck is not installed: the MISRA checks were left out (apt-get install cppcheck)")
+    for rule, deviation in deviations().items():
+        count = hits[f"misra-c2012-{rule}"]
+        print(f"rule {rule:5} {deviation.category:9} {count:5} hits in all: {deviation.why}")
+    print("".join(f"not run: {each}\n" for each in sorted(not_run)), end="")
     return 1 if wrong else 0
 
 

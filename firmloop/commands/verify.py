@@ -11,6 +11,7 @@ from firmloop import arguments as ask
 from firmloop.console import Console, progress, table
 
 if TYPE_CHECKING:
+    from firmloop.codegen.bundle import Bundle
     from firmloop.stages.baseline import Growth
 
 NAME = "verify"
@@ -28,20 +29,25 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--growth", type=_percent, default=2.0, metavar="PERCENT", help="that a cost may grow by (default 2)"
     )
     parser.add_argument("--junit", type=ask.place, metavar="FILE", help="a JUnit report for continuous integration")
+    parser.add_argument(
+        "--sarif", type=ask.place, metavar="FILE", help="a SARIF report, with what static checks find in the C"
+    )
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Leave the C, DIR/verdict.json and the report that was asked for."""
+    """Leave the C, DIR/verdict.json and the reports that were asked for."""
     from firmloop.codegen.bundle import write_files
     from firmloop.door.load import load
     from firmloop.door.verify import verify
     from firmloop.identify.extras import ToolError
     from firmloop.output import VERDICTS, results_folder, save, written
     from firmloop.presentation.junit import junit
+    from firmloop.presentation.sarif import sarif
     from firmloop.project.project import campaign_targets, require
     from firmloop.stages.baseline import check_baseline, growths
     from firmloop.stages.verification import Outcome
     from firmloop.told import tell_end, tell_noun
+    from firmloop.verify.build.static_checks import read_statically
 
     project, baseline = load(arguments.project), arguments.baseline
     require(project, "controller", "signals", "arithmetic")
@@ -49,16 +55,21 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if baseline is not None:
         check_baseline(baseline, targets)
 
-    def report(outcomes: Sequence[Outcome], found: Sequence[Growth]) -> None:
+    def report(bundle: Bundle | None, outcomes: Sequence[Outcome], found: Sequence[Growth]) -> None:
         if arguments.junit is not None:
             save({arguments.junit.name: junit(project.name, outcomes, found)}, arguments.junit.parent)
+        if arguments.sarif is not None:
+            with progress("reading the C with static checks"):
+                readings = read_statically(bundle) if bundle is not None else ()
+            text = sarif(arguments.out / project.name / "src", bundle, outcomes, readings)
+            save({arguments.sarif.name: text}, arguments.sarif.parent)
 
     with results_folder(arguments.out, VERDICTS) as folder:
         asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port}
         try:
             made = verify(project, targets=targets, **asked, stage=progress, tell=lambda noun: tell_noun(console, noun))
         except ToolError as error:
-            report([Outcome(target, None, str(error)) for target in targets], ())
+            report(None, [Outcome(target, None, str(error)) for target in targets], ())
             raise
         found: Sequence[Growth] = ()
         if baseline is not None:
@@ -67,7 +78,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.result("baseline", {growth.figure: [growth.before, growth.now] for growth in found})
         files = made.files()
         write_files(files, folder)
-    report(made.outcomes, found)
+    report(made.code.generated.bundle, made.outcomes, found)
     written(console, arguments.out, files)
     return tell_end(console, made.outcomes, made.not_tracked) or int(any(growth.too_much for growth in found))
 

@@ -16,7 +16,7 @@ from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, styled, svg, thinned
-from firmloop.presentation.report import STYLE
+from firmloop.presentation.report import page
 from firmloop.presentation.sections import page_table
 
 if TYPE_CHECKING:
@@ -36,19 +36,8 @@ _DOTS = 1200  # of a scatter
 
 def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) -> str:
     """Return the page; `cut` is what the replay of the controller says, None where there was nothing to replay."""
-    finding = made.finding
-    parts = [
-        "<!DOCTYPE html>",
-        '<html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{html.escape(name)}: firmloop diagnosis</title>",
-        f"<style>\n{STYLE}\n</style></head><body>",
-        f"<h1>{html.escape(name)}: {html.escape(finding.verdict.replace('_', ' '))}</h1>",
-        *diagnosis_sections(made, cut),
-        f"<h2>This report</h2><p>was made by <code>{html.escape(command)}</code></p>",
-        "</body></html>",
-    ]
-    return "\n".join(parts) + "\n"
+    title = f"<h1>{html.escape(name)}: {html.escape(made.finding.verdict.replace('_', ' '))}</h1>"
+    return page(name, "diagnosis", [title, *diagnosis_sections(made, cut)], command)
 
 
 def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:

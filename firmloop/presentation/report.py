@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -70,15 +71,19 @@ class Walk:
 
 def report(walk: Walk) -> str:
     """Return the page."""
-    name = html.escape(walk.project.name)
+    return page(walk.project.name, "report", walk_sections(walk), walk.command)
+
+
+def page(name: str, what: str, sections: Iterable[str], command: str) -> str:
+    """Return a page about the project called `name`, by firmloop; `command` makes it again."""
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{name}: firmloop report</title>",
+        f"<title>{html.escape(name)}: firmloop {what}</title>",
         f"<style>\n{STYLE}\n</style></head><body>",
-        *walk_sections(walk),
-        f"<h2>This report</h2><p>was made by <code>{html.escape(walk.command)}</code></p>",
+        *sections,
+        f"<h2>This report</h2><p>was made by <code>{html.escape(command)}</code></p>",
         "</body></html>",
     ]
     return "\n".join(parts) + "\n"

@@ -321,7 +321,7 @@ def test_terminated_in_the_middle(project: Path, tmp_path: Path) -> None:
     process.terminate()
     _, said = process.communicate(timeout=600)
     assert process.returncode == 130
-    assert said.splitlines()[-1] == "firmloop: stopped; nothing was written"
+    assert said.splitlines()[-1] == "firmloop: stopped; nothing was left half-written"
     assert [path.name for path in tmp_path.iterdir()] == ["bench"]
 
 
@@ -333,4 +333,4 @@ def test_interrupted(
 
     monkeypatch.setattr("firmloop.door.load.read_project", interrupted)
     assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 130
-    assert capsys.readouterr().err == "firmloop: stopped; nothing was written\n"
+    assert capsys.readouterr().err == "firmloop: stopped; nothing was left half-written\n"

@@ -24,12 +24,14 @@ PACKAGES = (
 )
 EXTRAS = (
     ("asammdf", "mdf4", "MDF recordings"),
+    ("distributed", "dask", "a fleet on a Dask cluster"),
     ("h5py", "hdf5", "HDF5 and MATLAB 7.3 recordings"),
     ("nfoursid", "blackbox", "subspace models"),
     ("npTDMS", "tdms", "TDMS recordings"),
     ("pandas", "blackbox", "subspace models"),
     ("pyarrow", "parquet", "Parquet recordings"),
     ("pyulog", "ulog", "ULog recordings"),
+    ("ray", "ray", "a fleet on a Ray cluster"),
 )
 
 

@@ -1,0 +1,1 @@
+"""What is filed as evidence, as words and as a page."""
