@@ -129,7 +129,7 @@ def compile_flags(target: Target) -> tuple[str, ...]:
 
 def _board_parts(target: Target, transport: str) -> tuple[str, ...]:
     assert target.timer is not None and target.startup is not None and transport in board_parts("transport")
-    parts = [f"startup_{target.startup}", f"timer_{target.timer.driver}", f"transport_{transport}"]
+    parts = ["start", f"startup_{target.startup}", f"timer_{target.timer.driver}", f"transport_{transport}"]
     if target.boot is not None:
         parts.append(f"boot_{target.boot}")
     if target.uart is not None and transport == "uart":
@@ -235,7 +235,9 @@ def _figures(target: Target) -> list[dict[str, str]]:
             ("BOARD_UART_BAUD", f"{target.uart.baud}U", "bit/s"),
         ]
         if target.uart.interrupt is not None:
-            figures.append(("BOARD_UART_INTERRUPT", f"{target.uart.interrupt}U", "number in the NVIC"))
+            figures.append(
+                ("BOARD_UART_INTERRUPT", f"{target.uart.interrupt}U", "its number at the interrupt controller")
+            )
     return [{"name": name, "value": value, "says": says} for name, value, says in figures]
 
 

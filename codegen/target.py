@@ -12,7 +12,7 @@ from pathlib import Path
 
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.toml_table import TomlTable
-from firmloop.codegen.toolchain import COMPILERS, SOURCE_RULE, is_source_name
+from firmloop.codegen.toolchain import COMPILERS, EMULATORS, SOURCE_RULE, is_source_name
 from firmloop.identify.regular_file import read_text
 
 FLOAT_UNITS = ("float32", "float64")
@@ -42,7 +42,7 @@ class Uart:
     base: int
     baud: int
     clock_hz: int
-    interrupt: int | None = None  # its number in the NVIC
+    interrupt: int | None = None  # its number at the interrupt controller
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +63,7 @@ class Qemu:
 
     machine: str
     icount_shift: int
+    program: str = EMULATORS[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +238,11 @@ def _timer(table: TomlTable) -> Timer:
 
 def _qemu(table: TomlTable) -> Qemu:
     # QEMU takes shifts up to 10; below 0 there are none.
-    qemu = Qemu(machine=table.word("machine"), icount_shift=table.integer("icount_shift", 0, 10))
+    qemu = Qemu(
+        machine=table.word("machine"),
+        icount_shift=table.integer("icount_shift", 0, 10),
+        program=table.choice("program", EMULATORS) if table.has("program") else EMULATORS[0],
+    )
     table.finish()
     return qemu
 

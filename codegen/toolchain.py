@@ -1,4 +1,4 @@
-"""The compilers and flags that a target's file may ask for; whatever else it asks for is refused by name.
+"""The compilers, emulators and flags that a target's file may ask for; whatever else it asks for is refused by name.
 
 A target's file comes with a project, and a project may be a stranger's. A compiler's command line runs programs
 (-specs, -B, -wrapper, -fplugin) and reads or writes any file (@file, -include, -o): flags are chosen here one by one.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 COMPILERS = ("gcc", "arm-none-eabi-gcc", "riscv64-unknown-elf-gcc")
+EMULATORS = ("qemu-system-arm", "qemu-system-riscv32")
 
 _NAME = r"[a-z0-9]+(?:[._+-][a-z0-9]+)*"  # of a core or an architecture, with its extensions: armv7e-m+fp
 VALUED = {
@@ -23,9 +24,11 @@ VALUED = {
     "-msmall-data-limit=": "[0-9]{1,6}",
     "-O": "[0-3sg]",
 }
-# None of these lets floating point round another way: the reference rounds after every operation.
+# None of these lets floating point round another way: the reference rounds after every operation. The one file of specs
+# is the C library's own, which the compiler finds in its folders by that name.
 PLAIN = frozenset(
     """
+    --specs=picolibc.specs
     -mthumb -mlittle-endian -munaligned-access -mno-unaligned-access -mslow-flash-data -mpure-code -mlong-calls
     -mword-relocations -mcmse -mfix-cortex-m3-ldrd -mstrict-align -mno-strict-align -mrelax -mno-relax -msave-restore
     -mno-save-restore -m32 -m64 -msse2

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from firmloop.codegen.target import Target, load_target, target_names
+
 RECORDINGS = Path(os.environ.get("FIRMLOOP_RECORDINGS", Path(__file__).parent.parent.parent / "shared" / "recordings"))
 
 # The same examples in every run, and no limit of time: what fails here fails everywhere.
@@ -23,10 +25,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     qemu = cross or ("" if shutil.which("qemu-system-arm") else "qemu-system-arm is not installed")
     recordings = "" if RECORDINGS.is_dir() else f"no bench recordings at {RECORDINGS.name}; set FIRMLOOP_RECORDINGS"
     slow = "" if "slow" in (config.option.markexpr or "") else "slow; run with -m slow"
+    targets = {name: _missing_of(load_target(name)) for name in target_names()}
+    for item in items:
+        named = item.callspec.params.values() if isinstance(item, pytest.Function) and hasattr(item, "callspec") else ()
+        for tool in {targets[each] for each in named if isinstance(each, str) and targets.get(each)}:
+            item.add_marker(pytest.mark.skip(reason=f"{tool} is not installed"))
     for mark, reason in (("cross", cross), ("qemu", qemu), ("recordings", recordings), ("slow", slow)):
         for item in items:
             if reason and item.get_closest_marker(mark):  # keywords would hold the names of folders, too
                 item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def _missing_of(target: Target) -> str:
+    """The first program that this machine lacks of those that a target's image is built and run with."""
+    tools = (target.compiler, *((target.qemu.program,) if target.qemu is not None else ()))
+    return next((tool for tool in tools if shutil.which(tool) is None), "")
 
 
 @pytest.fixture(scope="session")

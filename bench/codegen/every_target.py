@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import Target, load_target, target_names
+from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import QuantizeError
 from firmloop.verify.run import verify
@@ -54,9 +55,13 @@ def main() -> int:
                     print(f"{target.name:24} {name:10} {number:8} has no such program: {error}")
                     continue
                 bundle = emit(program, "firmloop generate bench.toml")
-                verdict = verify(
-                    law, program, bundle, target, (), arguments.steps, 1, arguments.link, lambda share, doing: None
-                )
+                try:
+                    verdict = verify(
+                        law, program, bundle, target, (), arguments.steps, 1, arguments.link, lambda share, doing: None
+                    )
+                except ToolError as error:
+                    print(f"{target.name:24} {name:10} {number:8} not run: {error}")
+                    continue
                 cost = verdict.cost
                 runs, steps, wrong = runs + 1, steps + verdict.steps, wrong + (not verdict.agrees)
                 print(

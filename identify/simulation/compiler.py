@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -16,7 +17,7 @@ from firmloop.identify.simulation.own_folder import why_not_own
 from firmloop.identify.simulation.scratch import scratch_folder
 
 _PACKAGES = {
-    "gcc": "gcc",
+    "gcc": "gcc libc6-dev",
     "make": "make",
     "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
     "arm-none-eabi-size": "binutils-arm-none-eabi",
@@ -24,8 +25,15 @@ _PACKAGES = {
     "arm-none-eabi-objdump": "binutils-arm-none-eabi",
     "arm-none-eabi-objcopy": "binutils-arm-none-eabi",
     "qemu-system-arm": "qemu-system-arm",
+    "riscv64-unknown-elf-gcc": "gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf",
+    "riscv64-unknown-elf-size": "binutils-riscv64-unknown-elf",
+    "riscv64-unknown-elf-nm": "binutils-riscv64-unknown-elf",
+    "picolibc.specs": "picolibc-riscv64-unknown-elf",
+    "qemu-system-riscv32": "qemu-system-misc",
     "clang-format": "clang-format",
 }
+
+_SPECS = re.compile(r"cannot read spec file '([\w.-]+)'")
 
 LONGEST_BUILD = 300.0  # s; a compiler that takes longer hangs
 _SHOWN_LINES = 12  # of the compiler's words; the first error is what matters
@@ -35,10 +43,19 @@ def find_tool(name: str) -> Path:
     """Return the path of a program, or raise ToolError with the command that installs it."""
     found = shutil.which(name)
     if found is None:
-        package = _PACKAGES.get(name)
-        remedy = f"install it with: apt-get install {package}" if package else "install it and put it on PATH"
-        raise ToolError(f"{name} is not installed; {remedy}")
+        raise not_installed(name)
     return Path(found)
+
+
+def not_installed(name: str) -> ToolError:
+    """Return the error that names what is missing and the command that installs it."""
+    install = install_line(name)
+    return ToolError(f"{name} is not installed; {f'install it with: {install}' if install else 'put it on PATH'}")
+
+
+def install_line(name: str) -> str:
+    """Return the command that installs a program or a file of one; empty where none is known."""
+    return f"apt-get install {_PACKAGES[name]}" if name in _PACKAGES else ""
 
 
 def run_compiler(command: Sequence[str], folder: Path) -> str:
@@ -63,6 +80,9 @@ def run_compiler(command: Sequence[str], folder: Path) -> str:
         raise ToolError(f"{command[0]} did not end within {LONGEST_BUILD:.0f} s; try again") from None
     said = done.stdout.decode(errors="replace")
     if done.returncode != 0:
+        unread = _SPECS.search(said)
+        if unread:  # the compiler is there, the C library that its specs come with is not
+            raise not_installed(unread[1])
         first = "\n".join(said.splitlines()[:_SHOWN_LINES])
         raise ToolError(f"{command[0]} failed with status {done.returncode}:\n{first}")
     return said

@@ -1,4 +1,4 @@
-/* board.h -- what main.c needs of a board: one startup, one timer, one transport, and a UART if the transport is one
+/* board.h -- what main.c needs of a board: start.c, one startup, one timer, one transport, and a UART if the transport is one
  *
  * A new UART family is one file that defines the four functions of uart_*.c, and a wait_*.c if images shall sleep on
  * it; a new board is one TOML file of firmloop.
@@ -56,10 +56,20 @@ void uart_wait(void);
 bool board_putc(uint8_t byte);
 int board_getc(void);
 
+/* start.c */
+/** Makes the memory what C expects it to be and runs main(); the first function of C there is. */
+void start_c(void);
+/** A name and eight hex digits; used by the fault report only. */
+void say_register(const char *name, uint32_t value);
+void *memcpy(void *to, const void *from, size_t count);
+void *memset(void *to, int value, size_t count);
+
 /* startup_*.c */
 /** Of a timer that has one; otherwise it is a fault. */
 void systick_handler(void);
-/** Has this interrupt of the NVIC be no longer pending, unless it is raised. */
+/** Asks what stands in for the board for an operation of semihosting. */
+uint32_t semihosting_call(uint32_t operation, uint32_t argument);
+/** Has this interrupt be no longer pending, unless it is raised. */
 void interrupt_clear(uint32_t interrupt);
 /** Sleeps until this interrupt is pending, be it already, or another event wakes the core; no handler of it runs. */
 void interrupt_wait(uint32_t interrupt);
@@ -67,7 +77,5 @@ void interrupt_wait(uint32_t interrupt);
 void stack_paint(void);
 /** Bytes below the caller that were written since stack_paint(). */
 uint32_t stack_depth(void);
-void *memcpy(void *to, const void *from, size_t count);
-void *memset(void *to, int value, size_t count);
 
 #endif

@@ -9,11 +9,6 @@
 /* Places given by the linker script; only their addresses mean anything. */
 extern uint32_t stack_bottom[];
 extern uint32_t stack_top[];
-extern uint32_t data_start[];
-extern uint32_t data_end[];
-extern const uint32_t data_image[];
-extern uint32_t bss_start[];
-extern uint32_t bss_end[];
 
 /* Interrupt set-enable, clear-enable and clear-pending registers, offsets from 0xE000E000. */
 #define NVIC_ISER 0x100U
@@ -22,10 +17,8 @@ extern uint32_t bss_end[];
 
 typedef void (*handler_t)(void);
 
-int main(void);
 void reset_handler(void);
 void fault_handler(void);
-void start_c(void);
 void fault_report(const uint32_t *frame, uint32_t exc_return);
 
 typedef struct {
@@ -78,20 +71,6 @@ __attribute__((naked, used)) void reset_handler(void) {
                      "bl start_c\n");
 }
 
-__attribute__((used, noreturn)) void start_c(void) {
-    const uint32_t *from = data_image;
-    for (uint32_t *to = data_start; to < data_end; to++) {
-        *to = *from;
-        from++;
-    }
-    for (uint32_t *to = bss_start; to < bss_end; to++) {
-        *to = 0U;
-    }
-    (void)main();
-    for (;;) {
-    }
-}
-
 /* A stack that ran over cannot carry the report, so the report starts on a fresh one. */
 __attribute__((naked, used)) void fault_handler(void) {
     __asm__ volatile("mov r0, sp\n"
@@ -99,16 +78,6 @@ __attribute__((naked, used)) void fault_handler(void) {
                      "ldr r2, =stack_top\n"
                      "mov sp, r2\n"
                      "bl fault_report\n");
-}
-
-static void say_register(const char *name, uint32_t value) {
-    char text[9];
-    for (uint32_t i = 0; i < 8U; i++) {
-        text[i] = "0123456789abcdef"[(value >> (28U - 4U * i)) & 15U];
-    }
-    text[8] = '\0';
-    transport_text(name);
-    transport_text(text);
 }
 
 __attribute__((used, noreturn)) void fault_report(const uint32_t *frame, uint32_t exc_return) {
@@ -160,6 +129,13 @@ void interrupt_wait(uint32_t interrupt) {
     __asm__ volatile("cpsie i" ::: "memory");
 }
 
+uint32_t semihosting_call(uint32_t operation, uint32_t argument) {
+    register uint32_t r0 __asm__("r0") = operation;
+    register uint32_t r1 __asm__("r1") = argument;
+    __asm__ volatile("bkpt 0xab" : "+r"(r0) : "r"(r1) : "memory");
+    return r0;
+}
+
 /* In assembly because both have to know that they put nothing of their own below the caller's stack pointer; a compiler
  * may save a register there, as it does on ARMv8.1-M to count a loop. */
 __attribute__((naked)) void stack_paint(void) {
@@ -189,23 +165,4 @@ __attribute__((naked)) uint32_t stack_depth(void) {
                      "b 1b\n"
                      "2: subs r0, r2, r1\n"
                      "bx lr\n");
-}
-
-/* The compiler calls these two by name for structures and buffers; there is no C library to take them from. Volatile
- * keeps it from recognizing a loop as what the function is, and calling the function from within itself. */
-void *memcpy(void *to, const void *from, size_t count) {
-    volatile uint8_t *bytes = to;
-    const uint8_t *source = from;
-    for (size_t i = 0; i < count; i++) {
-        bytes[i] = source[i];
-    }
-    return to;
-}
-
-void *memset(void *to, int value, size_t count) {
-    volatile uint8_t *bytes = to;
-    for (size_t i = 0; i < count; i++) {
-        bytes[i] = (uint8_t)value;
-    }
-    return to;
 }

@@ -1,7 +1,7 @@
-/* transport_semihosting.c -- the line is two pipes of the host, opened through Arm semihosting
+/* transport_semihosting.c -- the line is two pipes of the host, opened through semihosting
  *
- * Operations: Arm "Semihosting for AArch32 and AArch64", chapter 6. The pipes are named relative to the folder that the
- * emulator runs in.
+ * Operations: Arm "Semihosting for AArch32 and AArch64", chapter 6; RISC-V has the same ones. The pipes are named
+ * relative to the folder that the emulator runs in.
  */
 #include "board.h"
 
@@ -22,26 +22,19 @@
 static uint32_t input;
 static uint32_t output;
 
-static uint32_t semihosting(uint32_t operation, uint32_t argument) {
-    register uint32_t r0 __asm__("r0") = operation;
-    register uint32_t r1 __asm__("r1") = argument;
-    __asm__ volatile("bkpt 0xab" : "+r"(r0) : "r"(r1) : "memory");
-    return r0;
-}
-
 static uint32_t address_of(const volatile void *object) {
     return (uint32_t)(uintptr_t)object;
 }
 
 static void end(uint32_t reason) {
-    (void)semihosting(SYS_EXIT, reason);
+    (void)semihosting_call(SYS_EXIT, reason);
     for (;;) {
     }
 }
 
 static uint32_t open_pipe(const char *name, uint32_t length, uint32_t mode) {
     const volatile uint32_t block[3] = {address_of(name), mode, length};
-    const uint32_t handle = semihosting(SYS_OPEN, address_of(block));
+    const uint32_t handle = semihosting_call(SYS_OPEN, address_of(block));
     if (handle == 0xFFFFFFFFUL) {
         transport_text("FAULT cannot open ");
         transport_text(name);
@@ -64,12 +57,12 @@ void transport_open(void) {
 size_t transport_read(uint8_t *bytes, size_t room) {
     static const uint8_t zero = 0U;
     const volatile uint32_t block[3] = {input, address_of(bytes), (uint32_t)room};
-    uint32_t missing = semihosting(SYS_READ, address_of(block));
+    uint32_t missing = semihosting_call(SYS_READ, address_of(block));
     for (uint32_t unheard = 1U; missing >= room; unheard++) {
         if (unheard % UNHEARD_MOST == 0U) {
             transport_write(&zero, 1U);
         }
-        missing = semihosting(SYS_READ, address_of(block));
+        missing = semihosting_call(SYS_READ, address_of(block));
     }
     return room - missing;
 }
@@ -78,7 +71,7 @@ void transport_write(const uint8_t *bytes, size_t count) {
     size_t left = count;
     while (left > 0U) {
         const volatile uint32_t block[3] = {output, address_of(bytes + (count - left)), (uint32_t)left};
-        const uint32_t missing = semihosting(SYS_WRITE, address_of(block));
+        const uint32_t missing = semihosting_call(SYS_WRITE, address_of(block));
         if (missing >= left) {
             end(EXIT_DONE);
         }
@@ -87,7 +80,7 @@ void transport_write(const uint8_t *bytes, size_t count) {
 }
 
 void transport_text(const char *text) {
-    (void)semihosting(SYS_WRITE0, address_of(text));
+    (void)semihosting_call(SYS_WRITE0, address_of(text));
 }
 
 void transport_fail(void) {

@@ -13,14 +13,15 @@ from firmloop.codegen.bundle import CodegenError, write_files
 from firmloop.codegen.firmware import LINK_FLAGS, compile_flags
 from firmloop.codegen.target import Target
 from firmloop.identify.simulation.compiler import ToolError, compiler_version, run_compiler
-from firmloop.verify.build.elf import check_start
+from firmloop.verify.build.start import check_start
 from firmloop.verify.verdict import Function
 
 ELF = "image.elf"
 CONTROLLER = "controller/"  # where firmware() puts the controller's own files
 OWN_STACK = 512  # bytes, what the image takes above step(), with room to spare
 RUN_TIME_STACK = 128  # bytes, what a run-time function of the compiler takes at most, such as one that adds floats
-DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|\w+2d)")  # run-time ABI for Arm (IHI 0043), section 4.1.2: double precision
+# Double precision: run-time ABI for Arm (IHI 0043), section 4.1.2; elsewhere libgcc's own names, whose mode is DF.
+DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|\w+2d)|__[a-z]+df[a-z0-9]*")
 
 _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "([^"]*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')

@@ -43,12 +43,13 @@ class QemuProcess:
                 "not supported here: an emulator needs inherited descriptors and poll(), which this system lacks; "
                 "run it under Linux (on Windows: WSL), or name a board with --port"
             )
-        program = find_tool("qemu-system-arm")
+        program = find_tool(qemu.program)
         command = [
             *_ended_with_parent(),
             str(program),
             *_without_programs(program),
-            *("-machine", qemu.machine, "-display", "none", "-monitor", "none"),
+            # No firmware: the image is what the machine starts with.
+            *("-machine", qemu.machine, "-bios", "none", "-display", "none", "-monitor", "none"),
             # Instructions are the clock: the same image counts the same ticks on any machine.
             *("-icount", f"shift={qemu.icount_shift}"),
             *arguments,

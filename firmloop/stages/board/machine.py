@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from firmloop.codegen.target import load_target, target_names
+from firmloop.identify.simulation.compiler import install_line
 from firmloop.verify.links.ports import find_ports
 
 PACKAGES = (
@@ -32,6 +35,12 @@ EXTRAS = (
     ("pyarrow", "parquet", "Parquet recordings"),
     ("pyulog", "ulog", "ULog recordings"),
     ("ray", "ray", "a fleet on a Ray cluster"),
+)
+
+NEEDED = (
+    ("gcc", "fit, host verification"),
+    ("arm-none-eabi-gcc", "Cortex-M images"),
+    ("qemu-system-arm", "Cortex-M runs without a board"),
 )
 
 
@@ -72,24 +81,25 @@ def comforts() -> tuple[Tool, ...]:
         Tool("setpriv", _version("setpriv"), "ends QEMU when firmloop is killed", "apt-get install util-linux"),
         Tool("pyocd", _version("pyocd"), "flashing a board", "pip install pyocd"),
         Tool("openocd", _version("openocd"), "flashing a board, instead of pyocd", "apt-get install openocd"),
+        *_of_targets(),
     )
+
+
+def _of_targets() -> Iterator[Tool]:
+    """Yield what single targets are built and run with, beside what most of them need."""
+    known = {name for name, *_ in NEEDED}
+    targets = [load_target(name) for name in target_names()]
+    for target in targets:
+        for name in (target.compiler, *((target.qemu.program,) if target.qemu is not None else ())):
+            if name not in known:
+                known.add(name)
+                yield Tool(name, _version(name), f"target {target.name}", install_line(name))
 
 
 def survey() -> tuple[Tool, ...]:
     """Ask every program that firmloop may call for its version."""
-    return (
-        Tool("gcc", _version("gcc"), "fit, host verification", "apt-get install gcc libc6-dev"),
-        Tool(
-            "arm-none-eabi-gcc", _version("arm-none-eabi-gcc"), "Cortex-M images", "apt-get install gcc-arm-none-eabi"
-        ),
-        Tool("newlib", _newlib(), "Cortex-M images", "apt-get install libnewlib-arm-none-eabi"),
-        Tool(
-            "qemu-system-arm",
-            _version("qemu-system-arm"),
-            "Cortex-M runs without a board",
-            "apt-get install qemu-system-arm",
-        ),
-    )
+    programs = [Tool(name, _version(name), needed_for, install_line(name)) for name, needed_for in NEEDED]
+    return (*programs, Tool("newlib", _newlib(), "Cortex-M images", "apt-get install libnewlib-arm-none-eabi"))
 
 
 def _version(program: str) -> str | None:

@@ -14,8 +14,9 @@ from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import MemoryRegion, Qemu, Target, Timer, Uart, load_target, target_names
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.quantize.lower.lower import lower
-from firmloop.verify.build.elf import boot_crc, check_start, flat, segments
+from firmloop.verify.build.elf import flat, segments
 from firmloop.verify.build.image import build_image
+from firmloop.verify.build.start import boot_crc, check_start
 from firmloop.verify.links.uart import open_qemu_uart
 from tests.laws import FULL, pid
 from tests.verify.boards import BUNDLE, PROGRAM, RESULT, expected, packed
@@ -59,6 +60,19 @@ def test_a_start_that_cannot_be_is_refused(tmp_path: Path) -> None:
         check_start(image.elf, replace(target, boot="rp2040"))
     image.elf.write_bytes(b"\x7fELF")
     with pytest.raises(ToolError, match=r"image\.elf is no image for a 32-bit processor"):
+        check_start(image.elf, target)
+
+
+@pytest.mark.parametrize("name", ["qemu_riscv32"])
+def test_a_core_without_vectors_starts_with_the_first_word(name: str, tmp_path: Path) -> None:
+    target = load_target(name)
+    image = build_image(firmware(PROGRAM, BUNDLE, target, "uart"), target, tmp_path)
+    elf = bytearray(image.elf.read_bytes())
+    elf[24:28] = (int.from_bytes(elf[24:28], "little") + 4).to_bytes(4, "little")  # e_entry
+    image.elf.write_bytes(elf)
+    with pytest.raises(
+        ToolError, match=f"{name}: the image is entered at 0x80000004, but the core starts at 0x80000000"
+    ):
         check_start(image.elf, target)
 
 

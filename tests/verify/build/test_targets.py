@@ -47,8 +47,8 @@ def verdict_of(target: Target, number: str, steps: int, link: str | None) -> Ver
 
 def test_the_cores_that_users_have_are_there() -> None:
     cores = {target.core for target in TARGETS.values()}
-    assert cores == {f"cortex-{core}" for core in ("m0", "m3", "m4", "m7", "m33", "m55")}
-    assert len(TARGETS) == 8
+    assert cores == {*(f"cortex-{core}" for core in ("m0", "m3", "m4", "m7", "m33", "m55")), "rv32imac"}
+    assert len(TARGETS) == 9
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -72,7 +72,7 @@ def test_formats_that_a_core_is_special_for(name: str, number: str) -> None:
 
 
 @pytest.mark.parametrize("link", ["uart", "pty"])
-@pytest.mark.parametrize("name", ["qemu_microbit", "qemu_netduinoplus2"])
+@pytest.mark.parametrize("name", ["qemu_microbit", "qemu_netduinoplus2", "qemu_riscv32"])
 def test_the_uart_of_each_family_carries_it(name: str, link: str) -> None:
     verdict = verdict_of(TARGETS[name], "fixed32", 100, link)
     assert verdict.agrees and verdict.link == link
