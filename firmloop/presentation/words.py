@@ -91,7 +91,20 @@ def about_tracking(found: Tracking) -> list[str]:
 def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
-    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]) + note + _about_points(loop)
+    rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
+    return table(rows) + note + _about_the_rate(loop) + _about_points(loop)
+
+
+def _about_the_rate(loop: Loop) -> list[str]:
+    """Say so where a step rests later than it is followed, as with a controller far too fast for its plant."""
+    samples, period = len(loop.step.time), float(loop.step.time[1])
+    if loop.to_rest <= samples * period:
+        return []
+    return [
+        f"  note: the step is followed for {samples:,} samples, {samples * period:.3g} s, and rests only after "
+        f"{loop.to_rest:.3g} s: period_s = {period:g} is very short for this loop, and {loop.to_rest / samples:.2g} "
+        "would show all of it"
+    ]
 
 
 def _about_points(loop: Loop) -> list[str]:

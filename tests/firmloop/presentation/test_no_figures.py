@@ -91,9 +91,9 @@ ANY = st.floats(allow_nan=True, allow_infinity=True)
 @given(figures=st.lists(ANY, min_size=14, max_size=14), halves=st.lists(ANY.map(abs), min_size=3, max_size=3))
 def test_words_and_documents_hold_no_infinite_figure(figures: list[float], halves: list[float]) -> None:
     margins, metrics = Margins(True, *figures[:6]), StepMetrics(*figures[6:])
-    still = Trajectory(*[np.zeros(2)] * 4, np.zeros(2, dtype=bool))
+    still = Trajectory(np.arange(2.0), *[np.zeros(2)] * 3, np.zeros(2, dtype=bool))
     names = ("gain_margin_db", "rise_s", "overshoot_percent")
-    loop = Loop(margins, still, metrics, dict(zip(names, halves, strict=True)), (("here", margins),))
+    loop = Loop(margins, still, metrics, dict(zip(names, halves, strict=True)), 1e5, (("here", margins),))
     said = "\n".join(about_loop(loop))
     assert not NO_FIGURE.search(said), said
     written = json.loads(result_json({"step": fields_document(metrics)}), parse_constant=pytest.fail)
