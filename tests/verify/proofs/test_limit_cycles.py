@@ -22,7 +22,7 @@ OUTPUT = (Signal("output", "V", -100.0, 100.0),)
 
 
 def shown(pole: float, gain: float, rounds: str) -> tuple[ZeroInput, float, float, set[str]]:
-    """What x+ = pole x + e, u = gain x does at rest, the units in the last place of x and of u, V, and what it takes."""
+    """What x+ = pole x + e, u = gain x does at rest, the last places of x and of u, V, and what it takes."""
     table = {"A": [[pole]], "B": [[1.0, -1.0]], "C": [[gain]], "D": [[0.0, 0.0]]}
     program = lower(design("state_space", "pole", table, 0.01, WIRES, OUTPUT, None).law, "fixed32", rounds)
     found = zero_input(program)
