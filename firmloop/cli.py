@@ -41,6 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # a terminal that knows ASCII only must not end a walk
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: threads only wait for each other
     given = sys.argv[1:] if argv is None else argv
     arguments = _parser(given).parse_args(given)
     console: Console = JsonConsole() if arguments.json else TextConsole()

@@ -1,19 +1,24 @@
 """Design filters of every usual family and compare the verdict on their stability with exact arithmetic.
 
 Run it as `python bench/proofs/filter_stability.py`: orders 2 to 20, five families, low, high and band pass, cut-offs
-over six decades of the rate; coefficients in z, in s, and as sections. Prints one row a family; ends with 1 where a
-verdict is wrong.
+over six decades of the rate; coefficients in z, in s, and as sections. Prints one row a family and the share that is
+right; ends with 1 where a verdict is wrong. Two minutes on two cores.
 """
 
 from __future__ import annotations
 
+import math
+import os
 import sys
+import time
 import warnings
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from fractions import Fraction
 
 import numpy as np
 import scipy.signal
+from threadpoolctl import threadpool_limits
 
 from firmloop.design.kinds import design
 from firmloop.design.law import DesignError
@@ -76,18 +81,17 @@ def refused(table: dict[str, object]) -> bool:
 
 
 def truth(table: dict[str, object]) -> str:
-    """Return "stable", "unstable" or "boundary" of the given coefficients, by Schur and Cohn's test in fractions."""
+    """Return "stable", "unstable" or "boundary" of the given coefficients, by Schur and Cohn's test in integers."""
     if "sections" in table:
         parts = [row[3:] for row in table["sections"]]
         parts = [part[:-1] if part[-1] == 0 else part for part in parts]
-        return _worst([_within(_exact(part), 1 + EDGE * k) for part in parts] for k in (0, 1))
-    below = _exact(table["denominator"])
+        return _worst([_within(_whole(part), 1 + EDGE * k) for part in parts] for k in (0, 1))
+    below = _whole(table["denominator"])
     if table.get("domain") != "s":
         return _worst([_within(below, 1 + EDGE * k)] for k in (0, 1))
     scale = Fraction(float(np.max(np.abs(np.roots(table["denominator"])))))
-    monic = [value / below[0] / scale**k for k, value in enumerate(below)]
-    turn = 2 * EDGE
-    return _worst([_within(_turned(monic, k * turn), Fraction(1))] for k in (0, 1))
+    scaled = _common([value / scale**k for k, value in enumerate(below)])
+    return _worst([_within(_turned(scaled, k * 2 * EDGE), Fraction(1))] for k in (0, 1))
 
 
 def _worst(tests: Iterator[list[bool]]) -> str:
@@ -95,38 +99,60 @@ def _worst(tests: Iterator[list[bool]]) -> str:
     return "stable" if inside else "boundary" if nearly else "unstable"
 
 
-def _exact(values: Sequence[float]) -> list[Fraction]:
-    return [Fraction(float(value)) for value in values]
+def _whole(values: Sequence[float]) -> list[int]:
+    return _common([Fraction(float(value)) for value in values])
 
 
-def _turned(monic: list[Fraction], shift: Fraction) -> list[Fraction]:
-    """Put s = shift + (w - 1)/(w + 1), so that the left half plane becomes the unit circle."""
-    order = len(monic) - 1
-    total = [Fraction(0)] * (order + 1)
-    for k, value in enumerate(monic):
-        product = [value]
-        for above in [True] * (order - k) + [False] * k:
-            one, other = (1 + shift, shift - 1) if above else (Fraction(1), Fraction(1))
-            product = [one * x + other * y for x, y in zip([*product, 0], [0, *product], strict=True)]
-        total = [x + y for x, y in zip(total, product, strict=True)]
-    return total
+def _common(values: Sequence[Fraction]) -> list[int]:
+    """Multiply by what makes all of them whole, and take out what they have in common."""
+    unit = math.lcm(*(value.denominator for value in values))
+    return _shortened([int(value * unit) for value in values])
 
 
-def _within(coefficients: list[Fraction], radius: Fraction) -> bool:
-    left = [value / coefficients[0] / radius**k for k, value in enumerate(coefficients)]
+def _shortened(values: list[int]) -> list[int]:
+    common = math.gcd(*values) or 1
+    return [value // common for value in values]
+
+
+def _turned(scaled: list[int], shift: Fraction) -> list[int]:
+    """Put s = shift + (w - 1)/(w + 1), so that the left half plane becomes the unit circle; by Horner's rule."""
+    above = shift.numerator + shift.denominator, shift.numerator - shift.denominator
+    below = shift.denominator, shift.denominator
+    total, power = [scaled[0]], [1]
+    for value in scaled[1:]:
+        power = _times(power, below)
+        total = [x + value * y for x, y in zip(_times(total, above), power, strict=True)]
+    return _shortened(total)
+
+
+def _times(values: list[int], factor: tuple[int, int]) -> list[int]:
+    return [factor[0] * x + factor[1] * y for x, y in zip([*values, 0], [0, *values], strict=True)]
+
+
+def _within(coefficients: list[int], radius: Fraction) -> bool:
+    order = len(coefficients) - 1
+    left = [value * radius.denominator**k * radius.numerator ** (order - k) for k, value in enumerate(coefficients)]
     while len(left) > 1:
-        last = left[-1]
-        if abs(last) >= 1:
+        first, last = left[0], left[-1]
+        if abs(last) >= abs(first):
             return False
-        left = [(left[k] - last * left[-1 - k]) / (1 - last * last) for k in range(len(left) - 1)]
+        left = _shortened([first * left[k] - last * left[-1 - k] for k in range(len(left) - 1)])
     return True
+
+
+def judged(table: dict[str, object]) -> tuple[str, bool]:
+    """Return what a filter is in truth, and whether it was called unstable."""
+    return truth(table), refused(table)
 
 
 def main() -> int:
     """Judge all of them."""
+    began = time.monotonic()
     counts: dict[str, list[int]] = {family: [0, 0, 0, 0] for family in FAMILIES}
-    for family, given, table in filters(ORDERS, CUT_OFFS):
-        right, said = truth(table), refused(table)
+    every = list(filters(ORDERS, CUT_OFFS))
+    with ProcessPoolExecutor(os.cpu_count(), initializer=threadpool_limits, initargs=(1,)) as pool:
+        answers = list(pool.map(judged, (table for _, _, table in every), chunksize=16))
+    for (family, given, table), (right, said) in zip(every, answers, strict=True):
         row = counts[family]
         row[0] += 1
         row[1] += right == "unstable"
@@ -137,7 +163,9 @@ def main() -> int:
     print(f"{'family':<12}{'filters':>9}{'unstable as given':>19}{'on the boundary':>17}{'wrong':>7}")
     for family, (filtered, unstable, boundary, wrong) in counts.items():
         print(f"{family:<12}{filtered:>9}{unstable:>19}{boundary:>17}{wrong:>7}")
-    return int(any(row[3] for row in counts.values()))
+    wrong = sum(row[3] for row in counts.values())
+    print(f"{100 * (1 - wrong / len(every)):.4g} % of {len(every)} right, {time.monotonic() - began:.0f} s")
+    return int(wrong > 0)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,9 @@ Array = npt.NDArray[np.float64]
 Response = npt.NDArray[np.complex128]
 
 LONGEST, LONGEST_SEARCHED = 50_000, 5_000  # samples of a step: a search takes as long as many plain samples
+MOST_WORK = 5_000_000  # samples of a step times the states of plant and law, past inputs included
+BLOCK = 500  # samples run at one go: what builds a run of n samples takes n log n, and takes it once for a block
+SLOWEST = 1 - 1e-9  # a pole above it counts as one at rest
 ON_CIRCLE = 1e-9  # a pole this close to the unit circle is not called stable
 
 
@@ -66,7 +69,8 @@ class Trajectory:
 class StepMetrics:
     """Figures of one step response, relative to its first and last value.
 
-    Times are in s from the step, infinite where the response does not get there.
+    Times are in s from the step, infinite where the response does not get there. One that has not come to rest has no
+    last value: there is nothing to have a share of.
     """
 
     rise_s: float  # 10 % to 90 %
@@ -133,14 +137,23 @@ def margins(law: Law, linear: Linear) -> Margins:
 def step_profile(law: Law, linear: Linear) -> Array:
     """Make the reference (n,) of a step from 0 to a quarter of its range.
 
-    It lasts twelve time constants of the slowest closed-loop mode, at least 200 and at most LONGEST samples.
+    It lasts as many samples as `samples_to_rest` says, as far as LONGEST and MOST_WORK go.
     """
     reference, _ = reference_and_measurement(law.inputs)
     signal = law.inputs[reference]
     top = signal.high if signal.high >= -signal.low else signal.low
-    speeds = -np.log(np.clip(np.abs(closed_loop_poles(law, linear)), 1e-6, 1 - 1e-6))
-    longest = LONGEST if law.solve is None else LONGEST_SEARCHED
-    return np.full(int(np.clip(12 / speeds.min(), 200, longest)), top / 4)
+    poles = closed_loop_poles(law, linear)
+    longest = min(LONGEST if law.solve is None else LONGEST_SEARCHED, MOST_WORK // max(1, len(poles)))
+    return np.full(min(_samples_to_rest(poles), longest), top / 4)
+
+
+def samples_to_rest(law: Law, linear: Linear) -> int:
+    """Return twelve time constants of the slowest mode of the linearized loop, at least 200, in samples."""
+    return _samples_to_rest(closed_loop_poles(law, linear))
+
+
+def _samples_to_rest(poles: Response) -> int:
+    return max(200, int(12 / -math.log(min(max(float(np.max(np.abs(poles))), 1e-6), SLOWEST))))
 
 
 def closed_loop(law: Law, linear: Linear, reference: Array, optimum: QuadraticSolver | None = None) -> Trajectory:
@@ -175,7 +188,7 @@ def disturbed_loop(
     start = np.concatenate([np.zeros(a.shape[0]), law.start])
     told = np.array([reference, load], dtype=np.float64)
     if law.solve is None:
-        _, rows = step.mapaccum(steps)(start, told, np.zeros((0, steps)))
+        rows = _plain_run(step, start, told)
     else:
         parameters = ca.Function("parameters", [ca.vertcat(plant, x), r], [law.solve.function(x, z)])
         assert optimum is not None, "a law that solves is run with what solves it"
@@ -183,6 +196,21 @@ def disturbed_loop(
     measured, output, flagged = np.array(rows, dtype=np.float64)
     time = np.arange(steps, dtype=np.float64) * law.period
     return Trajectory(time, np.asarray(reference, dtype=np.float64), measured, output, flagged > 0)
+
+
+def _plain_run(step: ca.Function, start: Array, told: Array) -> Array:
+    """Run `step` without moves; `told`: reference and load, a column a sample."""
+    steps = told.shape[1]
+    block = step.mapaccum(min(steps, BLOCK))
+    size = block.size2_in(1)
+    state, results = start, []
+    for first in range(0, steps, size):
+        part = told[:, first : first + size]
+        whole = np.pad(part, ((0, 0), (0, size - part.shape[1])))
+        states, rows = block(state, whole, np.zeros((0, size)))
+        state = np.array(states)[:, -1]
+        results.append(np.array(rows)[:, : part.shape[1]])
+    return np.hstack(results)
 
 
 def _solved_run(
@@ -230,12 +258,13 @@ def step_metrics(trajectory: Trajectory) -> StepMetrics:
         nothing = math.nan  # overshoots a response that does not come
         return StepMetrics(math.inf, math.inf, math.inf, nothing, nothing, float(y[-1]), float(error[-1]), iae)
     share = (y - y[0]) / span
+    rests = math.isfinite(_settle(time, share, 0.05))
     return StepMetrics(
-        rise_s=_reach(time, share, 0.9) - _reach(time, share, 0.1),
+        rise_s=_reach(time, share, 0.9) - _reach(time, share, 0.1) if rests else math.inf,
         settling_2_s=_settle(time, share, 0.02),
         settling_5_s=_settle(time, share, 0.05),
-        overshoot_percent=100 * max(0.0, float(share.max()) - 1),
-        undershoot_percent=100 * max(0.0, -float(share.min())),
+        overshoot_percent=100 * max(0.0, float(share.max()) - 1) if rests else math.nan,
+        undershoot_percent=100 * max(0.0, -float(share.min())) if rests else math.nan,
         peak=float(y[np.argmax(share)]),
         steady_state_error=float(error[-1]),
         iae=iae,

@@ -45,7 +45,8 @@ def linearize_law(law: Law) -> LinearLaw:
             reached = _reached(a, b)
             return LinearLaw(a[np.ix_(reached, reached)], b[reached], c[:, reached], d)
     raise DesignError(
-        f"law '{law.name}' stands at a limit at every point tried; widen u_min and u_max or the ranges in [signals]"
+        f"law '{law.name}' stands at a limit at every point tried, from a millionth of the range off: lower its gains, "
+        "as a longer period_s or a slower tuning does, or widen u_min and u_max or the ranges in [signals]"
     )
 
 

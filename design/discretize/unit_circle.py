@@ -45,14 +45,16 @@ def blocks(a: Array) -> list[Array]:
 
 def _block_within(block: Array, radius: float) -> bool:
     order = len(block)
+    if order > MOST_EXACT:
+        return float(np.max(np.abs(np.linalg.eigvals(block)))) < radius
     if order > PLAIN:
         values, vectors = np.linalg.eig(block)
         size = float(np.max(np.abs(values)))
         doubt = order * np.finfo(np.float64).eps * float(np.linalg.norm(block)) * float(np.linalg.cond(vectors))
         if size + doubt < radius:
             return True
-        if order > MOST_EXACT or size - 2 * order * doubt > radius:
-            return size < radius
+        if size - 2 * order * doubt > radius:
+            return False
     return _hurwitz(_left_half(_characteristic(block, Fraction(radius))))
 
 

@@ -14,6 +14,8 @@ from firmloop.identify.simulation.linearize import Linear
 
 Array = npt.NDArray[np.float64]
 
+MOST_DELAY = 300  # samples, each a state of the loop: ten within the delay are plenty for a controller
+
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
@@ -44,6 +46,12 @@ def zero_order_hold(linear: Linear, period: float) -> Sampled:
     if linear.delay < 0:
         raise DesignError(f"the plant's delay is {linear.delay:g} s; it must not be negative")
     whole = math.floor(linear.delay / period * (1 + 1e-12))  # 0.003 / 0.001 is three samples, not 2.9999
+    if whole > MOST_DELAY:
+        raise DesignError(
+            f"the plant's delay of {linear.delay:g} s is {whole} samples of controller.period_s = {period:g}, and no "
+            f"loop answers within it: a period of {linear.delay / 20:.2g} s does, {linear.delay / MOST_DELAY:.2g} s is "
+            f"the least that is designed for"
+        )
     rest = min(max(linear.delay - whole * period, 0.0), period)
     if rest < 1e-9 * period:
         rest = 0.0

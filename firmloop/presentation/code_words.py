@@ -17,6 +17,16 @@ def quantity(value: float, unit: str, endless: str = "no limit") -> str:
     return endless if math.isinf(value) else in_unit(f"{value:.3g}", unit)
 
 
+def figure(value: float | None, form: str) -> str:
+    """Write a figure in a format; one that is not known, or has no end, is none."""
+    return "none" if value is None or not math.isfinite(value) else f"{value:{form}}"
+
+
+def percent(value: float, form: str) -> str:
+    """Write a share in %, likewise."""
+    return f"{figure(value, form)} %" if math.isfinite(value) else "none"
+
+
 def in_unit(figure: str, unit: str) -> str:
     """Put the unit behind a figure; a pure number has none."""
     return figure if unit in ("", "1") else f"{figure} {unit}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.identify.normal import NORMAL_95
+from firmloop.presentation.code_words import figure, percent
 from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, styled, svg, thinned
 from firmloop.presentation.report import page
 from firmloop.presentation.sections import page_table
@@ -24,7 +26,8 @@ if TYPE_CHECKING:
 
     from firmloop.diagnose.controller.replay import Cut
     from firmloop.diagnose.discrepancy.fit import Shape
-    from firmloop.diagnose.finding import Finding
+    from firmloop.diagnose.finding import Finding, Shift
+    from firmloop.diagnose.search.found import Search
     from firmloop.diagnose.run import Diagnosis
     from firmloop.identify.plants.plant import Plant
 
@@ -45,34 +48,38 @@ def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:
     finding = made.finding
     return [
         *(f"<p>{html.escape(line)}</p>" for line in finding.says),
-        *_effects(finding),
+        *effects_table(finding),
         "<h2>Recording against model</h2>",
         *_courses(made),
         "<h2>What is left, by coordinate</h2>",
         *_scatter(made),
         *_unnamed(made.finding),
         "<h2>The controller half</h2>",
-        *_controller(cut),
+        *controller_tables(cut),
         "<h2>What was weighed</h2>",
-        _ranking(made),
+        ranking_table(made.search),
         "<h2>Parameters</h2>",
-        page_table(
-            ("parameter", "given", "refitted alone", "with the effects", "unit"),
-            [(s.name, f"{s.given:.5g}", f"{s.refit:.5g}", f"{s.after:.5g}", s.unit) for s in finding.shifts],
-        ),
+        shifts_table(finding.shifts),
         *_untestable(finding, made),
     ]
 
 
-def _effects(finding: Finding) -> list[str]:
+def shifts_table(shifts: Sequence[Shift]) -> str:
+    """Nominal parameters as given, refitted alone, and beside the effects."""
+    rows = [(s.name, *(figure(value, ".5g") for value in (s.given, s.refit, s.after)), s.unit) for s in shifts]
+    return page_table(("parameter", "given", "refitted alone", "with the effects", "unit"), rows)
+
+
+def effects_table(finding: Finding) -> list[str]:
+    """Return what was left out, with its parameters."""
     rows = [
         (
             each.name,
             each.output or "",
-            f"{100.0 * each.probability:.0f} %",
+            percent(100.0 * each.probability, ".0f"),
             key,
-            f"{estimate.value:.5g}",
-            "" if estimate.interval is None else f"{estimate.interval[0]:.4g} to {estimate.interval[1]:.4g}",
+            figure(estimate.value, ".5g"),
+            "" if estimate.interval is None else " to ".join(figure(end, ".4g") for end in estimate.interval),
             estimate.unit,
         )
         for each in finding.effects
@@ -181,7 +188,7 @@ def _explained(made: Diagnosis, plant: Plant) -> Latent | None:
     return latent(plant, shown, [noise.rms for noise in made.search.best.noises])
 
 
-def _controller(cut: Cut | None) -> list[str]:
+def controller_tables(cut: Cut | None) -> list[str]:
     """Say what the replay of the controller on its recorded inputs showed."""
     if cut is None or cut.samples == 0:
         notes = "" if cut is None else " ".join(f"{note}." for note in cut.notes)
@@ -193,10 +200,10 @@ def _controller(cut: Cut | None) -> list[str]:
         ("recordings replayed", f"{cut.loops}"),
         ("samples", f"{cut.samples:,}"),
         ("answered as recorded, within its digits", f"{cut.same:,}"),
-        ("largest difference", f"{cut.worst:.4g} {cut.unit}"),
+        ("largest difference", f"{figure(cut.worst, '.4g')} {cut.unit}"),
     ]
     faults = [
-        (role, each.fault.name, each.fault.what, f"{each.figure:.5g}", _reach(each.deviation), each.fault.unit)
+        (role, each.fault.name, each.fault.what, figure(each.figure, ".5g"), _reach(each.deviation), each.fault.unit)
         for role, blames in (("explains it", cut.blames), ("would as well", cut.others))
         for each in blames
     ]
@@ -209,7 +216,8 @@ def _controller(cut: Cut | None) -> list[str]:
 
 
 def _reach(deviation: float | None) -> str:
-    return "" if deviation is None else f"± {NORMAL_95 * deviation:.2g}"
+    half = math.nan if deviation is None else NORMAL_95 * deviation
+    return f"± {half:.2g}" if math.isfinite(half) else ""
 
 
 def _law(axes: Axes, shape: Shape | None, kind: str, coordinate: str) -> None:
@@ -217,12 +225,13 @@ def _law(axes: Axes, shape: Shape | None, kind: str, coordinate: str) -> None:
         axes.plot(shape.points[:, 0], shape.points[:, 1], color=MODEL)
 
 
-def _ranking(made: Diagnosis) -> str:
+def ranking_table(search: Search) -> str:
+    """Return every explanation that was weighed, round by round."""
     rows = []
-    for turn, candidates in enumerate(made.search.rounds):
+    for turn, candidates in enumerate(search.rounds):
         for candidate in candidates:
             names = " + ".join(term.label for term in candidate.fitted.terms)
-            rows.append((str(turn + 1), names, f"{made.search.nominal.score - candidate.score:.1f}"))
+            rows.append((str(turn + 1), names, figure(search.nominal.score - candidate.score, ".1f")))
     return page_table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
 
 

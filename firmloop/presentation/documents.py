@@ -33,7 +33,7 @@ def fit_document(fit: Fit) -> Mapping[str, object]:
         "parameters": {parameter.name: parameter_document(parameter) for parameter in fit.plant.parameters},
         "train": scores_document(fit.train),
         "test": scores_document(fit.test),
-        "noise": dict(fit.noise),
+        "noise": {output: finite(rms) for output, rms in fit.noise.items()},
         "warnings": list(fit.warnings),
     }
 
@@ -42,10 +42,10 @@ def parameter_document(parameter: Parameter) -> Mapping[str, object]:
     """Return value, unit and 95 % interval; null where there is none."""
     interval = parameter.interval_95
     return {
-        "value": parameter.value,
+        "value": finite(parameter.value),
         "unit": parameter.unit,
         "free": parameter.free,
-        "ci95": None if interval is None else list(interval),
+        "ci95": None if interval is None else [finite(end) for end in interval],
     }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.units import unit_of
 from firmloop.presentation import words
+from firmloop.presentation.code_words import figure, percent
 from firmloop.presentation.figures import CurvePair, Step, comparison_figure, search_figure, step_figure
 from firmloop.presentation.tuning_table import HEAD, contest_rows
 
@@ -57,10 +58,10 @@ def plant_section(fit: Fit, data: Data) -> list[str]:
             role,
             Path(score.source).name,
             output,
-            f"{each.fit_percent:.2f}",
-            f"{each.rmse:.3g}",
-            f"{each.mae:.3g}",
-            f"{each.r2:.6f}",
+            figure(each.fit_percent, ".2f"),
+            figure(each.rmse, ".3g"),
+            figure(each.mae, ".3g"),
+            figure(each.r2, ".6f"),
         )
         for role, score in scored
         for output, each in score.scores.items()
@@ -92,7 +93,7 @@ def comparisons(fit: Fit, data: Data) -> list[CurvePair]:
     ]
     return [
         CurvePair(
-            title=f"{role}: {Path(score.source).name}, fit {score.scores[output.name].fit_percent:.1f} %",
+            title=f"{role}: {Path(score.source).name}, fit {percent(score.scores[output.name].fit_percent, '.1f')}",
             output=output.name,
             unit=unit_of(output.name),
             time=recording.time,
@@ -108,7 +109,7 @@ def controller_section(design: Design, loop: Loop | None, tracked: Tracking | No
     """Gains, the closed loop, and what a feedforward is worth."""
     step = step_of(design, loop)
     by = f"tuned by {design.tuned_by}" if design.tuned_by else "gains as given"
-    gains = [(name, f"{value:.5g}") for name, value in design.gains.items()]
+    gains = [(name, figure(value, ".5g")) for name, value in design.gains.items()]
     parts = [f"<h2>Controller: {html.escape(by)}</h2>", page_table(("gain", "value"), gains)]
     if loop and step:
         parts += [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from firmloop.console import table
 from firmloop.identify.normal import NORMAL_95
-from firmloop.presentation.code_words import in_unit, quantity
+from firmloop.presentation.code_words import figure, in_unit, percent, quantity
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.loop import Margins, StepMetrics
@@ -42,7 +42,12 @@ def about_fit(fit: Fit) -> list[str]:
     """Parameters with their 95 % intervals, and how well each recording is predicted."""
     rows = [(parameter.name, *estimate(parameter)) for parameter in fit.plant.parameters]
     scores = [
-        (f"{role} {Path(score.source).name}", output, f"fit {figures.fit_percent:.1f} %", f"rmse {figures.rmse:.3g}")
+        (
+            f"{role} {Path(score.source).name}",
+            output,
+            f"fit {percent(figures.fit_percent, '.1f')}",
+            f"rmse {figure(figures.rmse, '.3g')}",
+        )
         for role, scored in (("train", fit.train), ("test", fit.test))
         for score in scored
         for output, figures in score.scores.items()
@@ -54,17 +59,17 @@ def about_fit(fit: Fit) -> list[str]:
 def estimate(parameter: Parameter) -> tuple[str, str, str]:
     """Value, 95 % interval and unit of a parameter, rounded to what the interval tells."""
     if not parameter.free:
-        return f"{parameter.value:.6g}", "given", parameter.unit
-    if parameter.deviation is None or not math.isfinite(parameter.deviation) or parameter.deviation == 0:
-        return f"{parameter.value:#.2g}".rstrip("."), "interval unknown", parameter.unit
-    half = NORMAL_95 * parameter.deviation
+        return figure(parameter.value, ".6g"), "given", parameter.unit
+    half = math.nan if parameter.deviation is None else NORMAL_95 * parameter.deviation
+    if not math.isfinite(half) or half == 0 or not math.isfinite(parameter.value):
+        return figure(parameter.value, "#.2g").rstrip("."), "interval unknown", parameter.unit
     return rounded_to(parameter.value, half), f"± {half:.2g}", parameter.unit
 
 
 def rounded_to(value: float, half: float) -> str:
     """Write a value down to the second digit of the half width of its interval."""
     if value == 0 or not math.isfinite(value):
-        return f"{value:g}"
+        return figure(value, "g")
     if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(half)) - 1):
         return "0"
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
@@ -91,7 +96,20 @@ def about_tracking(found: Tracking) -> list[str]:
 def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
-    return table([(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]) + note + _about_points(loop)
+    rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
+    return table(rows) + note + _about_the_rate(loop) + _about_points(loop)
+
+
+def _about_the_rate(loop: Loop) -> list[str]:
+    """Say so where a step rests later than it is followed, as with a controller far too fast for its plant."""
+    samples, period = len(loop.step.time), float(loop.step.time[1])
+    if loop.to_rest <= samples * period:
+        return []
+    return [
+        f"  note: the step is followed for {samples:,} samples, {samples * period:.3g} s, and rests only after "
+        f"{loop.to_rest:.3g} s: period_s = {period:g} is very short for this loop, and {loop.to_rest / samples:.2g} "
+        "would show all of it"
+    ]
 
 
 def _about_points(loop: Loop) -> list[str]:

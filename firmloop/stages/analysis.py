@@ -14,6 +14,7 @@ from firmloop.design.analysis.loop import (
     Trajectory,
     closed_loop,
     margins,
+    samples_to_rest,
     step_metrics,
     step_profile,
 )
@@ -38,6 +39,7 @@ class Loop:
     step: Trajectory
     metrics: StepMetrics
     halves: Mapping[str, float]  # of 95 % intervals of both, by field, from those of the plant's parameters
+    to_rest: float  # s that a step takes to rest, which may be more than `step` follows
     points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
 
 
@@ -68,7 +70,8 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
 
         points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
         metrics = step_metrics(step) if found.stable else NO_METRICS
-        return Loop(found, step, metrics, half_widths(plant, figures), points)
+        to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
+        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points)
 
 
 def _moves(step: Trajectory) -> bool:

@@ -1,8 +1,7 @@
 """Search the delay in whole samples, and the means, without which a model leaves much more.
 
-Every candidate is fitted by Steiglitz and McBride's iteration (IEEE Trans. AC 10 (1965) 461-464): least squares on
-signals filtered by the last denominator, which comes near to the output-error fit in a few linear steps. What a
-simulation of it leaves decides, as a likelihood ratio.
+Every candidate is fitted by Steiglitz and McBride's iteration; what a simulation of it leaves decides, as a likelihood
+ratio.
 """
 
 from __future__ import annotations
@@ -10,13 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-import scipy.signal
 import scipy.stats
 
-from firmloop.identify.bench_tests.blackbox import Record, fit_arx, miss, steadied
+from firmloop.identify.bench_tests.blackbox import Record, miss, prefiltered
 
-ROUNDS = 6
 MOST = 200  # samples of delay that are tried
 SHARE = 10  # of the rows at most are delay
 CERTAIN = float(scipy.stats.chi2.ppf(0.999, 1))  # least gain of a delay in twice the logarithm of the likelihood
@@ -25,19 +21,7 @@ WRONG = 1.5  # times the mean square error by which means that are left in spoil
 
 def least_miss(records: Sequence[Record], order: int, late: int) -> float:
     """Return the mean square error of simulating the best model of the iteration."""
-    model = steadied(fit_arx(records, order, late))
-    best = miss(model, records)
-    for _ in range(ROUNDS):
-        below = np.concatenate([[1.0], -model.a[:, 0]])
-        passed = [
-            Record(one.source, *(scipy.signal.lfilter([1.0], below, part) for part in (one.drive, one.output)))
-            for one in records
-        ]
-        if not all(np.all(np.isfinite(part)) for one in passed for part in (one.drive, one.output)):
-            break
-        model = steadied(fit_arx(passed, order, late))
-        best = min(best, miss(model, records))
-    return best
+    return miss(prefiltered(records, order, late), records)
 
 
 def best_delay(records: Sequence[Record], order: int) -> int:

@@ -79,6 +79,10 @@ def test_a_target_file_of_the_user_is_read(tmp_path: Path) -> None:
         ),
         (changed("bits = 32", "bits = 32, width = 3"), "timer.width = 3: is an unknown key; known: driver, base, bits"),
         (changed("bytes = 8192", "bytes = 1024"), "stack_bytes = 1024: is a multiple of 8 and smaller than .*'ram'"),
+        *(
+            (changed("stack_bytes = 1024", f"stack_bytes = {odd}"), f"stack_bytes = {odd}: is a multiple of 8")
+            for odd in (1023, 1020, 1025, 1028)
+        ),
         (changed('"ram"', '"sram"'), "memory = .*names 'flash' and 'ram', each once"),
         (
             changed('[{ name = "flash"', '[3, { name = "flash"'),

@@ -10,6 +10,7 @@ import pytest
 import scipy.signal
 
 from firmloop.cli import main
+from firmloop.identify.bench_tests.blackbox import Record, fit_arx, least_squares_arx
 
 PERIOD = 0.02
 (ABOVE,), BELOW, _ = scipy.signal.cont2discrete(([30.0], [1, 4, 30]), PERIOD)  # gain 1, poles -2 +- 5.1 j
@@ -67,9 +68,22 @@ def test_a_given_delay_that_the_recording_denies_is_told(tmp_path: Path, capsys:
     assert "model.delay_samples is 2; the recordings ask for 9 samples of delay" in capsys.readouterr().out
 
 
-def test_the_noise_of_a_sensor_is_told_to_an_arx_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found(left(tmp_path, steps(), 9, 0.05, (0.0, 0.0), 'structure = "arx"\n'))
-    assert "pulls gain and poles of an arx model away; take structure = 'oe'" in capsys.readouterr().out
+@pytest.mark.parametrize("noise", [0.01, 0.05, 0.2])
+def test_the_noise_of_a_sensor_does_not_pull_an_arx_model_away(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], noise: float
+) -> None:
+    document = found(left(tmp_path, steps(), 9, noise, (0.0, 0.0), 'structure = "arx"\n'))
+    assert document["gain"] == pytest.approx(1.0, abs=0.02 + 0.1 * noise)
+    assert "pulls gain and poles of an arx model away" in capsys.readouterr().out
+
+
+def test_an_arx_model_of_its_own_noise_is_one_of_least_squares() -> None:
+    random = np.random.default_rng(3)
+    drive = np.repeat(random.choice([-1.0, 1.0], 250), 8)
+    made = scipy.signal.lfilter([0.0, 0.2], [1.0, -1.5, 0.7], drive)
+    made += scipy.signal.lfilter([1.0], [1.0, -1.5, 0.7], 0.05 * random.standard_normal(2000))
+    records = [Record("r", drive, made)]
+    assert np.array_equal(fit_arx(records, 2, 0).a, least_squares_arx(records, 2, 0).a)
 
 
 @pytest.mark.parametrize("rest", [(1.5, 4.2), (0.0, 20.0), (-3.0, 0.0)])

@@ -54,18 +54,26 @@ def lose_power(bench: Bench, again: bool, every: int) -> int:
         bench.run("old.toml", "counted")
     times = _places(bench.changes("counted"), every)
     for at in times:
-        name = f"out{at}"
-        if again:
-            bench.run("old.toml", name)
-        assert without_power(bench.command("x.toml", bench.place(name)), at) == DEAD
-        left = held(bench.place(name))
-        for file, content in left.items():
-            assert content in (new.get(file), old.get(file)), f"{file} is half-written"
-        if any(file.endswith(".json") and content != old.get(file) for file, content in left.items()):
-            assert _others(left, new) == _others(new, new), "a document speaks of files that are not there"
-        assert bench.run("x.toml", name) == new
+        lose_power_once(bench, at, new, old)
     assert not list(bench.folder.rglob(".*")), "the next run sweeps what is left"
     return len(times)
+
+
+def lose_power_once(bench: Bench, at: int, new: dict[str, bytes], old: dict[str, bytes]) -> None:
+    """Lose power before change number `at`, over older results where there are any: what is left is whole, old or new.
+
+    The next run there is clean.
+    """
+    name = f"out{at}"
+    if old:
+        bench.run("old.toml", name)
+    assert without_power(bench.command("x.toml", bench.place(name)), at) == DEAD
+    left = held(bench.place(name))
+    for file, content in left.items():
+        assert content in (new.get(file), old.get(file)), f"{file} is half-written"
+    if any(file.endswith(".json") and content != old.get(file) for file, content in left.items()):
+        assert _others(left, new) == _others(new, new), "a document speaks of files that are not there"
+    assert bench.run("x.toml", name) == new, "the next run is not clean"
 
 
 def lose_room(bench: Bench, every: int) -> int:

@@ -10,6 +10,7 @@ import scipy
 
 from firmloop.identify.bench_tests.blackbox import (
     EVEN,
+    PULLED,
     STRUCTURES,
     Continuous,
     Record,
@@ -17,6 +18,7 @@ from firmloop.identify.bench_tests.blackbox import (
     check_answer,
     check_records,
     continuous,
+    least_squares_arx,
     miss,
     redrawn,
 )
@@ -38,7 +40,6 @@ from firmloop.stages.saturation import cut_input, refuse_saturated
 
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals
-PULLED = 1.03  # times the mean square error of an output-error model: more is no chance
 WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
 
 
@@ -218,7 +219,7 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
-    about = _about_delay(searched, late, found), _about_noise(structure, records, sampled)
+    about = _about_delay(searched, late, found), _about_noise(structure, records, order, late)
     notes = (*data.notes, *filter(None, about))
     return BlackBox(structure, period, sampled, made, plant, judged, spread, cut, notes)
 
@@ -237,11 +238,16 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
     )
 
 
-def _about_noise(structure: str, records: Sequence[Record], sampled: SampledModel) -> str:
+def _about_noise(structure: str, records: Sequence[Record], order: int, late: int) -> str:
     """Say where noise that does not pass the plant's poles, as a sensor's does not, pulls an ARX model away."""
-    if structure != "arx" or miss(sampled, records) < PULLED * least_miss(records, len(sampled.a), sampled.late):
+    if structure != "arx":
         return ""
-    return "the noise is the sensor's, which pulls gain and poles of an arx model away; take structure = 'oe'"
+    if miss(least_squares_arx(records, order, late), records) < PULLED * least_miss(records, order, late):
+        return ""
+    return (
+        "the noise is the sensor's, which pulls gain and poles of an arx model away, so that simulated past outputs "
+        "stand in for the measured ones; structure = 'oe' is made for such noise"
+    )
 
 
 def _about_delay(searched: bool, late: int, found: int) -> str:

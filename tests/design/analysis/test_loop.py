@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from firmloop.design.analysis.loop import (
+    BLOCK,
+    LONGEST,
     LONGEST_SEARCHED,
+    MOST_WORK,
     Trajectory,
     closed_loop,
     closed_loop_poles,
     loop_response,
     margins,
+    samples_to_rest,
     step_metrics,
     step_profile,
 )
@@ -184,6 +188,35 @@ def test_step_profile_lasts_until_the_loop_has_settled():
     profile = step_profile(law, plant)
     assert np.all(profile == 25.0)
     assert step_metrics(closed_loop(law, plant, profile)).settling_2_s < 0.8 * len(profile) * 0.05
+
+
+def test_a_run_in_blocks_is_one_run():
+    law, plant = pid(0.05, kp=2.0, ki=1.5), linear([1.0], [1.0, 1.0], 0.15)
+    reference = np.full(2 * BLOCK + 7, 25.0)
+    whole, first = closed_loop(law, plant, reference), closed_loop(law, plant, reference[: BLOCK - 1])
+    assert len(whole.measurement) == len(reference) and np.all(whole.measurement[-7:] == pytest.approx(25.0))
+    assert np.array_equal(whole.measurement[: BLOCK - 1], first.measurement)
+
+
+@pytest.mark.parametrize("samples", [10, 250])
+def test_a_step_is_bounded_in_samples_and_work(samples: int):
+    """A plant that rests after millions of samples; its delay makes each of them dearer."""
+    law, plant = pid(0.005, kp=1.0, ki=1e-3), linear([1.0], [1e6, 1e3, 1.0], 0.005 * samples)
+    assert samples_to_rest(law, plant) > 1e6
+    length = len(step_profile(law, plant))
+    assert length == LONGEST if samples == 10 else LONGEST / 3 < length < MOST_WORK / samples
+
+
+def test_a_response_that_does_not_rest_has_no_last_value():
+    time = np.arange(100.0)
+    growing = Trajectory(time, np.r_[0.0, np.ones(99)], time**8, time, np.zeros(100, dtype=bool))
+    ramp = step_metrics(growing)
+    assert ramp.rise_s == ramp.settling_5_s == math.inf and math.isnan(ramp.overshoot_percent)
+
+
+def test_a_delay_of_too_many_samples_is_refused_with_the_period_that_does():
+    with pytest.raises(DesignError, match=r"4000 samples of controller.period_s = 0.005.*a period of 1 s does"):
+        margins(pid(0.005, kp=1.0), linear([1.0], [10.0, 1.0], 20.0))
 
 
 def test_a_law_that_is_never_free_is_refused():

@@ -7,19 +7,30 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmloop.cli import main
 from firmloop.design.analysis.loop import Margins, StepMetrics, Trajectory
 from firmloop.design.design import Design
-from firmloop.presentation.documents import fields_document, result_json
-from firmloop.presentation.sections import targets_section
-from firmloop.presentation.words import about_loop, about_outcome
+from firmloop.diagnose.cut import Blame, Cut
+from firmloop.diagnose.fault import Fault
+from firmloop.diagnose.finding import Estimate, Finding, Named, Ratio, Shift
+from firmloop.identify.fitting.fit import Fit, RecordingScore
+from firmloop.identify.fitting.scores import Scores
+from firmloop.identify.plants.plant import Parameter
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.signal import Signal
+from firmloop.presentation.diagnosis_report import controller_tables, effects_table, ranking_table, shifts_table
+from firmloop.presentation.documents import fields_document, fit_document, known, result_json
+from firmloop.presentation.sections import comparisons, plant_section, targets_section
+from firmloop.presentation.words import about_fit, about_loop, about_outcome
 from firmloop.stages.analysis import Loop
+from firmloop.stages.data import Data
 from firmloop.stages.verification import Outcome
 from firmloop.verify.verdict import NO_COST, ClosedLoop, Difference, Rounded, Verdict, Worst
 from tests.laws import FULL, pid
@@ -91,9 +102,9 @@ ANY = st.floats(allow_nan=True, allow_infinity=True)
 @given(figures=st.lists(ANY, min_size=14, max_size=14), halves=st.lists(ANY.map(abs), min_size=3, max_size=3))
 def test_words_and_documents_hold_no_infinite_figure(figures: list[float], halves: list[float]) -> None:
     margins, metrics = Margins(True, *figures[:6]), StepMetrics(*figures[6:])
-    still = Trajectory(*[np.zeros(2)] * 4, np.zeros(2, dtype=bool))
+    still = Trajectory(np.arange(2.0), *[np.zeros(2)] * 3, np.zeros(2, dtype=bool))
     names = ("gain_margin_db", "rise_s", "overshoot_percent")
-    loop = Loop(margins, still, metrics, dict(zip(names, halves, strict=True)), (("here", margins),))
+    loop = Loop(margins, still, metrics, dict(zip(names, halves, strict=True)), 1e5, (("here", margins),))
     said = "\n".join(about_loop(loop))
     assert not NO_FIGURE.search(said), said
     written = json.loads(result_json({"step": fields_document(metrics)}), parse_constant=pytest.fail)
@@ -130,3 +141,40 @@ def test_a_page_draws_a_run_that_left_all_numbers(odd: float) -> None:
     shown = re.sub(r"<svg.*?</svg>", lambda found: found.group().partition("<defs")[0], page, flags=re.DOTALL)
     assert not NO_FIGURE.search(shown), shown
     assert not re.search(r"[\s\"]-?(inf|nan)[\s\"]", page), "in a figure"
+
+
+@settings(max_examples=40, deadline=None)  # each draws a figure
+@given(figures=st.lists(ANY, min_size=8, max_size=8))
+def test_a_fit_holds_no_infinite_figure(figures: list[float]) -> None:
+    value, given_value, deviation, noise, *scored = figures
+    parameters = (
+        Parameter("R_ohm", "ohm", value, True, 0.0, math.inf, abs(deviation)),
+        Parameter("L_H", "H", given_value, False, 0.0, math.inf, None),
+    )
+    plant = SimpleNamespace(kind="first_order", parameters=parameters, outputs=(Signal("y", "", 0.0, 1.0),))
+    score = RecordingScore("a.csv", {"y": Scores(*scored)}, np.zeros((2, 1)), np.zeros((1, 1)), {})
+    fit = Fit(plant, np.zeros((0, 0)), (), (score,), (), {"y": noise}, (), ())
+    data = Data((Recording(np.arange(2.0), {"y": np.zeros(2)}, plant.outputs, "a.csv", ""),), ())
+    page = re.sub(r"<svg.*?</svg>", "", "\n".join(plant_section(fit, data)), flags=re.DOTALL)
+    for said in ("\n".join(about_fit(fit)), page, comparisons(fit, data)[0].title):
+        assert not NO_FIGURE.search(said), said
+    json.dumps(fit_document(fit), allow_nan=False)
+
+
+@given(figures=st.lists(ANY, min_size=12, max_size=12))
+def test_a_diagnosis_holds_no_infinite_figure(figures: list[float]) -> None:
+    chance, value, low, high, given_value, refit, after, worst, blamed, deviation, one, other = figures
+    effect = Named("backlash", None, "torque", chance, {"gap_rad": Estimate(value, (low, high), "rad")}, "")
+    shift = Shift("R_ohm", "ohm", given_value, refit, after)
+    ratio = Ratio(one, other, None)
+    finding = Finding(
+        "explained", "plant", None, (effect,), (), ratio, None, (0.5, 0.5), {"y": value}, (shift,), {}, (), (),
+    )  # fmt: skip
+    fault = Fault("gain_differs", "kp", "V", 1.0, 1.0, True, lambda guess, value: guess)
+    blame = Blame(fault, blamed, abs(deviation), SimpleNamespace())
+    cut = Cut(1, 2, 1, worst, (blame,), (), False, "u", "V", (), 0.5, ())
+    rival = SimpleNamespace(score=one, fitted=SimpleNamespace(causes=()))
+    search = SimpleNamespace(nominal=SimpleNamespace(score=other), rounds=((rival,),))
+    for said in (*effects_table(finding), shifts_table((shift,)), *controller_tables(cut), ranking_table(search)):
+        assert not NO_FIGURE.search(said), said
+    json.dumps(known(finding.as_dict()), allow_nan=False)

@@ -31,3 +31,20 @@ def held(rows: int, pole: float) -> float:
 def test_intervals_hold_the_truth_where_the_noise_is_slow_or_the_rows_are_few(rows: int, pole: float) -> None:
     """Without Student's correction 86 and 69 % do."""
     assert held(rows, pole) >= 0.9
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.8])
+def test_intervals_follow_noise_that_is_louder_where_the_slope_is(pole: float) -> None:
+    """Slow noise whose size goes with the slope: no stationary one, only the scores' own long run tells."""
+    random, rows = np.random.default_rng(4), 3000
+    slope = np.sin(np.arange(rows) / 150.0) ** 3
+    estimates, said = [], []
+    for _ in range(60):
+        noise = slope * lfilter([1.0], [1.0, -pole], random.normal(0.0, 1.0, 1000 + rows))[1000:]
+        found = float(slope @ noise) / float(slope @ slope)
+        left = noise - slope * found
+        weight = 1.0 / np.sqrt(np.mean(left**2))
+        sure = uncertainty([1], [weight * left[:, None]], [weight * slope[:, None, None]], np.ones(1))
+        estimates.append(found)
+        said.append(float(np.sqrt(sure.covariance[0, 0])))
+    assert np.mean(said) == pytest.approx(np.std(estimates), rel=0.25)

@@ -108,6 +108,18 @@ def test_residual_tests_fail_5_percent_of_right_models():
         assert 0.02 < share < 0.09
 
 
+@pytest.mark.parametrize("pole", [0.6, 0.9])
+def test_the_colour_of_a_residual_is_no_sign_of_the_input_or_of_a_mean(pole: float):
+    """Coloured residuals beside a slow input: taken for white ones, one right model in three would fail."""
+    random = np.random.default_rng(8)
+    found = []
+    for _ in range(200):
+        noise, drive = (scipy.signal.lfilter([1], [1, -pole], random.normal(0, 1, 3000))[1000:] for _ in range(2))
+        found.append(residual_tests(noise, drive))
+    assert np.mean([not test.independent for test in found]) < 0.1
+    assert np.mean([test.bias < 0.05 for test in found]) < 0.12
+
+
 def test_residual_tests_find_what_is_left():
     random = np.random.default_rng(7)
     drive = np.repeat(random.choice([-1.0, 1.0], 60), 10)

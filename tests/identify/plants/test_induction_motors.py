@@ -165,6 +165,18 @@ def test_the_standard_tests_find_the_circuit_that_was_tested() -> None:
     assert turns_ratio(1.3 * 0.9 * 115.0, 0.9 * 149.5 / 1.3, 115.0, 149.5) == pytest.approx(1.3)
 
 
+@pytest.mark.parametrize(("leakage", "across"), [(0.4, 22.0), (3.0, 22.0), (8.0, 11.0)])
+def test_the_magnetizing_reactance_is_what_the_circuit_leaves(leakage: float, across: float) -> None:
+    """Main winding X1, in series half of Xm, forward and open, and half of X2, backward and short."""
+    shown = complex(0.5, leakage + across / 2 + leakage / 2)
+    current = 115.0 / abs(shown)
+    found = magnetizing_reactance(AcTest(115.0, current, current**2 * 0.5), leakage)
+    assert found == pytest.approx(across, rel=1e-9)
+    just = AcTest(1.499 * leakage, 1.0, 1e-6)  # less than the leakage alone would show
+    with pytest.raises(IdentifyError, match="contradict each other"):
+        magnetizing_reactance(just, leakage)
+
+
 @pytest.mark.parametrize(
     ("asked", "words"),
     [

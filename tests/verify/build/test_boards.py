@@ -53,6 +53,13 @@ def test_a_start_that_cannot_be_is_refused(tmp_path: Path) -> None:
     elsewhere = replace(target, memory=(target.memory[0], MemoryRegion("ram", 0x2400_0000, 8192)))
     with pytest.raises(ToolError, match=r"nucleo_f401re: the initial stack pointer 0x2000.* is not in the RAM"):
         check_start(image.elf, elsewhere)
+    whole, loaded = image.elf.read_bytes(), flat(segments(image.elf)).data
+    at = whole.index(loaded[:64])
+    for odd in (1, 2, 4):
+        pointer = int.from_bytes(loaded[:4], "little") - odd
+        (tmp_path / "odd.elf").write_bytes(whole[:at] + pointer.to_bytes(4, "little") + whole[at + 4 :])
+        with pytest.raises(ToolError, match=rf"stack pointer {pointer:#x} is not in the RAM, or not a multiple of 8"):
+            check_start(tmp_path / "odd.elf", target)
     small = replace(target, memory=(MemoryRegion("flash", 0x0800_0000, 64), target.memory[1]))
     with pytest.raises(ToolError, match="the vector table has no sound handler"):
         check_start(image.elf, small)

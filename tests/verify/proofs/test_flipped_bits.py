@@ -8,18 +8,31 @@ import numpy as np
 import pytest
 
 from bench.codegen.example_laws import laws
-from bench.proofs.flipped_bits import Flipped, fixed_programs, on_core, on_host
+from bench.proofs.flipped_bits import Flipped, mortal, on_core, on_host, programs, settled
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Op, Program
 from firmloop.verify.reference import Machine
 
 STEPS = 10_000
-FIXED = fixed_programs(laws())
+FIXED = programs(laws(), ("fixed32", "fixed16"))
+FLOAT = programs(laws(), ("float32",))
 
 
 @pytest.mark.parametrize("name", FIXED)
 def test_every_fixed_point_kind_steps_from_random_states_under_the_sanitizers(name: str) -> None:
     assert on_host(FIXED[name], STEPS) == Flipped(STEPS, 0, 0, "")
+
+
+@pytest.mark.parametrize("name", FLOAT)
+def test_every_floating_point_kind_steps_from_words_of_any_bits_under_the_sanitizers(name: str) -> None:
+    steps = 3 * settled(FLOAT[name]) * (1 if FLOAT[name].tables else 100)
+    assert on_host(FLOAT[name], steps) == Flipped(steps, 0, 0, "")
+
+
+@pytest.mark.parametrize("name", ["full pid, float32", "notch, float32", "self_tuning, float32"])
+def test_an_emulated_core_steps_from_words_of_any_bits(name: str) -> None:
+    steps = 100 * settled(FLOAT[name])
+    assert on_core(FLOAT[name], "qemu_mps2_an386", steps) == Flipped(steps, 0, 0, "")
 
 
 @pytest.mark.parametrize("name", ["full pid, fixed16", "transfer_function, fixed32", "self_tuning, fixed16"])
@@ -54,13 +67,12 @@ def test_a_state_that_is_no_number_in_floats_leaves_the_outputs_in_range_and_is_
     random, kind = np.random.default_rng(1), np.dtype(arithmetic)
     inputs = [random.uniform(v.low, v.high, count).astype(kind) for v in program.inputs]
     lost = np.array([np.nan, np.inf, -np.inf], kind)
-    mortal = len(program.state) - len(program.tunable)
     state = [np.full(count, start, kind) for start in program.start]
-    for j in range(mortal):
+    for j in range(mortal(program)):
         state[j] = np.where(random.random(count) < 0.5, lost[random.integers(0, 3, count)], state[j])
     machine = Machine(program)
     with np.errstate(all="ignore"):
-        for _ in range(mortal + 1):
+        for _ in range(mortal(program) + 1):
             values = machine.step(inputs, state)
             for slot, output in zip(machine.results, program.outputs, strict=True):
                 assert np.all((values[slot] >= output.low) & (values[slot] <= output.high))

@@ -21,13 +21,21 @@ WIRES = (Signal("reference", "V", -1.0, 1.0), Signal("measurement", "V", -1.0, 1
 OUTPUT = (Signal("output", "V", -100.0, 100.0),)
 
 
-def first_order(pole: float, arithmetic: str = "fixed32") -> tuple[ZeroInput, float]:
-    """What x+ = pole x + e, u = x does at rest, and the unit in the last place of x, V."""
-    table = {"A": [[pole]], "B": [[1.0, -1.0]], "C": [[1.0]], "D": [[0.0, 0.0]]}
-    program = lower(design("state_space", "pole", table, 0.01, WIRES, OUTPUT, None).law, arithmetic)
+def shown(pole: float, gain: float, rounds: str) -> tuple[ZeroInput, float, float, set[str]]:
+    """What x+ = pole x + e, u = gain x does at rest, the last places of x and of u, V, and what it takes."""
+    table = {"A": [[pole]], "B": [[1.0, -1.0]], "C": [[gain]], "D": [[0.0, 0.0]]}
+    program = lower(design("state_space", "pole", table, 0.01, WIRES, OUTPUT, None).law, "fixed32", rounds)
     found = zero_input(program)
     assert found is not None
-    return found, 2.0 ** -program.state[0].number.fraction
+    of_state, of_output = (2.0 ** -values[0].number.fraction for values in (program.state, program.outputs))
+    return found, of_state, of_output, {op.function for op in program.body}
+
+
+def first_order(pole: float, rounds: str = "nearest") -> tuple[ZeroInput, float]:
+    """What x+ = pole x + e, u = x does at rest, and the unit in the last place of x, V."""
+    found, place, _, functions = shown(pole, 1.0, rounds)
+    assert ("high_down" in functions) == (rounds == "floor")
+    return found, place
 
 
 @pytest.mark.parametrize(("pole", "stuck"), [(0.91, 5), (0.5, 1), (0.96, 12)])
@@ -38,6 +46,23 @@ def test_a_positive_pole_has_the_dead_band_of_the_textbook(pole: float, stuck: i
     assert found.exhaustive and found.unsettled == 0
     assert (row.cycle, row.offset) == (0.0, stuck * place)
     assert row.bound == pytest.approx(0.5 / (1 - pole) * place, rel=2e-3)
+
+
+@pytest.mark.parametrize(("pole", "stuck"), [(0.91, 11), (0.5, 1), (0.96, 24)])
+def test_rounding_down_has_twice_the_dead_band(pole: float, stuck: int) -> None:
+    """-|x| rests where -pole |x| is rounded down to -|x|: below 1/(1 - pole)."""
+    found, place = first_order(pole, "floor")
+    (row,) = found.outputs
+    assert found.exhaustive and (row.cycle, row.offset) == (0.0, stuck * place)
+    assert row.bound == pytest.approx(1.0 / (1 - pole) * place, rel=2e-3)
+
+
+@pytest.mark.parametrize(("rounds", "function", "share"), [("nearest", "mul_shift", 0.5), ("floor", "mul_down", 1.0)])
+def test_a_product_adds_its_own_rounding_to_the_dead_band(rounds: str, function: str, share: float) -> None:
+    found, state, output, functions = shown(0.91, 0.7, rounds)
+    (row,) = found.outputs
+    assert function in functions
+    assert row.bound == pytest.approx(share * (0.7 * state / 0.09 + output), rel=2e-3)
 
 
 def test_a_negative_pole_has_a_limit_cycle_of_period_two() -> None:
