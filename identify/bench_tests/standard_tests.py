@@ -41,7 +41,7 @@ def locked_rotor_dc(voltage: Sequence[float], current: Sequence[float]) -> Mappi
     One reading, or repeats of one: R = U/I.
     """
     if _repeats(current):
-        return {"R_ohm": _mean([volts / amperes for volts, amperes in zip(voltage, current, strict=True)])}
+        return {"R_ohm": averaged([volts / amperes for volts, amperes in zip(voltage, current, strict=True)])}
     slope, _, deviation, _ = _line("locked_rotor_dc", current, voltage)
     return {"R_ohm": _above_zero("locked_rotor_dc", "resistance", slope, deviation)}
 
@@ -68,7 +68,7 @@ def locked_rotor_ac(
         reactance = math.sqrt(impedance**2 - resistance**2)
         found.append(reactance / (2 * math.pi * hertz))
         slopes.append(resistance / reactance / (2 * math.pi * hertz))
-    return {"L_H": _doubted(_mean(found), float(np.mean(slopes)) * doubt)}
+    return {"L_H": _doubted(averaged(found), float(np.mean(slopes)) * doubt)}
 
 
 def no_load(
@@ -87,19 +87,19 @@ def no_load(
             f"standard_tests.no_load: R I = {resistance * i[0]:.3g} V is more than the {u[0]:g} V applied; check the "
             "resistance, and the signs of voltage and speed"
         )
-    own = _mean((emf / w).tolist())
+    own = averaged((emf / w).tolist())
     constant = _doubted(Measured(ke, own.deviation), float(i @ w / (w @ w)) * doubt)
     found = {"ke_V_s_rad": constant, "kt_N_m_A": constant}
     torque = ke * np.abs(i)
     if _repeats(np.abs(w).tolist()):
-        friction = {"b_N_m_s_rad": _mean((torque / np.abs(w)).tolist())}
+        friction = {"b_N_m_s_rad": averaged((torque / np.abs(w)).tolist())}
     else:
         slope, offset, deviation, offset_deviation = _line("no_load", np.abs(w).tolist(), torque.tolist())
         friction = {"b_N_m_s_rad": Measured(slope, deviation), "coulomb_N_m": Measured(offset, offset_deviation)}
         if offset < 0.0:
-            friction = {"b_N_m_s_rad": _mean((torque / np.abs(w)).tolist()), "coulomb_N_m": Measured(0.0, None)}
+            friction = {"b_N_m_s_rad": averaged((torque / np.abs(w)).tolist()), "coulomb_N_m": Measured(0.0, None)}
         elif slope < 0.0:
-            friction = {"b_N_m_s_rad": Measured(0.0, None), "coulomb_N_m": _mean(torque.tolist())}
+            friction = {"b_N_m_s_rad": Measured(0.0, None), "coulomb_N_m": averaged(torque.tolist())}
     share = (constant.deviation or 0.0) / ke
     return found | {name: _doubted(one, one.value * share) for name, one in friction.items()}
 
@@ -157,7 +157,7 @@ def _repeats(values: Sequence[float]) -> bool:
     return max(values) - min(values) < APART * max(abs(value) for value in values)
 
 
-def _mean(values: Sequence[float]) -> Measured:
+def averaged(values: Sequence[float]) -> Measured:
     """Mean of readings, with the deviation of the mean; a single one has none."""
     count = len(values)
     if count == 1:

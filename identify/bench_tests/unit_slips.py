@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-# What is taken for what, and by how many times the figure is then off.
-_SLIPS = (
+Slip = tuple[str, str, float]  # what is taken for what, its factor in words, and as a number
+_SLIPS: tuple[Slip, ...] = (
     ("rpm and rad/s", "60/(2 pi)", 30.0 / math.pi),
     ("turns and rad", "2 pi", 2.0 * math.pi),
     ("deg and rad", "180/pi", 180.0 / math.pi),
@@ -26,13 +27,16 @@ _SLIPS = (
 )
 
 
-def unit_slip(ratio: float, tolerance: float) -> str:
-    """Return which slip explains `ratio`, wrong over right, within a share `tolerance`; empty where none does."""
+def unit_slip(ratio: float, tolerance: float, more: Sequence[Slip] = ()) -> str:
+    """Return which slip explains `ratio`, wrong over right, within a share `tolerance`; empty where none does.
+
+    `more` are slips of the machine at hand.
+    """
     if not 0.0 < ratio < math.inf:
         return ""
     fits = [
         (abs(math.log(max(ratio, 1.0 / ratio) / factor)), f"a factor of {said}, as between {pair}")
-        for pair, said, factor in _SLIPS
+        for pair, said, factor in (*more, *_SLIPS)
     ]
     near = sorted(fit for fit in fits if fit[0] <= math.log1p(tolerance))
     return " or ".join(said for _, said in near[:2])

@@ -79,19 +79,19 @@ class FitPoint:
     starts: Array
 
 
-def _unknowns(problem: FitProblem, point: FitPoint) -> Unknowns:
-    values = point.constants[list(problem.free)]
-    mapped = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, values, 1.0)), values)
-    return Unknowns(np.clip(mapped, problem.low, problem.high), point.starts)
+def coordinates(problem: FitProblem, constants: Array) -> Array:
+    """Return where the free parameters (f,) of all constants (k,) are."""
+    values = constants[list(problem.free)]
+    return np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, values, 1.0)), values)
 
 
-def _point(problem: FitProblem, base: Array, unknowns: Unknowns) -> FitPoint:
+def at_coordinates(problem: FitProblem, base: Array, place: Array, starts: Array) -> FitPoint:
+    """Return the point whose free parameters are at `place` (f,), and whose others are those of `base` (k,)."""
     constants = base.copy()
-    mapped = unknowns.shared
     constants[list(problem.free)] = np.where(
-        problem.logarithmic, np.exp(np.where(problem.logarithmic, mapped, 0.0)), mapped
+        problem.logarithmic, np.exp(np.where(problem.logarithmic, place, 0.0)), place
     )
-    return FitPoint(constants, unknowns.own)
+    return FitPoint(constants, starts)
 
 
 def weighted(problem: FitProblem, point: FitPoint) -> Iterator[tuple[Array, Array]]:
@@ -113,7 +113,9 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
 
     def evaluate(unknowns: Unknowns) -> Reduced:
         blocks = []
-        for residual, slopes in weighted(problem, _point(problem, begin.constants, unknowns)):
+        for residual, slopes in weighted(
+            problem, at_coordinates(problem, begin.constants, unknowns.shared, unknowns.own)
+        ):
             aim, tall = residual.reshape(-1), slopes.reshape(-1, slopes.shape[2])
             if not (np.max(np.abs(aim), initial=0.0) <= _FAR and np.max(np.abs(tall), initial=0.0) <= _STEEP):
                 aim = np.clip(np.nan_to_num(aim, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
@@ -122,6 +124,7 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
         leash = (unknowns.shared - problem.leash_centre) * problem.leash_weight
         return Reduced(np.stack(blocks), np.column_stack([np.diag(problem.leash_weight), leash]))
 
-    found = minimize(evaluate, _unknowns(problem, begin), problem.low, problem.high, evaluations)
+    place = np.clip(coordinates(problem, begin.constants), problem.low, problem.high)
+    found = minimize(evaluate, Unknowns(place, begin.starts), problem.low, problem.high, evaluations)
     rows = sum(made.target.size for made in problem.experiments)
-    return _point(problem, begin.constants, found.place), 0.5 * found.cost / rows
+    return at_coordinates(problem, begin.constants, found.place.shared, found.place.own), 0.5 * found.cost / rows

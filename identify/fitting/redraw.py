@@ -3,25 +3,28 @@
 Monte Carlo draws white noise of the size that the fit left over. The moving-block bootstrap draws blocks of the
 residuals themselves, so that coloured ones stay coloured (H. R. Kunsch, Annals of Statistics 17 (1989) 1217-1241; block
 length n^(1/3), P. Hall, J. L. Horowitz and B.-Y. Jing, Biometrika 82 (1995) 561-574). What is drawn is added to the
-simulated outputs before they are conditioned; every draw is fitted by Gauss-Newton from the estimate. Intervals are
-the 2.5 and 97.5 percentiles.
+simulated outputs before they are conditioned; every draw is fitted by Gauss-Newton from the estimate, on simulations
+that are expanded to second order there. The draws that end farthest are fitted on whole simulations too: where one of
+them ends elsewhere, all of them are. Intervals are the 2.5 and 97.5 percentiles.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.expansion import Expansion, Pair, expand
 from firmloop.identify.fitting.experiment import conditioned, delayed, experiments, plainly_conditioned, rows_time
 from firmloop.identify.fitting.fit import Fit, Progress
 from firmloop.identify.fitting.least_squares import scaled_step
-from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, at_coordinates, coordinates, make_problem, weighted
 from firmloop.identify.recordings.conditioning import Conditioning, compared_time, interpolate, line_free
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import constants_of, simulator
@@ -33,7 +36,8 @@ DETERMINED = 1e-13  # of the best determined direction: less is not moved along
 CLOSE = 0.02  # of a standard deviation: Gauss-Newton squares the distance, so that what is left moves no interval
 MOST_STEPS = 16
 WHOLE_STEPS = 4  # then halves: at a kink, such as a delay that passes a row, whole ones jump across it for ever
-SLOW = 200  # draws between two reports of progress
+SLOW = 200  # draws between two reports of progress, and at a time
+CHECKED = 12  # draws that are fitted to whole simulations too
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,21 +98,9 @@ def redraw(
         _noise_alone(conditioning, rows_time(made), made.measured - run) * wide
         for made, run in zip(problem.experiments, simulated, strict=True)
     ]
-    at = _Solution(
-        point,
-        tuple(conditioned(made, run) for made, run in zip(problem.experiments, simulated, strict=True)),
-        tuple(slopes for _, slopes in weighted(problem, point)),
-    )
-    random = np.random.default_rng(seed)
+    whole = _Whole(problem, point, simulated, left, noise, seed)
     found, failed = np.empty((draws, len(free))), 0
-    for k in range(draws):
-        if k % SLOW == 0:
-            report(k / draws, f"{k} of {draws} draws")
-        drawn = tuple(
-            replace(made, target=conditioned(made, run + noise(rest, random)))
-            for made, run, rest in zip(problem.experiments, simulated, left, strict=True)
-        )
-        again = _refit(replace(problem, experiments=drawn), at)
+    for k, again in enumerate(_refits(whole, draws, report)):
         if again is None:
             failed += 1
         else:
@@ -158,38 +150,116 @@ def _posed(fit: Fit, train: Sequence[Recording], conditioning: Conditioning) -> 
     return replace(problem, weights=weights), FitPoint(constants_of(fit.plant), starts)
 
 
-@dataclass(frozen=True, slots=True)
-class _Solution:
-    """The problem at its solution: targets and slopes there, the same for every draw, which the first step needs."""
+class _Whole:
+    """A problem at its solution, and the noise that is drawn around it, the same for the same number of a draw."""
 
-    point: FitPoint
-    targets: tuple[Array, ...]  # conditioned simulations (q, r)
-    slopes: tuple[Array, ...]  # (q, r, f + n)
+    def __init__(
+        self,
+        problem: FitProblem,
+        point: FitPoint,
+        simulated: Sequence[Array],
+        left: Sequence[Array],
+        noise: Noise,
+        seed: int,
+    ) -> None:
+        self.problem, self.point, self.noise, self.seed = problem, point, noise, seed
+        self.simulated, self.left = simulated, left
+        self.targets = [conditioned(made, run) for made, run in zip(problem.experiments, simulated, strict=True)]
+        self.slopes = [slopes for _, slopes in weighted(problem, point)]
+        self.place = coordinates(problem, point.constants)
+        square = sum(_square(slopes[..., : len(self.place)]) for slopes in self.slopes)
+        self.sizes = np.sqrt(np.diag(np.linalg.pinv(square)))
+
+    def drawn(self, number: int) -> list[Array]:
+        """Return what draw `number` adds to each conditioned simulation (q, r)."""
+        random = np.random.default_rng((self.seed, number))
+        return [
+            conditioned(made, run + self.noise(rest, random)) - ours
+            for made, run, rest, ours in zip(
+                self.problem.experiments, self.simulated, self.left, self.targets, strict=True
+            )
+        ]
+
+    def refit(self, added: Sequence[Array]) -> Array | None:
+        """Fit whole simulations to a draw; its slopes at the solution are those of every draw."""
+        drawn = tuple(
+            replace(made, target=ours + more)
+            for made, ours, more in zip(self.problem.experiments, self.targets, added, strict=True)
+        )
+        problem = replace(self.problem, experiments=drawn)
+        first = [(more * problem.weights, slopes) for more, slopes in zip(added, self.slopes, strict=True)]
+
+        def pairs(place: Array, starts: Array) -> list[Pair]:
+            return list(weighted(problem, at_coordinates(problem, self.point.constants, place, starts)))
+
+        return self.settled(first, pairs)
+
+    def settled(self, first: Sequence[Pair], pairs: Callable[[Array, Array], list[Pair]]) -> Array | None:
+        """Gauss-Newton from the solution of the true data; the constants where it settles, None where it does not."""
+        problem, count = self.problem, len(self.problem.free)
+        place, starts, held = self.place, self.point.starts, first
+        for turn in range(MOST_STEPS):
+            found = _inside(held, place, problem, starts.shape)
+            if found is None:
+                return None
+            share = 1.0 if turn < WHOLE_STEPS else 0.5 ** (turn // WHOLE_STEPS)
+            moved, length = found[0] * share, found[1] * share
+            place = np.clip(place + moved[:count], problem.low, problem.high)
+            starts = starts + moved[count:].reshape(starts.shape)
+            if length < CLOSE:
+                return at_coordinates(problem, self.point.constants, place, starts).constants
+            held = pairs(place, starts)
+        return None
+
+    def distance(self, constants: Array) -> Array:
+        """Return how far each free parameter (f,) is from the solution, in its standard deviations."""
+        return np.asarray((coordinates(self.problem, constants) - self.place) / self.sizes)
 
 
-def _refit(problem: FitProblem, at: _Solution) -> Array | None:
-    """Gauss-Newton from the solution of the true data; the constants where it settles, None where it does not."""
-    free, count = list(problem.free), len(problem.free)
-    constants, starts = at.point.constants.copy(), at.point.starts.copy()
-    pairs = [
-        ((made.target - ours) * problem.weights, slopes)
-        for made, ours, slopes in zip(problem.experiments, at.targets, at.slopes, strict=True)
+def _refits(whole: _Whole, draws: int, report: Progress) -> Iterator[Array | None]:
+    """Yield the constants of every draw: by the expansion where it can be trusted, else by whole simulations."""
+    nearby = expand(whole.problem, whole.point, whole.place, whole.slopes)
+    found: list[Array | None] = []
+    for first in range(0, draws, SLOW):
+        report(first / draws, f"{first} of {draws} draws")
+        numbers = range(first, min(first + SLOW, draws))
+        found += _nearby(whole, nearby, [whole.drawn(number) for number in numbers])
+    reach = [math.inf if one is None else float(np.max(np.abs(whole.distance(one)))) for one in found]
+    farthest = [int(number) for number in np.argsort(reach)[: -CHECKED - 1 : -1]]
+    again = {number: whole.refit(whole.drawn(number)) for number in farthest}
+    if all(_agree(whole, found[number], one) for number, one in again.items()):
+        yield from found
+        return
+    for number in range(draws):
+        if number % SLOW == 0:
+            report(number / draws, f"{number} of {draws} draws, whole simulations")
+        yield again[number] if number in again else whole.refit(whole.drawn(number))
+
+
+def _agree(whole: _Whole, nearby: Array | None, exact: Array | None) -> bool:
+    """Tell whether both fits of a draw settled at one place, or neither did."""
+    if nearby is None or exact is None:
+        return nearby is exact
+    return bool(np.all(np.abs(whole.distance(nearby) - whole.distance(exact)) <= CLOSE))
+
+
+def _nearby(whole: _Whole, nearby: Expansion, added: Sequence[Sequence[Array]]) -> list[Array | None]:
+    """Fit the expansion to draws; what of their noise stands in it is found for all of them at once."""
+    weights = whole.problem.weights
+    seen = [
+        np.stack([(more * weights).reshape(-1) for more in each]) @ one.basis
+        for one, each in zip(nearby.experiments, zip(*added, strict=True), strict=True)
     ]
-    own = constants[free]
-    place = np.where(problem.logarithmic, np.log(np.where(problem.logarithmic, own, 1.0)), own)
-    for turn in range(MOST_STEPS):
-        found = _inside(pairs, place, problem, starts.shape)
-        if found is None:
-            return None
-        share = 1.0 if turn < WHOLE_STEPS else 0.5 ** (turn // WHOLE_STEPS)
-        moved, length = found[0] * share, found[1] * share
-        place = np.clip(place + moved[:count], problem.low, problem.high)
-        constants[free] = np.where(problem.logarithmic, np.exp(np.where(problem.logarithmic, place, 0.0)), place)
-        starts = starts + moved[count:].reshape(starts.shape)
-        if length < CLOSE:
-            return constants
-        pairs = list(weighted(problem, FitPoint(constants, starts)))
-    return None
+    made = []
+    for parts in zip(*seen, strict=True):
+        pairs = partial(nearby.pairs, parts)
+        made.append(whole.settled(pairs(whole.place, whole.point.starts), pairs))
+    return made
+
+
+def _square(slopes: Array) -> Array:
+    tall = slopes.reshape(-1, slopes.shape[2])
+    return np.asarray(tall.T @ tall)
 
 
 def _inside(

@@ -82,8 +82,9 @@ def ringing(stiffness: float, per: float) -> float:
 class Assembly:
     """Grows while effects are attached; `rows` are states, and a form is (factors of states, factors of inputs)."""
 
-    def __init__(self, plant: Plant, forms: Forms) -> None:
+    def __init__(self, plant: Plant, forms: Forms, constants: Array) -> None:
         self.plant = plant
+        self.constants = constants  # of the plant and its effects
         self.a = forms.a.copy()
         self.b = forms.b.copy()
         self.c = forms.c.copy()
@@ -109,6 +110,10 @@ class Assembly:
         for index, balance in enumerate(plant.balances):
             if balance.current is not None:
                 self.current_x, self.current_u = self._split(forms.balances[index].current)
+
+    def value(self, name: str) -> float:
+        """Return what a constant of the plant is at this moment of a fit."""
+        return float(self.constants[[p.name for p in self.plant.parameters].index(name)])
 
     def act_at(self, balance: int) -> None:
         """Let what is attached from now on act on the body of a balance, where that is one."""

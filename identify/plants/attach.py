@@ -36,7 +36,9 @@ def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = N
     """Say where an effect enters; IdentifyError where the plant has no such place."""
     where = f"plant.effects: {effect.name}"
     if not applies(effect, plant):
-        raise IdentifyError(f"{where} needs a {effect.place} of the plant, and {plant.kind} has none; leave it out")
+        raise IdentifyError(
+            f"{where} needs {_article(effect.place)} of the plant, and {plant.kind} has none; leave it out"
+        )
     outputs = [signal.name for signal in plant.outputs]
     index, balance = 0, _balance(plant, effect, at if at is not None or effect.place != "flow" else output)
     if effect.place in ("sensor",):
@@ -60,6 +62,13 @@ def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = N
         level_unit=state.unit if state is not None and effect.place == "flow" else "",
         balance=balance,
     )
+
+
+def _article(place: str) -> str:
+    """Return the place with its article, which more than one thing does without."""
+    if place.endswith("s"):
+        return place
+    return f"{'an' if place[0] in 'aeiou' else 'a'} {place}"
 
 
 def _first_sensor(plant: Plant, effect: Effect) -> int:
@@ -212,9 +221,13 @@ def acts_at(plant: Plant, use: EffectUse) -> str:
 
 
 def with_position(plant: Plant, balance: int | None = None) -> Plant:
-    """Add the integral of the speed as the last state where the plant does not have it; that of the first body."""
-    first = next((k for k, b in enumerate(plant.balances) if b.kind in ("torque", "force")), -1)
-    index = first if balance is None else balance
+    """Add the integral of the speed as the last state where the plant does not have it.
+
+    It is that of the body whose `balance` it is; of the first body where that is no body's, a sensor's or a winding's.
+    """
+    bodies = [k for k, b in enumerate(plant.balances) if b.kind in ("torque", "force")]
+    first = bodies[0] if bodies else -1
+    index = balance if balance is not None and balance in bodies else first
     if index < 0 or plant.balances[index].position >= 0:
         return plant
     speed = plant.states[plant.balances[index].state]

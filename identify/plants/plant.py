@@ -48,7 +48,7 @@ class Balance:
     of its parameters; `current` and `effort` need not be linear there.
     """
 
-    kind: str  # torque | force | voltage | flow | capacitor | winding | magnetizing
+    kind: str  # torque | force | voltage | flow | capacitor | winding | magnetizing | axes | bridge
     state: int
     per: ca.Function  # (p (k,)) -> scalar
     position: int = -1

@@ -133,7 +133,7 @@ class EffectSimulator:
             forms = replace(
                 forms, **{name: np.zeros_like(getattr(forms, name)) for name in ("read_x", "read_u", "read_c")}
             )
-        assembly = Assembly(self.plant, forms)
+        assembly = Assembly(self.plant, forms, constants)
         if any(effect.place in ("voltage", "current") for effect, _, _ in self.effects):
             assembly.dynamic_current()
         for effect, site, own in present:

@@ -138,7 +138,8 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
     lines = [
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
-        "    double u, t, begin, w, th, turn, i, effort, s, y;",
+        "    const double *u; /* inputs */",
+        "    double t, begin, w, th, turn, i, effort, s, y;",
         "    memo_t *memo;",
         "} view_t;",
         "static double sine(const view_t *v, double angle) { return remembered_sine(v->memo, angle); }",

@@ -5,22 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from firmloop.identify.bench_tests.datasheets import Reading, Sheet, read_sheet, sheets
-from firmloop.identify.bench_tests.graphical import one_point
+from firmloop.identify.bench_tests.datasheets import Reading, Sheet, StandardTest, read_sheet, sheets
 from firmloop.identify.bench_tests.motor_forms import MotorForm, motor_forms
 from firmloop.identify.bench_tests.quantity import in_si
-from firmloop.identify.bench_tests.standard_tests import (
-    Measured,
-    coast_down,
-    locked_rotor_ac,
-    locked_rotor_dc,
-    no_load,
-    step_test,
-)
-from firmloop.identify.bench_tests.step_response import step_response
+from firmloop.identify.bench_tests.standard_tests import Measured
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.recordings.recording import Recording, column
+from firmloop.identify.plants.kinds import find_kind
+from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project
 from firmloop.project.table import ProjectError, ProjectTable
@@ -28,14 +20,9 @@ from firmloop.stages.data import read_as_named
 from firmloop.stages.plant import located
 
 TOLERANCE = 0.05  # share by which printed figures may miss each other: makers round, and allow for their spread
-TESTS = {
-    "locked_rotor_dc": ("voltage_V", "current_A"),
-    "locked_rotor_ac": ("voltage_V", "current_A", "frequency_Hz"),
-    "no_load": ("voltage_V", "current_A", "speed_rad_s"),
-    "coast_down": ("recording",),
-    "step": ("recording",),
-}
-DIMENSIONS = {"voltage_V": "V", "current_A": "A", "frequency_Hz": "Hz", "speed_rad_s": "rad/s"}
+COULOMB = ("coulomb_N_m", "coulomb_friction.torque_N_m")  # as a test calls it, and as a plant does
+SIGNED = ("offset_rad", "position_rad")
+DIMENSIONS = {"voltage_V": "V", "current_A": "A", "frequency_Hz": "Hz", "speed_rad_s": "rad/s", "position_rad": "rad"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,46 +55,33 @@ def _parameters(project: Project, sheet: Sheet, reading: Reading) -> dict[str, F
             origin = f"{relation.says}; {relation.source}" if relation else "printed"
             found[name] = Found(reading.figures[figure], None, origin, reading.halves[figure])
     tests = project.document.table("standard_tests")
-    tests.only(TESTS)
-    for name in (key for key in TESTS if key in tests.values):
-        for key, measured in _test(name, tests.table(name), found, project).items():
+    tests.only(sheet.tests)
+    for name in (key for key in sheet.tests if key in tests.values):
+        for key, measured in _test(sheet.tests[name], name, tests.table(name), found, project).items():
             found[key] = Found(measured.value, measured.deviation, f"{name} test")
     return found
 
 
-def _test(name: str, part: ProjectTable, found: Mapping[str, Found], project: Project) -> Mapping[str, Measured]:
+def _test(
+    test: StandardTest, name: str, part: ProjectTable, found: Mapping[str, Found], project: Project
+) -> Mapping[str, Measured]:
     """Run one standard test on its readings."""
-    part.only(TESTS[name])
-    if name in ("coast_down", "step"):
-        path = project.path.parent / part.text("recording", 'recording = "coast.csv"')
-        recording = read_as_named(project, path)
-        return _moving(name, recording, found)
-    readings = [_readings(part, key) for key in TESTS[name]]
-    if len({len(values) for values in readings}) > 1:
-        raise part.remark("", f"{', '.join(TESTS[name])} have different numbers of readings; give as many of each")
-    if name == "locked_rotor_dc":
-        return locked_rotor_dc(*readings)
-    resistance = _needed(name, found, "R_ohm")
-    doubt = found["R_ohm"].deviation or 0.0
-    if name == "locked_rotor_ac":
-        return locked_rotor_ac(readings[0], readings[1], readings[2], resistance, doubt)
-    return no_load(readings[0], readings[1], readings[2], resistance, doubt)
-
-
-def _moving(name: str, recording: Recording, found: Mapping[str, Found]) -> Mapping[str, Measured]:
-    if name == "coast_down":
-        friction = _needed(name, found, "b_N_m_s_rad")
-        dry = found.get("coulomb_N_m", Found(0.0, None, ""))
-        doubt = (found["b_N_m_s_rad"].deviation or 0.0, dry.deviation or 0.0)
-        return coast_down(recording.time, column(recording, "speed_rad_s"), friction, dry.value, doubt)
-    needs = {key: _needed(name, found, key) for key in ("R_ohm", "ke_V_s_rad", "kt_N_m_A", "b_N_m_s_rad")}
-    return step_test(one_point(step_response(recording, "voltage_V", "speed_rad_s"))["time_constant_s"], needs)
-
-
-def _needed(test: str, found: Mapping[str, Found], name: str) -> float:
-    if name not in found:
-        raise IdentifyError(f"standard_tests.{test} needs {name}; give the figures or the test that it follows from")
-    return found[name].value
+    part.only(test.readings)
+    given: Recording | dict[str, list[float]]
+    if test.recorded:
+        given = read_as_named(project, project.path.parent / part.text("recording", 'recording = "coast.csv"'))
+    else:
+        given = {key: _readings(part, key) for key in test.readings}
+        if len({len(values) for values in given.values()}) > 1:
+            raise part.remark(
+                "", f"{', '.join(test.readings)} have different numbers of readings; give as many of each"
+            )
+    for needed in test.needed:
+        if needed not in found:
+            raise IdentifyError(
+                f"standard_tests.{name} needs {needed}; give the figures or the test that it follows from"
+            )
+    return test.run(given, {key: Measured(one.value, one.deviation) for key, one in found.items()})
 
 
 def _readings(part: ProjectTable, key: str) -> list[float]:
@@ -120,7 +94,7 @@ def _readings(part: ProjectTable, key: str) -> list[float]:
         made = [in_si(entry, DIMENSIONS[key], key) for entry in values]
     except IdentifyError as error:
         raise part.wrong(key, str(error)) from None
-    if any(entry <= 0.0 for entry in made):
+    if key not in SIGNED and any(entry <= 0.0 for entry in made):
         raise part.wrong(key, "must hold readings above 0: take amounts, the directions do not matter here")
     return made
 
@@ -148,23 +122,31 @@ def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mappin
     """Write the [plant] table; ends that the project names already stay."""
     part = project.plant
     entries: dict[str, object] = {}
+    counted = [constant.name for constant in find_kind(sheet.kind).constants if constant.counted]
     for name in sheet.parameters:
-        if name in found:
+        if name in found and name in counted:
+            entries[name] = found[name].value
+        elif name in found:
             entry: dict[str, object] = {"value": found[name].value, "free": found[name].value > 0.0}
             deviation = found[name].deviation
             if deviation:
                 reach = NORMAL_95 * deviation
                 entry["ci95"] = [float(f"{found[name].value + sign * reach:.6g}") for sign in (-1, 1)]
             entries[name] = entry
-    table: dict[str, object] = {
+    effects = []
+    for key, one in found.items():
+        effect, _, parameter = (COULOMB[1] if key == COULOMB[0] else key).partition(".")
+        if parameter and (one.value > 0.0 or parameter in SIGNED):
+            effects.append({"name": effect, parameter: one.value})
+    ends = {key: part.table.values[key] for key in ("input", "inputs") if key in part.table.values} if part else {}
+    wires: dict[str, object] = {"input": sheet.inputs[0]} if len(sheet.inputs) == 1 else {"inputs": list(sheet.inputs)}
+    return {
         "kind": sheet.kind,
-        "input": part.input if part else "voltage_V",
-        "outputs": list(part.outputs) if part else ["speed_rad_s"],
+        **(ends or wires),
+        "outputs": list(part.outputs if part else sheet.outputs),
         "parameters": entries,
+        **({"effects": effects} if effects else {}),
     }
-    if "coulomb_N_m" in found and found["coulomb_N_m"].value > 0.0:
-        table["effects"] = [{"name": "coulomb_friction", "torque_N_m": found["coulomb_N_m"].value}]
-    return table
 
 
 @dataclass(frozen=True, slots=True)

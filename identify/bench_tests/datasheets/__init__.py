@@ -1,7 +1,7 @@
 """Datasheets: what they print, and how the figures hang together; every module of this folder with a `SHEET` is one.
 
 A sheet says more than it has to: most figures follow from others. Each relation is one check, and where a figure is not
-given, a way to it.
+given, a way to it. The standard tests of the same machine are measurements in place of figures.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 from firmloop.identify.bench_tests.quantity import in_si
-from firmloop.identify.bench_tests.unit_slips import unit_slip
+from firmloop.identify.bench_tests.standard_tests import Measured
+from firmloop.identify.bench_tests.unit_slips import Slip, unit_slip
 from firmloop.identify.error import IdentifyError
 
 
@@ -30,16 +32,39 @@ class Relation:
 
 
 @dataclass(frozen=True, slots=True)
+class StandardTest:
+    """`run` takes lists of `readings` by name, or a Recording where `recorded`; then what is `needed` and known."""
+
+    readings: tuple[str, ...]
+    needed: tuple[str, ...]
+    run: Callable[[Any, Mapping[str, Measured]], Mapping[str, Measured]]
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it takes a recording."""
+        return self.readings == RECORDING
+
+
+RECORDING = ("recording",)
+
+
+@dataclass(frozen=True, slots=True)
 class Sheet:
     """The figures of one kind of machine with the SI dimension of each, and the relations between them.
 
-    `parameters` names the plant's parameters and the figure each one is.
+    `parameters` names the plant's parameters and the figure each one is; `tests` are in the order in which they build
+    on each other. `inputs` and `outputs` are the ends of the plant where a project names none, `slips` what is taken
+    for what in such sheets besides units.
     """
 
     kind: str
     figures: Mapping[str, str]
     relations: tuple[Relation, ...]
     parameters: Mapping[str, str]
+    tests: Mapping[str, StandardTest]
+    inputs: tuple[str, ...] = ("voltage_V",)
+    outputs: tuple[str, ...] = ("speed_rad_s",)
+    slips: tuple[Slip, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +84,7 @@ class Contradiction:
         unit = sheet.figures[self.figure]
         others = " and ".join(self.others)
         lead = "leads" if len(self.others) == 1 else "lead"
-        slip = unit_slip(1.0 + self.share, self.tolerance)
+        slip = unit_slip(1.0 + self.share, self.tolerance, sheet.slips)
         check = f"; {slip}: check the units of these figures" if slip else ""
         return (
             f"{self.figure} is {self.printed:.4g} {unit}, but {others} {lead} to {self.computed:.4g} {unit} "

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from firmloop.identify.bench_tests.datasheets import Relation, Sheet
+from collections.abc import Mapping, Sequence
+
+from firmloop.identify.bench_tests.datasheets import RECORDING, Relation, Sheet, StandardTest
+from firmloop.identify.bench_tests.graphical import one_point
+from firmloop.identify.bench_tests.standard_tests import (
+    Measured,
+    coast_down,
+    locked_rotor_ac,
+    locked_rotor_dc,
+    no_load,
+    step_test,
+)
+from firmloop.identify.bench_tests.step_response import step_response
+from firmloop.identify.recordings.recording import Recording, column
 
 MAXON = "maxon, Key information on DC motors, section on characteristic lines"
 KRISHNAN = "R. Krishnan, Electric Motor Drives (2001), section 2.2"
@@ -14,6 +27,39 @@ def _gradient(resistance: float, constant: float) -> float:
 
 def _efficiency(no_load: float, stall: float) -> float:
     return float((1.0 - (no_load / stall) ** 0.5) ** 2)
+
+
+Known = Mapping[str, Measured]
+Readings = Mapping[str, Sequence[float]]
+
+
+def _doubt(known: Known, name: str) -> float:
+    return known[name].deviation or 0.0
+
+
+def _locked_dc(given: Readings, known: Known) -> Known:
+    return locked_rotor_dc(given["voltage_V"], given["current_A"])
+
+
+def _locked_ac(given: Readings, known: Known) -> Known:
+    resistance = known["R_ohm"].value, _doubt(known, "R_ohm")
+    return locked_rotor_ac(given["voltage_V"], given["current_A"], given["frequency_Hz"], *resistance)
+
+
+def _no_load(given: Readings, known: Known) -> Known:
+    resistance = known["R_ohm"].value, _doubt(known, "R_ohm")
+    return no_load(given["voltage_V"], given["current_A"], given["speed_rad_s"], *resistance)
+
+
+def _coast_down(given: Recording, known: Known) -> Known:
+    friction, dry = known["b_N_m_s_rad"], known.get("coulomb_N_m", Measured(0.0, None))
+    doubt = (friction.deviation or 0.0, dry.deviation or 0.0)
+    return coast_down(given.time, column(given, "speed_rad_s"), friction.value, dry.value, doubt)
+
+
+def _step(given: Recording, known: Known) -> Known:
+    quick = one_point(step_response(given, "voltage_V", "speed_rad_s"))["time_constant_s"]
+    return step_test(quick, {name: one.value for name, one in known.items()})
 
 
 SHEET = Sheet(
@@ -138,5 +184,12 @@ SHEET = Sheet(
         "kt_N_m_A": "torque_constant",
         "J_kg_m2": "rotor_inertia",
         "b_N_m_s_rad": "damping",
+    },
+    tests={
+        "locked_rotor_dc": StandardTest(("voltage_V", "current_A"), (), _locked_dc),
+        "locked_rotor_ac": StandardTest(("voltage_V", "current_A", "frequency_Hz"), ("R_ohm",), _locked_ac),
+        "no_load": StandardTest(("voltage_V", "current_A", "speed_rad_s"), ("R_ohm",), _no_load),
+        "coast_down": StandardTest(RECORDING, ("b_N_m_s_rad",), _coast_down),
+        "step": StandardTest(RECORDING, ("R_ohm", "ke_V_s_rad", "kt_N_m_A", "b_N_m_s_rad"), _step),
     },
 )

@@ -94,6 +94,7 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
                 position=3 if turning else -1,
                 effort=equations("effort", x, u, p, torque),
             ),
+            Balance(kind="axes", state=1, per=ca.Function("per", [p], [1.0 / across])),
             *bridge,
         ),
         inside=inside,

@@ -73,7 +73,7 @@ static double turned(const run_t *run, double t) {
 
 static view_t look(const run_t *run, const double *x, const double *u, double t) {
     const problem_t *k = run->k;
-    view_t v = {.x = x, .u = u[0], .t = t, .begin = run->begin, .m = run->m, .memo = run->memo};
+    view_t v = {.x = x, .u = u, .t = t, .begin = run->begin, .m = run->m, .memo = run->memo};
     v.w = k->speed >= 0 ? x[k->speed] : 0.0;
     v.th = k->position >= 0 ? x[k->position] : 0.0;
     v.turn = k->turns > 1 && k->asked & TURN ? turned(run, t) : v.th;

@@ -9,7 +9,7 @@ import scipy.signal
 from firmloop.identify.bench_tests.sensitivity import sensitivity
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit
-from firmloop.identify.fitting.redraw import blocks, left_over, redraw, white
+from firmloop.identify.fitting.redraw import CHECKED, blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE, Conditioning, conditioning_from_table
@@ -59,19 +59,21 @@ def test_the_bootstrap_sees_that_noise_is_coloured_and_white_draws_do_not():
     assert honest > 1.5 * naive
 
 
-def test_a_refit_is_a_whole_fit():
-    """Gauss-Newton on drawn data ends where identify ends on the same data."""
-    recording = recorded(np.random.default_rng(4).normal(0, 0.5, len(TIME)))
+@pytest.mark.parametrize("size", [0.5, 8.0])
+def test_a_refit_is_a_whole_fit(size: float):
+    """Gauss-Newton on drawn data ends where identify ends on the same data, also where no expansion holds."""
+    recording = recorded(np.random.default_rng(4).normal(0, size, len(TIME)))
     found = fit(plant(), [recording], [], NONE)
     kept: list[np.ndarray] = []
 
     def keep(residual: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        kept.append(random.normal(0, 0.5, residual.shape))
+        kept.append(random.normal(0, size, residual.shape))
         return kept[-1]
 
-    drawn = redraw(found, [recording], NONE, keep, 2, 1, quiet)
+    drawn = redraw(found, [recording], NONE, keep, 20, 1, quiet)
     simulated = found.train[0].simulated
-    for noise, again in zip(kept, drawn.draws, strict=True):
+    assert (len(kept) == 20 + CHECKED) == (size < 1.0), "whole simulations are those that are checked, or all"
+    for noise, again in zip(kept[:20], drawn.draws, strict=True):
         columns = {"voltage_V": STEP, "speed_rad_s": (simulated + noise)[:, 0]}
         told = fit(plant(), [make_recording(TIME, columns, "again", "")], [], NONE)
         deviation = np.array([p.deviation for p in told.plant.parameters[:2]])
