@@ -139,6 +139,11 @@ def progress(label: str) -> Iterator[Progress]:
         bar.finish()
 
 
+def announce(message: str) -> None:
+    """Say on stderr what a person needs to know while it is being done."""
+    _error(f"{visible(message)}\n")
+
+
 def complain(message: str) -> None:
     """Say on stderr what is wrong."""
     _error(f"firmloop: {visible(message)}\n")
