@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.stages.board.tape import steps_after
 from firmloop.verify.scaling import to_physical
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def set_document(found: Watched) -> list[dict[str, str | float]]:
         {
             "name": made.setting.name,
             "value": float(to_physical(parameters[made.setting.name], made.setting.value)[0]),
-            "time_s": max(0, made.step - first) * found.program.period,
+            "time_s": steps_after(first, made.step) * found.program.period,
         }
         for made in found.seen.made
     ]

@@ -14,7 +14,7 @@ from firmloop.quantize.program import Program
 from firmloop.stages.board.channels import Channel
 from firmloop.stages.board.desk import Desk
 from firmloop.stages.board.monitoring import recording_of
-from firmloop.stages.board.tape import Made, Tape
+from firmloop.stages.board.tape import Made, Tape, steps_after
 from firmloop.stages.board.tunables import setting_of
 from firmloop.verify.link import LinkError
 from firmloop.verify.scaling import to_physical
@@ -77,7 +77,7 @@ class Display:
         made = self.desk.ask(setting_of(self.program, name, value, 0))
         if made is None:
             raise LinkError(f"{name} was not set: the controller is not watched any more")
-        passed = max(0, made.step - self.tape.first)
+        passed = steps_after(self.tape.first, made.step) if len(self.tape) else 0
         return {"name": name, "value": self._value(made), "time_s": passed * self.program.period}
 
     def recording(self, begin: int, end: int) -> Recording:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from firmloop.codegen.target import load_target
 from firmloop.project.project import Project
 from firmloop.quantize.program import Program
-from firmloop.scope.lines import Spelling
 from firmloop.scope.display import Display, held_of
+from firmloop.scope.lines import Spelling
 from firmloop.scope.server import served
 from firmloop.stages.board.channels import channels
 from firmloop.stages.board.desk import Desk

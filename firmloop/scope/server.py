@@ -10,6 +10,7 @@ import base64
 import json
 import math
 import secrets
+import sys
 import tempfile
 import threading
 import time
@@ -20,10 +21,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
+from firmloop.console import complain
 from firmloop.identify.recordings.recording import write_recording
 from firmloop.project.table import ProjectError
-from firmloop.scope.page import page_of
 from firmloop.scope.display import Display
+from firmloop.scope.page import page_of
 from firmloop.verify.link import LinkError
 
 HOST = "127.0.0.1"
@@ -54,7 +56,10 @@ class ScopeServer(ThreadingHTTPServer):
         return f"http://{HOST}:{self.server_port}/{self.token}/"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing of a browser that closes: the watch goes on."""
+        """Say nothing of a browser that closes: the watch goes on, as it does after a fault of ours."""
+        error = sys.exception()
+        if not isinstance(error, ConnectionError):
+            complain(f"internal error of the page: {type(error).__name__}: {error}; please report it")
 
 
 class _Answer(BaseHTTPRequestHandler):
@@ -96,12 +101,10 @@ class _Answer(BaseHTTPRequestHandler):
 
     def _place(self) -> str | None:
         """Return what is asked for, behind the token; None after a refusal."""
-        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
-        origin = self.headers.get("Origin")
+        host = self.headers.get("Host", "")
+        own = host.partition(":")[0] in NAMES and self.headers.get("Origin") in (None, f"http://{host}")
         token, _, place = urlsplit(self.path).path.removeprefix("/").partition("/")
-        if host not in NAMES or (origin is not None and urlsplit(origin).netloc != self.headers.get("Host")):
-            self._refuse(HTTPStatus.FORBIDDEN, "this page answers to itself alone, on this machine")
-        elif self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+        if not own or self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
             self._refuse(HTTPStatus.FORBIDDEN, "this page answers to itself alone, on this machine")
         elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(HTTPStatus.FORBIDDEN, "the token is missing or of an older run: use the URL of the terminal")

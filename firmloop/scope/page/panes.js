@@ -14,10 +14,7 @@ function niceStep(span, most) {
   return [1, 2, 5, 10].map((each) => each * power).find((each) => each >= rough);
 }
 
-function shownNumber(value) {
-  const size = Math.abs(value);
-  return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(3) : String(Number(value.toPrecision(6)));
-}
+function shownNumber(value) { return String(Number(value.toPrecision(6))); }
 
 class Panes {
   constructor(canvas, channels) {

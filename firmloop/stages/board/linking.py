@@ -21,7 +21,6 @@ from firmloop.verify.build.image import build_image
 from firmloop.verify.links.live import LiveLink, open_live_port, start_live
 
 NANOSECONDS = 1e9
-UNTOLD_HZ = 16_000_000  # of a core whose file does not tell
 
 
 @contextmanager
@@ -49,14 +48,15 @@ def live_link(
     if target.qemu is None:
         raise ProjectError(
             f"--port: is missing, and target {target.name} is no emulated core; name where the board is "
-            "(firmloop targets --ports shows what is here), or choose an emulated core: --target qemu_mps2_an386 --live FILE.c"
+            "(firmloop targets --ports shows what is here), or an emulated core: --target qemu_mps2_an386 --live FILE.c"
         )
     if live is None:
         raise ProjectError(
             f"--live: is missing: on {target.name} the controller needs its two functions, in a C file that includes "
             f'"live.h": void live_read({project.name}_in_t *in) and void live_write(const {project.name}_out_t *out)'
         )
-    paced = replace(target, qemu=_paced(target.qemu, target.clock_hz or UNTOLD_HZ))
+    assert target.clock_hz is not None, "only the host has none"
+    paced = replace(target, qemu=_paced(target.qemu, target.clock_hz))
     with tempfile.TemporaryDirectory() as folder:
         with stage(f"starting {target.name}"), located(project):
             files = live_firmware(generated.program, generated.bundle, paced, {live.name: live_source(live)})

@@ -30,6 +30,12 @@ class Made:
     step: int
 
 
+def steps_after(first: int, step: int) -> int:
+    """Return how many steps after the first one a step is, 0 if it is before; both are counted in 32 bits."""
+    passed = (step - first) & 0xFFFFFFFF
+    return passed if passed < 1 << 31 else 0
+
+
 @dataclass(frozen=True, slots=True)
 class Seen:
     """What came: raw rows in order, samples lost in the image for want of line, and on the line, and what was set."""
@@ -91,8 +97,8 @@ class Tape:
 
     @property
     def first(self) -> int:
-        """The number of the first step."""
-        return int(self._blocks[0]["step"][0])
+        """The number of the first step; 0 while none has come."""
+        return int(self._blocks[0]["step"][0]) if self._ends else 0
 
     def follow(self, begin: int, most: int, patience: float) -> Iterator[NDArray[np.void]]:
         """Yield the rows from number `begin` on, at most `most` at once; none after `patience` s without a new one.
