@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +12,14 @@ from firmloop.stages.board.tape import steps_after
 from firmloop.verify.scaling import to_physical
 
 if TYPE_CHECKING:
+    from firmloop.stages.board.channels import Channel
     from firmloop.stages.board.monitoring import Watched
+    from firmloop.stages.board.tape import Tape
 
 BARS = " .:-=+*#%@"  # of the terminal's plot, from low to high
 PLOT_WIDTH = 60
+PICTURE_WIDTH = 36  # so that a line with its value fits a terminal of 80
+PICTURE = 10.0  # s that the picture of a watch looks back
 
 
 def about_watched(found: Watched, every: int) -> list[str]:
@@ -60,9 +65,22 @@ def watch_document(found: Watched) -> dict[str, object]:
     }
 
 
-def sparks(values: NDArray[np.float64]) -> str:
+def picture(tape: Tape, channels: Sequence[Channel], every: float) -> list[str]:
+    """Draw the last seconds of a watch that goes on, with samples `every` s: a line a signal, with its latest value."""
+    rows = tape.read(max(0, len(tape) - round(PICTURE / every)), len(tape))
+    if not len(rows):
+        return []
+    lines = []
+    for channel in channels:
+        values = channel.physical(rows)
+        drawn = sparks(values, PICTURE_WIDTH).ljust(PICTURE_WIDTH)
+        lines.append(f"{channel.column:>22} |{drawn}| {values[-1]:.6g} {channel.unit}".rstrip())
+    return lines
+
+
+def sparks(values: NDArray[np.float64], width: int = PLOT_WIDTH) -> str:
     """Draw a column in one line of characters: the mean of each stretch, from its lowest to its highest value."""
-    means = np.array([part.mean() for part in np.array_split(values, min(PLOT_WIDTH, len(values)))])
+    means = np.array([part.mean() for part in np.array_split(values, min(width, len(values)))])
     span = float(np.ptp(means)) or 1.0
     places = ((means - means.min()) / span * (len(BARS) - 1)).round().astype(int)
     return "".join(BARS[place] for place in places)

@@ -49,6 +49,7 @@ def scope(project: Project, watch: Watch, onlookers: Onlookers, name: str, stage
     generated = program_of(project, "scope")
     program, target = generated.program, load_target(watch.target)
     shown = channels(project, program, watch.signals, ())
+    extent = extent_of(program, watch, shown)
     with live_link(project, generated, target, watch.port, watch.live, stage) as link:
         tape = Tape(watch.every)
         desk = Desk(tape)
@@ -56,7 +57,8 @@ def scope(project: Project, watch: Watch, onlookers: Onlookers, name: str, stage
         with served(display, onlookers.port) as server, _spelled(display, onlookers):
             onlookers.opened(server.url)
             try:
-                found = record(link, program, shown, extent_of(program, watch, shown), tape, desk.due, name, quietly)
+                with quietly("watching") as report:
+                    found = record(link, program, shown, extent, tape, desk.due, name, report)
                 server.ending = found.gone or "the watch has ended"
             except BaseException:
                 server.ending = "the watch ended before the first sample came"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,12 +23,14 @@ from firmloop.stages.board.tape import Seen, Setting, Tape
 from firmloop.stages.board.tunables import setting_of
 from firmloop.stages.making import Generated, design, generate
 from firmloop.stages.plant import command_of, plant_of
-from firmloop.stages.progress import Stage
+from firmloop.stages.progress import Report, Stage
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.live import LiveLink
 
 MOST_SAMPLES = 50_000_000  # of a watch; with ten signals they take 2 GB
 MOST_STEPS = 2**32 - 1  # that the image counts before it begins anew
+
+Watching = Callable[[Tape, Sequence[Channel], float], AbstractContextManager[Report]]  # told the period, in s
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +80,10 @@ def program_of(project: Project, verb: str) -> Generated:
     return generate(project, design(project, plant), command_of(verb, project.path))
 
 
-def monitor(project: Project, watch: Watch, name: str, stage: Stage) -> Watched:
+def monitor(project: Project, watch: Watch, name: str, stage: Stage, watching: Watching) -> Watched:
     """Stream the signals for a while, or until somebody stops it; the recording is called `name`.
+
+    `watching` is opened with what comes while it comes.
 
     Raises
     ------
@@ -94,7 +99,9 @@ def monitor(project: Project, watch: Watch, name: str, stage: Stage) -> Watched:
     extent = extent_of(program, watch, watched)
     target = load_target(watch.target)
     with live_link(project, generated, target, watch.port, watch.live, stage) as link:
-        return record(link, program, watched, extent, Tape(watch.every), schedule(settings), name, stage)
+        tape = Tape(watch.every)
+        with watching(tape, watched, program.period) as report:
+            return record(link, program, watched, extent, tape, schedule(settings), name, report)
 
 
 def settings_of(program: Program, watch: Watch) -> tuple[Setting, ...]:
@@ -142,7 +149,7 @@ def record(
     tape: Tape,
     due: Due,
     name: str,
-    stage: Stage,
+    report: Report,
 ) -> Watched:
     """Take samples until their time is over, somebody stops it or the line goes; the last two keep what came.
 
@@ -153,7 +160,7 @@ def record(
     """
     gone, after = "", None
     before = link.state()
-    with stop_in_order() as stopped, stage("watching") as report:
+    with stop_in_order() as stopped:
         try:
             take(link, extent, tape, due, stopped, report)
             after = link.state()

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import select
+import signal
+import socket
+import threading
 import time
+import tty
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import takewhile
 from pathlib import Path
 
@@ -194,6 +201,56 @@ def test_a_port_that_goes_ends_with_a_sentence_and_keeps_the_recording(tmp_path:
     assert f"port {port}: it is gone or cannot be used" in over[0]["says"]
     assert "it is gone or cannot be used" in scope.told() and "seen.csv holds what came before" in scope.told()
     assert len(read_recording(scope.file, {}).time) > begin
+
+
+@pytest.mark.qemu
+def test_an_emulated_core_that_dies_is_told_in_its_own_words(tmp_path: Path) -> None:
+    with scoping(tmp_path) as scope:
+        stream = events(scope.url, 0)
+        next(content for _, content in stream if content["begin"] > 100)
+        children = Path(f"/proc/{scope.process.pid}/task/{scope.process.pid}/children").read_text().split()
+        os.kill(int(children[0]), signal.SIGKILL)
+        assert scope.process.wait(60) == 3
+    assert f"the emulated core {TARGET.name}: QEMU ended with status -9" in scope.told()
+    assert scope.file.exists()
+
+
+@pytest.mark.qemu
+def test_a_controller_behind_a_socket_is_watched(tmp_path: Path) -> None:
+    (tmp_path / "tank.toml").write_text(PROJECT)
+    program = program_of(read_project(tmp_path / "tank.toml"), "scope").program
+    with running(program) as port, relayed(port) as url:
+        with scoping(tmp_path, "--port", url, "--seconds", "0.5") as scope:
+            rows, _, over = collected(scope.url)
+            assert scope.process.wait(60) == 0
+    assert over == "the watch has ended" and len(rows) >= 500
+    assert len(read_recording(scope.file, {}).time) == 500
+
+
+@contextmanager
+def relayed(terminal: str) -> Iterator[str]:
+    """Give the address of a socket that stands for a terminal, as a serial server's does."""
+    line = os.open(terminal, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    tty.setraw(line)
+
+    def relay(listener: socket.socket) -> None:
+        with suppress(OSError):
+            far, _ = listener.accept()
+            with far:
+                while True:
+                    for ready in select.select([far, line], [], [])[0]:
+                        data = far.recv(4096) if ready is far else os.read(line, 4096)
+                        if not data:
+                            return
+                        os.write(line, data) if ready is far else far.sendall(data)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=relay, args=(listener,), daemon=True)
+        thread.start()
+        yield f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        listener.close()
+    thread.join(5.0)
+    os.close(line)
 
 
 @pytest.mark.qemu

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import pty
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,7 @@ from bench.links.scope import PROJECT, ROOT, TARGET
 from firmloop.identify.recordings.recording import read_recording
 
 
-def monitoring(folder: Path, *options: str) -> subprocess.Popen[str]:
+def monitoring(folder: Path, *options: str, told: int = subprocess.PIPE) -> subprocess.Popen[str]:
     """Start `firmloop monitor` in a process of its own."""
     (folder / "tank.toml").write_text(PROJECT)
     (folder / "tank.c").write_text(TANK.format(name="tank"))
@@ -37,7 +39,7 @@ def monitoring(folder: Path, *options: str) -> subprocess.Popen[str]:
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stderr=told,
         text=True,
         process_group=0,
     )
@@ -67,3 +69,26 @@ def test_a_monitor_that_is_stopped_before_a_sample_leaves_nothing(tmp_path: Path
     _, told = process.communicate(timeout=60)
     assert process.returncode in (130, -signal.SIGINT), told  # by the signal while Python itself starts
     assert not (tmp_path / "seen.csv").exists()
+
+
+@pytest.mark.qemu
+def test_a_monitor_draws_on_a_terminal_while_it_runs(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    process = monitoring(tmp_path, "--live", "tank.c", "--seconds", "600", told=theirs)
+    os.close(theirs)
+    seen = b""
+    while seen.count(b"voltage_V |") < 3:
+        seen += os.read(ours, 1 << 14)
+    os.killpg(process.pid, signal.SIGINT)
+    with suppress(OSError):  # the terminal has gone with its last writer
+        while part := os.read(ours, 1 << 14):
+            seen += part
+    os.close(ours)
+    process.communicate(timeout=60)
+    frames = seen.decode().split("\r\x1b[Kwatching")[1:]
+    drawn = [line for line in frames[-2].split("\x1b[3A")[0].splitlines() if "|" in line]
+    assert [line.removeprefix("\x1b[K").split()[0] for line in drawn] == ["reference_C", "temperature_C", "voltage_V"]
+    assert [line.split()[-1] for line in drawn] == ["degC", "degC", "V"]
+    assert max(map(len, drawn)) < 80 + len("\x1b[K")
+    assert frames[0].count("\n") == 3 and "\x1b[3A" in frames[0]
+    assert "\x1b[J" in frames[-1] and "stopped; seen.csv holds what came before" in frames[-1]
