@@ -29,6 +29,31 @@ def campaign(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def watched(parser: argparse.ArgumentParser) -> None:
+    """Ask where a controller runs, and what of it to watch."""
+    parser.add_argument(
+        "--target", required=True, metavar="NAME", help="the board or emulated core, as `firmloop targets` calls it"
+    )
+    parser.add_argument("--port", metavar="URL", help="where the board is: /dev/ttyACM0, COM3, socket://host:port")
+    parser.add_argument(
+        "--live", type=Path, metavar="FILE.c", help="instead of a port: run it on the emulated core, on this file"
+    )
+    parser.add_argument(
+        "--signals", default="", metavar="A,B", help="inputs, outputs, parameters, status (default inputs, outputs)"
+    )
+    parser.add_argument("--every", type=steps, default=1, metavar="N", help="only every Nth step (default 1)")
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Read a list of names with commas between them."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def seconds(text: str) -> float:
+    """Read how long to watch, s."""
+    return number(text, 0.001, 1e6)
+
+
 def place(text: str) -> Path:
     """Read a path that is to be written."""
     try:

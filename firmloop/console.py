@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -14,6 +15,9 @@ QUIET = 2.0  # s; what is done sooner needs no bar
 REDRAW = 0.2  # s between two drawings of a bar
 PLAIN = 5.0  # s between two lines where stderr is no terminal
 WIDTH = 24  # characters of a bar
+USUAL_COLUMNS = 80
+
+Picture = Callable[[], Iterable[str]]
 
 
 class Console(Protocol):
@@ -80,10 +84,14 @@ class JsonConsole:
 
 
 class Progress:
-    """How far a piece of work is; call it with the share done (0 to 1) and what is being done, as often as you like."""
+    """How far a piece of work is; call it with the share done (0 to 1) and what is being done, as often as you like.
 
-    def __init__(self, label: str) -> None:
+    `picture` gives lines that are drawn below it on a terminal, each time anew.
+    """
+
+    def __init__(self, label: str, picture: Picture) -> None:
         self._label = visible(label)
+        self._picture = picture
         self._share: float | None = None
         self._doing = ""
         self._begun = time.monotonic()
@@ -107,7 +115,7 @@ class Progress:
         self._done.set()
         self._drawer.join()
         if self._drawn:
-            _error("\r\x1b[K")
+            _error("\r\x1b[J")
 
     def _watch(self) -> None:
         while not self._done.wait(REDRAW):
@@ -125,18 +133,26 @@ class Progress:
         self._drawn = True
         full = 0 if self._share is None else round(self._share * WIDTH)
         bar = "" if self._share is None else f" [{'#' * full}{'.' * (WIDTH - full)}]"
-        _error(f"\r\x1b[K{self._label}{bar}{share} {elapsed:.0f} s")
+        below = [visible(line)[: _columns() - 1] for line in self._picture()]  # one that wraps is not drawn over
+        drawn = "".join(f"\n\x1b[K{line}" for line in below)
+        back = f"\x1b[{len(below)}A" if below else ""
+        _error(f"\r\x1b[K{self._label}{bar}{share} {elapsed:.0f} s{drawn}{back}\r")
 
 
 @contextmanager
-def progress(label: str) -> Iterator[Progress]:
+def progress(label: str, picture: Picture = tuple) -> Iterator[Progress]:
     """Show on stderr that something is being done, if it lasts longer than two seconds."""
-    bar = Progress(label)
+    bar = Progress(label, picture)
     bar.start()
     try:
         yield bar
     finally:
         bar.finish()
+
+
+def announce(message: str) -> None:
+    """Say on stderr what a person needs to know while it is being done."""
+    _error(f"{visible(message)}\n")
 
 
 def complain(message: str) -> None:
@@ -177,6 +193,14 @@ def _error(text: str) -> None:
         sys.stderr.flush()
     except (OSError, ValueError):
         pass
+
+
+def _columns() -> int:
+    """Return how wide the terminal of stderr is."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns or USUAL_COLUMNS
+    except (OSError, ValueError):
+        return USUAL_COLUMNS
 
 
 def _plain(value: object) -> object:

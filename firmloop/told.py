@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from firmloop.console import Console, complain
 from firmloop.door.design import Designed
@@ -10,11 +11,13 @@ from firmloop.door.generate import Code
 from firmloop.door.identify import Identified
 from firmloop.presentation import words
 from firmloop.presentation.documents import outcomes_document
+from firmloop.presentation.monitor_words import about_watched, watch_document
 from firmloop.presentation.telling import tell_code, tell_design, tell_fit
+from firmloop.stages.board.monitoring import Watched
 from firmloop.stages.tracking import Tracking
 from firmloop.stages.verification import Outcome
 
-AGREES, DIFFERS, NO_TOOL = 0, 1, 3
+AGREES, DIFFERS, NO_TOOL, STOPPED = 0, 1, 3, 130
 
 
 def tell_noun(console: Console, noun: object) -> None:
@@ -47,3 +50,18 @@ def tell_end(console: Console, outcomes: Sequence[Outcome], not_tracked: str) ->
     if any(outcome.verdict and not outcome.verdict.agrees for outcome in outcomes):
         return DIFFERS
     return NO_TOOL if unchecked or any(outcome.not_run for outcome in outcomes) else AGREES
+
+
+def tell_watched(console: Console, found: Watched, every: int, file: Path) -> int:
+    """Tell what was seen of a running controller; return the exit status, which tells that it ended before its time."""
+    console.lines([*about_watched(found, every), f"written: {file}"])
+    for key, value in watch_document(found).items():
+        console.result(key, value)
+    console.result("written", [str(file)])
+    if found.gone:
+        complain(f"{found.gone}; {file} holds what came before")
+        return NO_TOOL
+    if found.stopped:
+        complain(f"stopped; {file} holds what came before")
+        return STOPPED
+    return AGREES

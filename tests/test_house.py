@@ -85,7 +85,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "firmloop": (
         ("console", "project"),
         ("output", "stages"),
-        ("presentation",),
+        ("presentation", "scope"),
         ("door",),
         ("told", "arguments"),
         ("commands",),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,9 +18,10 @@ from firmloop.codegen.firmware import live_firmware
 from firmloop.codegen.target import Qemu, load_target
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
-from firmloop.stages.board.monitoring import stream
+from firmloop.stages.board.taking import Extent, never, schedule, take
+from firmloop.stages.board.tape import Seen, Setting, Tape
 from firmloop.verify.build.image import build_image
-from firmloop.verify.links.live import open_live_port
+from firmloop.verify.links.live import LiveLink, open_live_port
 from firmloop.verify.links.pty import start_on_terminal
 from tests.laws import FULL, pid
 
@@ -57,6 +58,13 @@ def running(program: Program) -> Iterator[str]:
             process.stop()
 
 
+def stream(link: LiveLink, names: tuple[str, ...], every: int, steps: int, settings: Sequence[Setting] = ()) -> Seen:
+    """Take samples over so many steps."""
+    tape = Tape(every)
+    take(link, Extent(names, every, steps), tape, schedule(settings), never, lambda share, doing: None)
+    return tape.seen(steps)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="of the controller's time")
@@ -64,7 +72,7 @@ def main() -> int:
     program = lower(pid(FULL), "float32")
     with running(program) as port, open_live_port(TARGET, port, program) as link:
         before, begin = link.state(), time.perf_counter()
-        seen = stream(link, SIGNALS, 1, round(arguments.seconds / program.period), None)
+        seen = stream(link, SIGNALS, 1, round(arguments.seconds / program.period))
         wall, after = time.perf_counter() - begin, link.state()
     print(
         f"{len(seen.rows):,} samples of {len(SIGNALS)} signals at {1 / program.period:g} Hz, {wall:.1f} s of wall; "

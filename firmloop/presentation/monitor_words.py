@@ -8,42 +8,79 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.stages.board.tape import steps_after
 from firmloop.verify.scaling import to_physical
 
 if TYPE_CHECKING:
-    from firmloop.quantize.program import Program
-    from firmloop.stages.board.monitoring import Seen, Setting
+    from firmloop.stages.board.channels import Channel
+    from firmloop.stages.board.monitoring import Watched
+    from firmloop.stages.board.tape import Tape
 
 BARS = " .:-=+*#%@"  # of the terminal's plot, from low to high
 PLOT_WIDTH = 60
+PICTURE_WIDTH = 36  # so that a line with its value fits a terminal of 80
+PICTURE = 10.0  # s that the picture of a watch looks back
 
 
-def about_settings(program: Program, settings: Sequence[Setting], seen: Seen) -> list[str]:
-    """Say from when on each parameter had its new value."""
-    units = {parameter.name: parameter.unit or "1" for parameter in program.parameters}
-    return [
+def about_watched(found: Watched, every: int) -> list[str]:
+    """Say what was set, how many samples came, and how the controller kept its period."""
+    seen, period = found.seen, found.program.period
+    units = {parameter.name: parameter.unit or "1" for parameter in found.program.parameters}
+    lines = [
         f"{entry['name']} set to {entry['value']:.6g} {units[str(entry['name'])]} from {entry['time_s']:.6g} s on"
-        for entry in set_document(program, settings, seen)
+        for entry in set_document(found)
     ]
+    lines.append(
+        f"{len(seen.rows):,} samples of {', '.join(channel.name for channel in found.channels)}, every "
+        f"{every * period:g} s; lost: {seen.lost_in_image} in the image, {seen.lost_on_line} on the line"
+    )
+    if found.steps is not None:
+        lines.append(f"the controller ran {found.steps:,} steps, {found.late} of them late")
+    return lines
 
 
-def set_document(program: Program, settings: Sequence[Setting], seen: Seen) -> list[dict[str, str | float]]:
+def set_document(found: Watched) -> list[dict[str, str | float]]:
     """Return what `--json` says of the same."""
-    parameters = {parameter.name: parameter for parameter in program.parameters}
-    first = int(seen.rows["step"][0])
+    parameters = {parameter.name: parameter for parameter in found.program.parameters}
+    first = int(found.seen.rows["step"][0])
     return [
         {
-            "name": setting.name,
-            "value": float(to_physical(parameters[setting.name], setting.value)[0]),
-            "time_s": max(0, step - first) * program.period,
+            "name": made.setting.name,
+            "value": float(to_physical(parameters[made.setting.name], made.setting.value)[0]),
+            "time_s": steps_after(first, made.step) * found.program.period,
         }
-        for setting, step in zip(settings, seen.set_from, strict=True)
+        for made in found.seen.made
     ]
 
 
-def sparks(values: NDArray[np.float64]) -> str:
+def watch_document(found: Watched) -> dict[str, object]:
+    """Return the whole of it for `--json`; what could not be asked any more is null."""
+    seen = found.seen
+    return {
+        "samples": len(seen.rows),
+        "lost": {"image": seen.lost_in_image, "line": seen.lost_on_line},
+        "set": set_document(found),
+        "late_steps": found.late,
+        "stopped": found.stopped,
+    }
+
+
+def picture(tape: Tape, channels: Sequence[Channel], every: float) -> list[str]:
+    """Draw the last seconds of a watch that goes on, with samples `every` s: a line a signal, with its latest value."""
+    rows = tape.read(max(0, len(tape) - round(PICTURE / every)), len(tape))
+    if not len(rows):
+        return []
+    lines = []
+    for channel in channels:
+        values = channel.physical(rows)
+        drawn = sparks(values, PICTURE_WIDTH).ljust(PICTURE_WIDTH)
+        lines.append(f"{channel.column:>22} |{drawn}| {values[-1]:.6g} {channel.unit}".rstrip())
+    return lines
+
+
+def sparks(values: NDArray[np.float64], width: int = PLOT_WIDTH) -> str:
     """Draw a column in one line of characters: the mean of each stretch, from its lowest to its highest value."""
-    means = np.array([part.mean() for part in np.array_split(values, min(PLOT_WIDTH, len(values)))])
+    means = np.array([part.mean() for part in np.array_split(values, min(width, len(values)))])
     span = float(np.ptp(means)) or 1.0
     places = ((means - means.min()) / span * (len(BARS) - 1)).round().astype(int)
     return "".join(BARS[place] for place in places)

@@ -71,6 +71,19 @@ def test_the_tutorial_prints_what_it_shows(tmp_path: Path) -> None:
             assert _figures(line) == pytest.approx(_figures(said[_words(line)]), rel=NEAR), line
 
 
+@pytest.mark.qemu
+def test_the_scope_runs_on_the_two_files_of_its_page(tmp_path: Path) -> None:
+    page = ROOT / "docs" / "scope.md"
+    (tmp_path / "tank.toml").write_text(_blocks(page, "toml")[0], encoding="utf-8")
+    (tmp_path / "tank.c").write_text(_blocks(page, "c")[0], encoding="utf-8")
+    command = _blocks(page, "")[0].split()
+    done = _run(["-m", *command, "--seconds", "0.5"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "open http://127.0.0.1:" in done.stderr and "500 samples of reference, measurement, output" in done.stdout
+    header = (tmp_path / "seen.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert header == "time_s,reference_degC,measurement_degC,output_V"
+
+
 def test_the_tutorial_shows_the_project_it_uses() -> None:
     text = (ROOT / "examples" / "own_motor" / "motor.toml").read_text(encoding="utf-8")
     shown = "\n".join(_blocks(ROOT / "docs" / "tutorial.md", "toml"))

@@ -22,8 +22,9 @@ import os
 import struct
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -33,8 +34,16 @@ from firmloop.codegen.target import Target
 from firmloop.quantize.program import Program, Value
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import REPLY, FrameError, binding, seal, unseal
-from firmloop.verify.links.stream import Stream
-from firmloop.verify.links.uart import PORT_ATTEMPTS, PORT_TIMEOUT, port_stream
+from firmloop.verify.links.pty import start_on_terminal
+from firmloop.verify.links.stream import Stream, open_serial
+from firmloop.verify.links.uart import (
+    DEFAULT_BAUD,
+    PORT_ATTEMPTS,
+    PORT_TIMEOUT,
+    QEMU_ATTEMPTS,
+    QEMU_TIMEOUT,
+    port_stream,
+)
 from firmloop.verify.reference import Raw, element_type
 
 DATA, HELLO, WATCH, SET = 0x40, 0x41, 0x42, 0x43
@@ -198,3 +207,24 @@ def open_live_port(target: Target, url: str, program: Program) -> LiveLink:
     """
     stream, where = port_stream(target, url)
     return LiveLink(stream, where, program, PORT_TIMEOUT, PORT_ATTEMPTS)
+
+
+def start_live(target: Target, elf: Path, program: Program) -> LiveLink:
+    """Run the live image `elf` on the emulated core of the target and greet it; it ends when the link is closed.
+
+    Raises
+    ------
+    LinkError
+        when QEMU or the image dies or does not answer.
+    ToolError
+        when QEMU is not installed.
+    """
+    with ExitStack() as undo:
+        process, path = start_on_terminal(target, elf)
+        undo.callback(process.stop)
+
+        def fate() -> str:
+            return f"the emulated core {target.name}: {process.fate()}"
+
+        stream = open_serial(path, DEFAULT_BAUD, QEMU_TIMEOUT, fate, undo.pop_all().close)
+    return LiveLink(stream, f"the emulated core {target.name}", program, QEMU_TIMEOUT, QEMU_ATTEMPTS)

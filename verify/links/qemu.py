@@ -65,6 +65,7 @@ class QemuProcess:
                 stdout=words,
                 stderr=words,
                 pass_fds=descriptors,
+                process_group=0,  # Ctrl-C is for us: we end it once we have what it still has to say
             )
         self.number = self._process.pid  # setpriv becomes QEMU, it does not start it
         # Also runs when the interpreter ends, so that an unclosed link leaves nothing behind.

@@ -25,7 +25,8 @@ def _command(project: Project) -> str:
     return command_of("flash", project.path)
 
 
-def _text(path: Path) -> str:
+def live_source(path: Path) -> str:
+    """Return the text of the C file between a controller and its sensors and actuators."""
     if path.suffix != ".c":
         raise ProjectError(f"--live {path}: must be a C file")
     try:
@@ -63,7 +64,7 @@ def build(project: Project, target: Target, live: Path | None, folder: Path) -> 
         if live is None:
             files = firmware(generated.program, generated.bundle, target, TRANSPORT)
         else:
-            files = live_firmware(generated.program, generated.bundle, target, {live.name: _text(live)})
+            files = live_firmware(generated.program, generated.bundle, target, {live.name: live_source(live)})
     image = build_image(files, target, folder)
     dragged = drag_file(target, image.elf)
     for left in folder.rglob("*"):

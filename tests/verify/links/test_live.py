@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.links.live import SIGNALS, TARGET, running
+from bench.links.live import SIGNALS, TARGET, running, stream
 from firmloop.cli import main
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.emit import emit
@@ -20,7 +20,8 @@ from firmloop.identify.recordings.recording import read_recording
 from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program
-from firmloop.stages.board.monitoring import Seen, Setting, Watch, settings_of, stream
+from firmloop.stages.board.monitoring import Watch, settings_of
+from firmloop.stages.board.tape import Seen, Setting
 from firmloop.stages.making import design, generate
 from firmloop.stages.plant import plant_of
 from firmloop.verify.build.image import build_image
@@ -67,7 +68,7 @@ def project(tmp_path: Path) -> Path:
 def stream_without_loss(link: LiveLink, names: tuple[str, ...], every: int, steps: int) -> Seen:
     """Stream again if samples were lost: where the machine stands still long enough, they are, and are counted."""
     for _ in range(10):
-        seen = stream(link, names, every, steps, None)
+        seen = stream(link, names, every, steps)
         if seen.lost_in_image + seen.lost_on_line == 0:
             return seen
     raise AssertionError("ten times in a row samples were lost")
@@ -191,7 +192,7 @@ def test_a_parameter_is_set_between_two_steps() -> None:
     settings = [Setting("kp", high, 0), Setting("kp", middle, 100), Setting("kp", low, 200)]
     with running(program) as port, open_live_port(TARGET, port, program) as link:
         for _ in range(10):
-            seen = stream(link, (*SIGNALS, "kp"), 1, 400, None, settings)
+            seen = stream(link, (*SIGNALS, "kp"), 1, 400, settings)
             if seen.lost_in_image + seen.lost_on_line == 0:
                 break
         with pytest.raises(LinkError, match=r"the image refused kp = 0\.25: it is out of its proven range"):
@@ -200,8 +201,8 @@ def test_a_parameter_is_set_between_two_steps() -> None:
     rows = seen.rows
     assert (len(rows), state.late) == (400, 0)
     steps = rows["step"]
-    for from_step, value, before in zip(seen.set_from[1:], (middle, low), (high, middle), strict=True):
-        assert rows["kp"][steps == from_step - 1] == before and rows["kp"][steps == from_step] == value
+    for made, value, before in zip(seen.made[1:], (middle, low), (high, middle), strict=True):
+        assert rows["kp"][steps == made.step - 1] == before and rows["kp"][steps == made.step] == value
     assert set(rows["kp"]) == {low[0], middle[0], high[0]} and rows["kp"][0] == high[0]
     inputs = np.stack([rows["reference"], rows["measurement"]], axis=-1)
     trace = run(program, inputs[None], rows["kp"][None, :, None])
