@@ -18,6 +18,7 @@ from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Number, Program, Value
 
 Raw = NDArray[Any]
+AT_ONCE = 4096  # lanes: 32 kB a value
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +122,11 @@ class Machine:
             values[target] = run(*[values[p] for p in places], *shifts)
         return values
 
+    def following(self, values: list[Any], lanes: int) -> list[Raw]:
+        """Return the state after a step, one array (lanes,) per variable."""
+        found = [values[slot] for slot in self.next]
+        return [x if np.shape(x) == (lanes,) else np.broadcast_to(x, lanes) for x in found]
+
     def named(self, values: list[Any]) -> Mapping[str, Any]:
         """Return the values of one step by name."""
         return {name: values[slot] for name, slot in self.slots.items() if not name.startswith("#")}
@@ -143,30 +149,33 @@ def run(program: Program, inputs: Raw, settings: Raw | None = None, start: Seque
     machine = Machine(program)
     kind = working_type(program)
     first = len(program.state) - len(program.tunable)
-    asked = np.zeros((0,)) if settings is None else np.moveaxis(settings, (1, 2), (0, 1)).astype(kind)
-    columns = np.ascontiguousarray(np.moveaxis(inputs, (1, 2), (0, 1))).astype(kind)  # (steps, m, lanes)
-    state = start_state(program, lanes) if start is None else [x.astype(kind) for x in start]
-    outputs = np.empty((steps, len(program.outputs), lanes), dtype=kind)
+    begin = start_state(program, lanes) if start is None else [x.astype(kind) for x in start]
+    outputs = np.empty((steps, len(program.outputs), lanes), dtype=_member_type(program))
     before = np.empty((steps, len(program.state), lanes), dtype=kind)
-    status = np.zeros((steps, lanes), dtype=np.int64)
+    status = np.zeros((steps, lanes), dtype=np.uint32)
     with np.errstate(all="ignore"):
-        for k in range(steps):
-            for j, parameter in enumerate(program.parameters if len(asked) else ()):
-                state[first + j] = set_parameter(parameter, state[first + j], asked[k, j])
-            for j, value in enumerate(state):
-                before[k, j] = value
-            values = machine.step(list(columns[k]), state)
-            state = [np.broadcast_to(values[s], lanes) for s in machine.next]
-            for j, slot in enumerate(machine.results):
-                outputs[k, j] = values[slot]
-            for slot, bit in machine.status:
-                status[k] |= np.asarray(values[slot]).astype(np.int64) << bit
-    return Trace(
-        np.moveaxis(outputs, 2, 0).astype(_member_type(program)) if program.outputs else outputs,
-        np.moveaxis(status, 1, 0).astype(np.uint32),
-        np.moveaxis(before, 2, 0),
-    )
+        for part in parts(lanes):
+            columns = np.ascontiguousarray(np.moveaxis(inputs[part], (1, 2), (0, 1)), kind)  # (steps, m, lanes)
+            asked = () if settings is None else np.moveaxis(settings[part], (1, 2), (0, 1)).astype(kind)
+            state = [x[part] for x in begin]
+            for k in range(steps):
+                for j, parameter in enumerate(program.parameters if len(asked) else ()):
+                    state[first + j] = set_parameter(parameter, state[first + j], asked[k][j])
+                for j, value in enumerate(state):
+                    before[k, j, part] = value
+                values = machine.step(list(columns[k]), state)
+                state = machine.following(values, columns.shape[2])
+                for j, slot in enumerate(machine.results):
+                    outputs[k, j, part] = values[slot]
+                for slot, bit in machine.status:
+                    status[k, part] |= np.asarray(values[slot]).astype(np.uint32) << np.uint32(bit)
+    return Trace(np.moveaxis(outputs, 2, 0), np.moveaxis(status, 1, 0), np.moveaxis(before, 2, 0))
+
+
+def parts(lanes: int) -> list[slice]:
+    """Return `lanes` lanes in parts whose values stay in the processor's cache from one operation to the next."""
+    return [slice(begin, min(begin + AT_ONCE, lanes)) for begin in range(0, lanes, AT_ONCE)]
 
 
 def _member_type(program: Program) -> np.dtype[Any]:
-    return element_type(program.outputs[0].number)
+    return element_type(program.outputs[0].number) if program.outputs else working_type(program)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from firmloop.quantize.ops import LIMITS
 from firmloop.quantize.program import Program, Value
-from firmloop.verify.reference import Machine, Raw, start_state, working_type
+from firmloop.verify.reference import Machine, Raw, parts, start_state, working_type
 
 Array = NDArray[np.float64]
 Convert = Callable[[Value, Array], Raw]
@@ -203,27 +203,38 @@ def to_an_edge(
     kind, lanes = working_type(program), np.arange(len(noise))
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
-    def beyond(inputs: Array) -> tuple[NDArray[np.bool_], Array]:
-        """Tell of every limit (rows) and lane on which side of it the value is, and how far."""
-        now = state
-        with np.errstate(all="ignore"):
-            for later in range(wait):
-                now = after(machine, row(program, noise[:, at + later] if later else inputs, convert, kind), now)
-            slots = machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
-            above = np.stack([np.broadcast_to(edge.above(machine, slots), len(noise)) for edge in wanted])
-            return np.where(odd, above > 0, above >= 0), above
+    def above_of(inputs: Array, part: slice) -> Array:
+        """Tell of every limit (rows) and lane of a part how far above it the value is."""
+        now = [x[part] for x in state]
+        for later in range(wait):
+            now = after(machine, row(program, noise[part, at + later] if later else inputs, convert, kind), now)
+        slots = machine.step(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
+        return np.stack([np.broadcast_to(edge.above(machine, slots), len(inputs)) for edge in wanted])
 
-    here, there = noise[:, at], drawn(random, spans_of(program), len(noise), 1)[:, 0]
-    crossed = beyond(here)[0] != beyond(there)[0]
+    def side_of(above: Array, part: slice) -> NDArray[np.bool_]:
+        return np.where(odd[part], above > 0, above >= 0)
+
+    here, there = noise[:, at].copy(), drawn(random, spans_of(program), len(noise), 1)[:, 0]
+    sides = np.empty((2, len(wanted), len(noise)), dtype=bool)
+    with np.errstate(all="ignore"):
+        for part in parts(len(noise)):
+            for side, inputs in zip(sides, (here, there), strict=True):
+                side[:, part] = side_of(above_of(inputs[part], part), part)
+    crossed = sides[0] != sides[1]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
-    side = beyond(here)[0][which, lanes]
-    near, far = np.zeros((len(noise), 1)), np.ones((len(noise), 1))
-    for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
-        middle = (near + far) / 2
-        same = (beyond(here + middle * (there - here))[0][which, lanes] == side)[:, None]
-        near, far = np.where(same, middle, near), np.where(same, far, middle)
-    noise[:, at] = here + np.where(random.random((len(noise), 1)) < 0.5, near, far) * (there - here)
-    missed = beyond(noise[:, at])[1][which, lanes]
+    taken = random.random((len(noise), 1)) < 0.5
+    missed = np.empty(len(noise))
+    with np.errstate(all="ignore"):
+        for part in parts(len(noise)):
+            begin, way, own = here[part], there[part] - here[part], (which[part], np.arange(len(here[part])))
+            side = sides[0][:, part][own]
+            near, far = np.zeros((len(begin), 1)), np.ones((len(begin), 1))
+            for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
+                middle = (near + far) / 2
+                same = (side_of(above_of(begin + middle * way, part), part)[own] == side)[:, None]
+                near, far = np.where(same, middle, near), np.where(same, far, middle)
+            noise[part, at] = begin + np.where(taken[part], near, far) * way
+            missed[part] = above_of(noise[part, at], part)[own]
     return which, np.where(crossed[which, lanes], missed, np.inf)
 
 
@@ -239,14 +250,18 @@ def spans_of(program: Program) -> list[tuple[float, float]]:
 
 def state_before(program: Program, machine: Machine, noise: Array, convert: Convert) -> list[Raw]:
     """Return the state behind the samples of `noise` (lanes, length, m), from what init() sets."""
-    kind, state = working_type(program), start_state(program, len(noise))
-    for k in range(noise.shape[1]):
-        state = after(machine, row(program, noise[:, k], convert, kind), state)
-    return state
+    kind, whole = working_type(program), start_state(program, len(noise))
+    for part in parts(len(noise)) if noise.shape[1] else ():
+        state = [x[part] for x in whole]
+        for k in range(noise.shape[1]):
+            state = after(machine, row(program, noise[part, k], convert, kind), state)
+        for x, held in zip(whole, state, strict=True):
+            x[part] = held
+    return whole
 
 
 def after(machine: Machine, inputs: list[Raw], state: list[Raw]) -> list[Raw]:
     """Return the state after one sample."""
     with np.errstate(all="ignore"):
         values = machine.step(inputs, state)
-    return [np.broadcast_to(values[slot], len(inputs[0])) for slot in machine.next]
+    return machine.following(values, len(inputs[0]))
