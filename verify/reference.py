@@ -172,9 +172,9 @@ def run(program: Program, inputs: Raw, settings: Raw | None = None, start: Seque
     return Trace(np.moveaxis(outputs, 2, 0), np.moveaxis(status, 1, 0), np.moveaxis(before, 2, 0))
 
 
-def parts(lanes: int) -> list[slice]:
-    """Return `lanes` lanes in parts whose values stay in the processor's cache from one operation to the next."""
-    return [slice(begin, min(begin + AT_ONCE, lanes)) for begin in range(0, lanes, AT_ONCE)]
+def parts(whole: int, at_once: int = AT_ONCE) -> list[slice]:
+    """Return lanes in parts whose values stay in the processor's cache from one operation to the next."""
+    return [slice(begin, min(begin + at_once, whole)) for begin in range(0, whole, at_once)]
 
 
 def _member_type(program: Program) -> np.dtype[Any]:

@@ -9,7 +9,7 @@ nothing bounds it, for an integrator keeps what it rounded until feedback or a l
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +19,8 @@ from firmloop.design.law import Law
 from firmloop.quantize.lower.graph import Graph, evaluate, law_graph
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program, Value
-from firmloop.verify.block import Block, by_length, side_by_side
-from firmloop.verify.reference import Machine, Raw, Trace, working_type
+from firmloop.verify.block import Block, by_length
+from firmloop.verify.reference import AT_ONCE, Machine, Raw, Trace, parts, working_type
 from firmloop.verify.scaling import to_physical
 from firmloop.verify.verdict import Rounded
 
@@ -29,6 +29,7 @@ SEARCHED = 20_000  # points of one round
 ROUNDS = 8
 SOLVED = 400  # points of one round, where each is a quadratic program
 KEPT = 200  # of a round, to climb from
+LANES_AT_ONCE = 512
 LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
@@ -42,26 +43,21 @@ def measure_rounding(
     """
     real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
     graph = law_graph(law)
-    groups = by_length(blocks)
-    blocks, traces = (
-        [side_by_side([blocks[i] for i in group]) for group in groups],
-        [_all_of([traces[i] for i in group]) for group in groups],
-    )
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
         worst = _searched(law, program, graph, real)
-        for block, trace in zip(blocks, traces, strict=True):
-            raw = [block.inputs[..., j] for j in range(len(program.inputs))]
-            held = [trace.state[..., j] for j in range(len(program.state))]
-            got = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
-            apart = _apart(law, program, graph, raw, held, got, real)
-            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
-            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 2))
+        for raw, held, outputs in _side_by_side(blocks, traces):
+            got = [to_physical(v, x) for v, x in zip(program.outputs, outputs, strict=True)]
+            for part in parts(len(raw[0]), max(1, AT_ONCE // raw[0].shape[1])):
+                columns = ([x[part] for x in found] for found in (raw, held, got))
+                apart = _apart(law, program, graph, *columns, real)
+                worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
+            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 1))
             if np.any(calm):
-                inputs = [to_physical(v, x[calm]) for v, x in zip(program.inputs, raw, strict=True)]
-                state = [to_physical(v, x[calm]) for v, x in zip(program.state, held, strict=True)]
+                inputs = [to_physical(v, x[:, calm]) for v, x in zip(program.inputs, raw, strict=True)]
+                state = [to_physical(v, x[:, calm]) for v, x in zip(program.state, held, strict=True)]
                 free = _free_run(program, law, graph, inputs, state)
-                away = (np.max(np.abs(g[calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
+                away = (np.max(np.abs(g[:, calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
                 drift = np.maximum(drift, list(away))
     bounds = {r.output: r for r in program.rounding}
     return tuple(
@@ -70,9 +66,25 @@ def measure_rounding(
     )
 
 
-def _all_of(traces: Sequence[Trace]) -> Trace:
-    """Return one trace with the lanes of all these, which have one length."""
-    return Trace(*(np.concatenate([getattr(t, name) for t in traces]) for name in ("outputs", "status", "state")))
+def _side_by_side(
+    blocks: Sequence[Block], traces: Sequence[Trace]
+) -> Iterator[tuple[list[Raw], list[Raw], list[Raw]]]:
+    """Return inputs, state and outputs, an array (steps, lanes) of each, of some lanes of one length after others."""
+    for group in by_length(blocks):
+        for part in parts(sum(len(blocks[i].inputs) for i in group), LANES_AT_ONCE):
+            yield (
+                _lanes([blocks[i].inputs for i in group], part),
+                _lanes([traces[i].state for i in group], part),
+                _lanes([traces[i].outputs for i in group], part),
+            )
+
+
+def _lanes(arrays: Sequence[Raw], part: slice) -> list[Raw]:
+    """Return columns (steps, lanes) of a part of the lanes of all these arrays (lanes, steps, columns)."""
+    begins = np.cumsum([0, *map(len, arrays)])
+    pieces = [x[max(0, part.start - b) : max(0, part.stop - b)] for x, b in zip(arrays, begins[:-1], strict=True)]
+    found = np.concatenate([piece for piece in pieces if len(piece)])
+    return list(np.ascontiguousarray(np.moveaxis(found, (0, 1), (2, 1))))
 
 
 def _apart(
@@ -191,16 +203,16 @@ def _whole(value: Value, x: Array) -> Raw:
 
 def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
     """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
-    lanes, steps = inputs[0].shape
+    steps, lanes = inputs[0].shape
     if not law.state:  # no step knows of another: all at once
-        return [np.broadcast_to(y, (lanes, steps)) for y in evaluate(graph, [[], inputs])[1]]
+        return [np.broadcast_to(y, (steps, lanes)) for y in evaluate(graph, [[], inputs])[1]]
     state = [np.full(lanes, x) for x in law.start]
-    outputs = [np.empty((lanes, steps)) for _ in law.outputs]
+    outputs = [np.empty((steps, lanes)) for _ in law.outputs]
     for k in range(steps):
         for j in range(1, len(program.tunable) + 1):
-            state[-j] = held[-j][:, k]
-        row = evaluate(graph, [state, [x[:, k] for x in inputs]])
+            state[-j] = held[-j][k]
+        row = evaluate(graph, [state, [x[k] for x in inputs]])
         state = [np.broadcast_to(x, lanes) for x in row[0]]
         for y, value in zip(outputs, row[1], strict=True):
-            y[:, k] = value
+            y[k] = value
     return outputs
