@@ -29,7 +29,7 @@ SEARCHED = 20_000  # points of one round
 ROUNDS = 8
 SOLVED = 400  # points of one round, where each is a quadratic program
 KEPT = 200  # of a round, to climb from
-LANES_AT_ONCE = 512
+LANES_AT_ONCE = 1024
 LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from firmloop.quantize.program import Program, Value
 from firmloop.verify.reference import Machine, Raw, parts, start_state, working_type
 
 Array = NDArray[np.float64]
+Lanes = slice | NDArray[np.int64]
 Convert = Callable[[Value, Array], Raw]
 COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
 ROUNDED = ("shr", "asr")  # operations that drop places of one value
@@ -203,15 +204,15 @@ def to_an_edge(
     kind, lanes = working_type(program), np.arange(len(noise))
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
-    def above_of(inputs: Array, part: slice) -> Array:
-        """Tell of every limit (rows) and lane of a part how far above it the value is."""
+    def above_of(asked: list[Edge], asking: Machine, inputs: Array, part: Lanes) -> Array:
+        """Tell of limits (rows) and lanes of a part how far above them the value is."""
         now = [x[part] for x in state]
         for later in range(wait):
             now = after(machine, row(program, noise[part, at + later] if later else inputs, convert, kind), now)
-        slots = machine.step(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
-        return np.stack([np.broadcast_to(edge.above(machine, slots), len(inputs)) for edge in wanted])
+        slots = asking.step(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
+        return np.stack([np.broadcast_to(edge.above(asking, slots), len(inputs)) for edge in asked])
 
-    def side_of(above: Array, part: slice) -> NDArray[np.bool_]:
+    def side_of(above: Array, part: Lanes) -> NDArray[np.bool_]:
         return np.where(odd[part], above > 0, above >= 0)
 
     here, there = noise[:, at].copy(), drawn(random, spans_of(program), len(noise), 1)[:, 0]
@@ -219,23 +220,37 @@ def to_an_edge(
     with np.errstate(all="ignore"):
         for part in parts(len(noise)):
             for side, inputs in zip(sides, (here, there), strict=True):
-                side[:, part] = side_of(above_of(inputs[part], part), part)
+                side[:, part] = side_of(above_of(wanted, machine, inputs[part], part), part)
     crossed = sides[0] != sides[1]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
     taken = random.random((len(noise), 1)) < 0.5
     missed = np.empty(len(noise))
     with np.errstate(all="ignore"):
-        for part in parts(len(noise)):
-            begin, way, own = here[part], there[part] - here[part], (which[part], np.arange(len(here[part])))
-            side = sides[0][:, part][own]
-            near, far = np.zeros((len(begin), 1)), np.ones((len(begin), 1))
-            for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
-                middle = (near + far) / 2
-                same = (side_of(above_of(begin + middle * way, part), part)[own] == side)[:, None]
-                near, far = np.where(same, middle, near), np.where(same, far, middle)
-            noise[part, at] = begin + np.where(taken[part], near, far) * way
-            missed[part] = above_of(noise[part, at], part)[own]
+        for j, edge in enumerate(wanted):
+            own = np.flatnonzero(which == j)
+            asking = Machine(_asking(program, edge))
+            for some in (own[part] for part in parts(len(own))):
+                begin, way, side = here[some], there[some] - here[some], sides[0, j, some]
+                near, far = np.zeros((len(some), 1)), np.ones((len(some), 1))
+                for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
+                    middle = (near + far) / 2
+                    above = above_of([edge], asking, begin + middle * way, some)[0]
+                    same = (side_of(above, some) == side)[:, None]
+                    near, far = np.where(same, middle, near), np.where(same, far, middle)
+                noise[some, at] = begin + np.where(taken[some], near, far) * way
+                missed[some] = above_of([edge], asking, noise[some, at], some)[0]
     return which, np.where(crossed[which, lanes], missed, np.inf)
+
+
+def _asking(program: Program, edge: Edge) -> Program:
+    """Return what of a program computes the values of an edge."""
+    needed = {edge.value, edge.limit}
+    body = []
+    for op in reversed(program.body):
+        if op.result.name in needed:
+            needed.update(a for a in op.arguments if isinstance(a, str))
+            body.append(op)
+    return replace(program, body=tuple(reversed(body)), next_state=(), results=(), status=(), safe=())
 
 
 def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
