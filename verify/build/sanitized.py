@@ -59,8 +59,19 @@ class Sanitized:
     not_run: str  # why no step, or not every one of them, ran; empty where nothing is missing
 
 
-def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block], traces: Sequence[Trace]) -> Sanitized:
-    """Run the lanes of every block as one program under the sanitizers and compare each bit.
+@dataclass(frozen=True, slots=True)
+class SanitizedRun:
+    """What the program under the sanitizers left: of the lanes in `parts` the records that are done, and its end."""
+
+    parts: Sequence[Block]
+    records: Any
+    status: int | None  # None where it did not end in time
+    said: str
+    not_built: str = ""  # why it could not be
+
+
+def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block]) -> SanitizedRun:
+    """Run the lanes of every block as one program under the sanitizers.
 
     Of a program that solves, only the first lanes of each block run, about `STEPS_SOLVING` steps in all.
 
@@ -80,20 +91,27 @@ def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block], tra
             run_compiler(["gcc", *SANITIZED_FLAGS, "-o", "sanitized", *sources, "-lm"], folder)
         except ToolError as error:
             if _NO_SANITIZERS.search(str(error)):
-                return Sanitized(0, 0, None, None, f"this gcc has no sanitizers; install libasan and libubsan: {error}")
+                missing = f"this gcc has no sanitizers; install libasan and libubsan: {error}"
+                return SanitizedRun((), np.zeros(0, record_type(program)), 0, "", missing)
             raise
         kind = record_type(program)
         status, said = _run(folder, given, total_steps(parts) * kind.itemsize)
         written = (folder / "records").read_bytes()
     done = np.frombuffer(written, np.uint64, 1)[0]
-    got = np.frombuffer(written, kind, int(done), COUNTER_BYTES)
-    differences, first = _compared(program, parts, traces, got)
-    found, missing = None, ""
-    if status is None:
+    return SanitizedRun(parts, np.frombuffer(written, kind, int(done), COUNTER_BYTES), status, said)
+
+
+def compare_sanitized(program: Program, bundle: Bundle, run: SanitizedRun, traces: Sequence[Trace]) -> Sanitized:
+    """Compare each bit of what ran under the sanitizers with the reference, and say what they found."""
+    got = run.records
+    differences, first = _compared(program, run.parts, traces, got)
+    found, missing = None, run.not_built
+    if run.status is None:
         missing = f"the program under the sanitizers did not end within {LONGEST_RUN:.0f} s; {len(got):,} steps ran"
-    elif status != 0:
-        found = _found(said, bundle, program, parts, traces, len(got))
-        words = next((line.strip() for line in said.splitlines() if line.strip()), f"it ended with status {status}")
+    elif run.status != 0:
+        found = _found(run.said, bundle, program, run.parts, traces, len(got))
+        lines = (line.strip() for line in run.said.splitlines() if line.strip())
+        words = next(lines, f"it ended with status {run.status}")
         missing = "" if found else f"the program under the sanitizers could not run: {words}"
     return Sanitized(len(got), differences, first, found, missing)
 
@@ -139,7 +157,7 @@ def _compared(program: Program, parts: Sequence[Block], traces: Sequence[Trace],
     """Compare the records, as far as there are any, with the reference."""
     count, begins = 0, 0
     first: First | None = None
-    for number, (part, trace) in enumerate(zip(parts, traces, strict=True)):
+    for number, (part, trace) in enumerate(zip(parts, traces, strict=False)):  # none where it was not built
         lanes, steps, _ = part.inputs.shape
         own = got[begins : begins + lanes * steps]
         whole, rest = divmod(len(own), steps)

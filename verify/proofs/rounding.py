@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from firmloop.design.law import Law
-from firmloop.quantize.lower.graph import Graph, evaluate, law_graph
+from firmloop.quantize.lower.graph import Evaluate, evaluator, law_graph
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program, Value
 from firmloop.verify.block import Block, by_length
@@ -29,7 +29,7 @@ SEARCHED = 20_000  # points of one round
 ROUNDS = 8
 SOLVED = 400  # points of one round, where each is a quadratic program
 KEPT = 200  # of a round, to climb from
-LANES_AT_ONCE = 1024
+LANES_AT_ONCE = 2048
 LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
@@ -42,21 +42,21 @@ def measure_rounding(
     nothing would be seen.
     """
     real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
-    graph = law_graph(law)
+    means = evaluator(law_graph(law))
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
-        worst = _searched(law, program, graph, real)
+        worst = _searched(law, program, means, real)
         for raw, held, outputs in _side_by_side(blocks, traces):
             got = [to_physical(v, x) for v, x in zip(program.outputs, outputs, strict=True)]
             for part in parts(len(raw[0]), max(1, AT_ONCE // raw[0].shape[1])):
                 columns = ([x[part] for x in found] for found in (raw, held, got))
-                apart = _apart(law, program, graph, *columns, real)
+                apart = _apart(law, program, means, *columns, real)
                 worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
             calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 1))
             if np.any(calm):
                 inputs = [to_physical(v, x[:, calm]) for v, x in zip(program.inputs, raw, strict=True)]
                 state = [to_physical(v, x[:, calm]) for v, x in zip(program.state, held, strict=True)]
-                free = _free_run(program, law, graph, inputs, state)
+                free = _free_run(program, law, means, inputs, state)
                 away = (np.max(np.abs(g[:, calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
                 drift = np.maximum(drift, list(away))
     bounds = {r.output: r for r in program.rounding}
@@ -90,7 +90,7 @@ def _lanes(arrays: Sequence[Raw], part: slice) -> list[Raw]:
 def _apart(
     law: Law,
     program: Program,
-    graph: Graph,
+    means: Evaluate,
     raw: Sequence[Raw],
     held: Sequence[Raw],
     got: Sequence[Array],
@@ -112,7 +112,7 @@ def _apart(
         else:
             state.append(np.where(fresh, start, by_name[signal.name]))
     inputs = [to_physical(v, x) for v, x in zip(program.inputs, raw, strict=True)]
-    expected = evaluate(graph, [[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
+    expected = means([[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
     return [np.where(valid, np.abs(g - e), 0.0).astype(np.float64) for g, e in zip(got, expected, strict=True)]
 
 
@@ -150,7 +150,7 @@ def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
     return (raw >= value.low) & (raw <= value.high)
 
 
-def _searched(law: Law, program: Program, graph: Graph, real: DTypeLike) -> Array:
+def _searched(law: Law, program: Program, means: Evaluate, real: DTypeLike) -> Array:
     """Return the worst differences that a search finds, output by output."""
     random = np.random.default_rng(1)
     machine = Machine(program)
@@ -172,7 +172,7 @@ def _searched(law: Law, program: Program, graph: Graph, real: DTypeLike) -> Arra
             slots = machine.step([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
             outputs = zip(program.outputs, machine.results, strict=True)
             got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
-            apart = _apart(law, program, graph, inputs, held, got, real)
+            apart = _apart(law, program, means, inputs, held, got, real)
             worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
             best = points[:, np.argsort(-apart[j])[:kept]]
             again = np.repeat(best, count // kept, axis=1)
@@ -201,17 +201,17 @@ def _whole(value: Value, x: Array) -> Raw:
     return x.astype(np.float32 if value.number.bits == 32 else np.float64)
 
 
-def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
+def _free_run(program: Program, law: Law, means: Evaluate, inputs: list[Array], held: list[Array]) -> list[Array]:
     """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
     steps, lanes = inputs[0].shape
     if not law.state:  # no step knows of another: all at once
-        return [np.broadcast_to(y, (steps, lanes)) for y in evaluate(graph, [[], inputs])[1]]
+        return [np.broadcast_to(y, (steps, lanes)) for y in means([[], inputs])[1]]
     state = [np.full(lanes, x) for x in law.start]
     outputs = [np.empty((steps, lanes)) for _ in law.outputs]
     for k in range(steps):
         for j in range(1, len(program.tunable) + 1):
             state[-j] = held[-j][k]
-        row = evaluate(graph, [state, [x[k] for x in inputs]])
+        row = means([state, [x[k] for x in inputs]])
         state = [np.broadcast_to(x, lanes) for x in row[0]]
         for y, value in zip(outputs, row[1], strict=True):
             y[k] = value
