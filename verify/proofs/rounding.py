@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from firmloop.design.law import Law
-from firmloop.quantize.lower.graph import Evaluate, evaluator, law_graph
+from firmloop.quantize.lower.graph import Evaluate, Graph, evaluator, law_graph
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program, Value
 from firmloop.verify.block import Block, by_length
+from firmloop.verify.lanes.laws import compiled_law
 from firmloop.verify.reference import AT_ONCE, Machine, Raw, Trace, parts, working_type
 from firmloop.verify.scaling import to_physical
 from firmloop.verify.verdict import Rounded
@@ -42,22 +43,25 @@ def measure_rounding(
     nothing would be seen.
     """
     real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
-    means = evaluator(law_graph(law))
+    graph = law_graph(law)
+    means, free = evaluator(graph), _Free(law, graph)
+    if real is np.float64:
+        means = _compiled(law, graph) or means
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
         worst = _searched(law, program, means, real)
         for raw, held, outputs in _side_by_side(blocks, traces):
             got = [to_physical(v, x) for v, x in zip(program.outputs, outputs, strict=True)]
             for part in parts(len(raw[0]), max(1, AT_ONCE // raw[0].shape[1])):
-                columns = ([x[part] for x in found] for found in (raw, held, got))
-                apart = _apart(law, program, means, *columns, real)
+                one, other, third = ([x[part] for x in found] for found in (raw, held, got))
+                apart = _apart(law, program, means, one, other, third, real)
                 worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
             calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 1))
             if np.any(calm):
                 inputs = [to_physical(v, x[:, calm]) for v, x in zip(program.inputs, raw, strict=True)]
                 state = [to_physical(v, x[:, calm]) for v, x in zip(program.state, held, strict=True)]
-                free = _free_run(program, law, means, inputs, state)
-                away = (np.max(np.abs(g[:, calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
+                own = free.run(inputs, state)
+                away = (np.max(np.abs(g[:, calm] - e), initial=0.0) for g, e in zip(got, own, strict=True))
                 drift = np.maximum(drift, list(away))
     bounds = {r.output: r for r in program.rounding}
     return tuple(
@@ -66,9 +70,7 @@ def measure_rounding(
     )
 
 
-def _side_by_side(
-    blocks: Sequence[Block], traces: Sequence[Trace]
-) -> Iterator[tuple[list[Raw], list[Raw], list[Raw]]]:
+def _side_by_side(blocks: Sequence[Block], traces: Sequence[Trace]) -> Iterator[tuple[list[Raw], list[Raw], list[Raw]]]:
     """Return inputs, state and outputs, an array (steps, lanes) of each, of some lanes of one length after others."""
     for group in by_length(blocks):
         for part in parts(sum(len(blocks[i].inputs) for i in group), LANES_AT_ONCE):
@@ -201,18 +203,46 @@ def _whole(value: Value, x: Array) -> Raw:
     return x.astype(np.float32 if value.number.bits == 32 else np.float64)
 
 
-def _free_run(program: Program, law: Law, means: Evaluate, inputs: list[Array], held: list[Array]) -> list[Array]:
-    """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
-    steps, lanes = inputs[0].shape
-    if not law.state:  # no step knows of another: all at once
-        return [np.broadcast_to(y, (steps, lanes)) for y in means([[], inputs])[1]]
-    state = [np.full(lanes, x) for x in law.start]
-    outputs = [np.empty((steps, lanes)) for _ in law.outputs]
-    for k in range(steps):
-        for j in range(1, len(program.tunable) + 1):
-            state[-j] = held[-j][k]
-        row = means([state, [x[k] for x in inputs]])
-        state = [np.broadcast_to(x, lanes) for x in row[0]]
-        for y, value in zip(outputs, row[1], strict=True):
-            y[k] = value
-    return outputs
+def _compiled(law: Law, graph: Graph) -> Evaluate | None:
+    """Return the law in compiled code, None where that does not know all of it."""
+    ready = compiled_law(graph, len(law.state), len(law.inputs), ())
+    if ready is None:
+        return None
+
+    def evaluated(arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
+        state, inputs = arguments
+        shape = np.shape(inputs[0])
+        given = np.stack([np.ravel(x) for x in (*inputs, *state)])[None]
+        results, _, _ = ready.run(given, np.empty((0, given.shape[2])), keeps=False)
+        return [[], [x.reshape(shape) for x in results[0]]]
+
+    return evaluated
+
+
+class _Free:
+    """The law on its own state, ready to run; its parameters are those that the program held, the last of its state."""
+
+    def __init__(self, law: Law, graph: Graph) -> None:
+        self.law, self.own = law, len(law.state) - len(law.tunable)
+        self.means = evaluator(graph)
+        self.ready = compiled_law(graph, len(law.state), len(law.inputs), range(self.own))
+
+    def run(self, inputs: list[Array], held: list[Array]) -> list[Array]:
+        """Return the outputs (steps, lanes), each lane from the law's start."""
+        steps, lanes = inputs[0].shape
+        fed = held[len(held) - len(self.law.tunable) :]
+        start = [np.full(lanes, x) for x in self.law.start]
+        if self.ready is not None:
+            begin = np.array(start[: self.own])
+            results, _, _ = self.ready.run(np.stack([*inputs, *fed], axis=1), begin, keeps=False)
+            return list(np.moveaxis(results, 1, 0))
+        if not start:  # no step knows of another: all at once
+            return [np.broadcast_to(y, (steps, lanes)) for y in self.means([[], inputs])[1]]
+        state, outputs = start, [np.empty((steps, lanes)) for _ in self.law.outputs]
+        for k in range(steps):
+            state[self.own :] = [x[k] for x in fed]
+            row = self.means([state, [x[k] for x in inputs]])
+            state = [np.broadcast_to(x, lanes) for x in row[0]]
+            for y, value in zip(outputs, row[1], strict=True):
+                y[k] = value
+        return outputs

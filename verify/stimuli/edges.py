@@ -22,6 +22,7 @@ from firmloop.verify.reference import Machine, Raw, parts, start_state, working_
 
 Array = NDArray[np.float64]
 Lanes = slice | NDArray[np.int64]
+Sampled = Callable[[list[Raw], list[Raw]], list[Any]]
 Convert = Callable[[Value, Array], Raw]
 COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
 ROUNDED = ("shr", "asr")  # operations that drop places of one value
@@ -45,6 +46,10 @@ class Edge:
     value: str
     limit: float | str
     every: float = math.inf
+
+    def names(self) -> list[str]:
+        """Return the values that it is about."""
+        return [at for at in (self.value, self.limit) if isinstance(at, str)]
 
     def above(self, machine: Machine, slots: list[Any]) -> Array:
         """Return how far above its limit the value is, in one step's values by slot."""
@@ -204,23 +209,24 @@ def to_an_edge(
     kind, lanes = working_type(program), np.arange(len(noise))
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
-    def above_of(asked: list[Edge], asking: Machine, inputs: Array, part: Lanes) -> Array:
+    def above_of(asked: list[Edge], names: Machine, asking: Sampled, inputs: Array, part: Lanes) -> Array:
         """Tell of limits (rows) and lanes of a part how far above them the value is."""
         now = [x[part] for x in state]
         for later in range(wait):
             now = after(machine, row(program, noise[part, at + later] if later else inputs, convert, kind), now)
-        slots = asking.step(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
-        return np.stack([np.broadcast_to(edge.above(asking, slots), len(inputs)) for edge in asked])
+        slots = asking(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
+        return np.stack([np.broadcast_to(edge.above(names, slots), len(inputs)) for edge in asked])
 
     def side_of(above: Array, part: Lanes) -> NDArray[np.bool_]:
         return np.where(odd[part], above > 0, above >= 0)
 
     here, there = noise[:, at].copy(), drawn(random, spans_of(program), len(noise), 1)[:, 0]
+    every = machine.watch([name for edge in wanted for name in edge.names()])
     sides = np.empty((2, len(wanted), len(noise)), dtype=bool)
     with np.errstate(all="ignore"):
         for part in parts(len(noise)):
             for side, inputs in zip(sides, (here, there), strict=True):
-                side[:, part] = side_of(above_of(wanted, machine, inputs[part], part), part)
+                side[:, part] = side_of(above_of(wanted, machine, every, inputs[part], part), part)
     crossed = sides[0] != sides[1]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
     taken = random.random((len(noise), 1)) < 0.5
@@ -228,17 +234,18 @@ def to_an_edge(
     with np.errstate(all="ignore"):
         for j, edge in enumerate(wanted):
             own = np.flatnonzero(which == j)
-            asking = Machine(_asking(program, edge))
+            names = Machine(_asking(program, edge))
+            asking = names.watch(edge.names())
             for some in (own[part] for part in parts(len(own))):
                 begin, way, side = here[some], there[some] - here[some], sides[0, j, some]
                 near, far = np.zeros((len(some), 1)), np.ones((len(some), 1))
                 for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
                     middle = (near + far) / 2
-                    above = above_of([edge], asking, begin + middle * way, some)[0]
+                    above = above_of([edge], names, asking, begin + middle * way, some)[0]
                     same = (side_of(above, some) == side)[:, None]
                     near, far = np.where(same, middle, near), np.where(same, far, middle)
                 noise[some, at] = begin + np.where(taken[some], near, far) * way
-                missed[some] = above_of([edge], asking, noise[some, at], some)[0]
+                missed[some] = above_of([edge], names, asking, noise[some, at], some)[0]
     return which, np.where(crossed[which, lanes], missed, np.inf)
 
 
