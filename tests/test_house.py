@@ -55,6 +55,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("lower", "proof"),
     ),
     "verify": (
+        ("lanes",),
         ("reference", "link", "judgement"),
         ("packing", "scaling", "block"),
         ("compare",),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -56,43 +56,42 @@ def compare(
     first: First | None = None
     ticks: list[NDArray[np.uint32]] = []
     for number, (block, trace) in enumerate(zip(blocks, traces, strict=True)):
-        for lane in range(block.inputs.shape[0]):
-            got = _run_lane(program, link, block, lane, size)
-            ticks.append(got["ticks"])
+        lanes, steps, _ = block.inputs.shape
+        at_once = max(1, size // steps)
+        for lane in range(0, lanes, at_once):
+            part = slice(lane, min(lane + at_once, lanes))
+            asked = None if block.settings is None else block.settings[part]
+            many = part.stop - lane
+            answers = link.lanes(records(program, block.inputs[part], asked), many, steps)
+            got = np.frombuffer(answers, dtype=record_type(program)).reshape(many, steps)
+            ticks.append(got["ticks"].ravel())
             count, found = differing(program, trace, lane, got)
             differences += count
             if found is not None and first is None:
-                step, output, expected, value = found
-                first = First(number, lane, step, output, expected, value)
-            done += len(got)
+                first = replace(found, block=number)
+            done += got.size
             progress(done / total, f"{done:,} of {total:,} steps")
     return Comparison(done, differences, first, np.concatenate(ticks) if ticks else np.zeros(0, np.uint32))
 
 
-def _run_lane(program: Program, link: Link, block: Block, lane: int, size: int) -> Any:
-    link.reset()
-    answers = []
-    inputs = block.inputs[lane]
-    for start in range(0, len(inputs), size):
-        part = slice(start, start + size)
-        asked = None if block.settings is None else block.settings[lane, part]
-        answers.append(link.step(records(program, inputs[part], asked), len(inputs[part])))
-    return np.frombuffer(b"".join(answers), dtype=record_type(program))
+def differing(program: Program, trace: Trace, lane: int, got: Any) -> tuple[int, First | None]:
+    """Count differing words in the records (lanes, steps) that lanes got, from `lane` on, and find the first of them.
 
-
-def differing(program: Program, trace: Trace, lane: int, got: Any) -> tuple[int, tuple[int, str, float, float] | None]:
-    """Count differing words in the steps that one lane got; the first comes back as (step, output, expected, got)."""
+    The first is that of the earliest lane, there of the earliest step; its block is the caller's to say.
+    """
+    lanes, done = got.shape
+    part = slice(lane, lane + lanes)
+    columns = [(v.name, trace.outputs[part, :done, j], got[f"out_{v.name}"]) for j, v in enumerate(program.outputs)]
+    columns.append(("status", trace.status[part, :done], got["status"]))
     count = 0
-    first: tuple[int, str, float, float] | None = None
-    done = len(got)
-    columns = [(v.name, trace.outputs[lane, :done, j], got[f"out_{v.name}"]) for j, v in enumerate(program.outputs)]
-    columns.append(("status", trace.status[lane, :done], got["status"]))
+    firsts: list[tuple[int, int, First]] = []
     for name, expected, value in columns:
         bits = f"<u{expected.dtype.itemsize}"
-        wrong = np.ascontiguousarray(expected).view(bits) != np.ascontiguousarray(value).view(bits)
-        if wrong.any():
-            count += int(wrong.sum())
-            step = int(np.argmax(wrong))
-            if first is None or step < first[0]:
-                first = (step, name, float(expected[step]), float(value[step]))
-    return count, first
+        wrong = expected.view(bits) != value.view(bits)
+        found = int(np.count_nonzero(wrong))
+        if found:
+            count += found
+            at, step = divmod(int(np.argmax(wrong)), done)
+            first = First(0, lane + at, step, name, float(expected[at, step]), float(value[at, step]))
+            firsts.append((at * done + step, len(firsts), first))
+    return count, min(firsts)[2] if firsts else None

@@ -40,6 +40,9 @@ class Link(Protocol):
     def step(self, inputs: bytes, count: int) -> bytes:
         """Run `count` steps over packed input structs; return (output struct, status u32, ticks u32) of each."""
 
+    def lanes(self, inputs: bytes, lanes: int, steps: int) -> bytes:
+        """Run lanes of `steps` steps behind one another, each from the first state; return what `step` does of each."""
+
     def close(self) -> None:
         """Let go of the far end and of everything that was started for it."""
 

@@ -1,12 +1,14 @@
-"""Run a Program bit for bit, many controllers at once: one numpy operation per Program operation and sample.
+"""Run a Program bit for bit, many controllers at once: one operation on all lanes per Program operation and sample.
 
+numpy gives each operation its meaning; what takes many steps runs in compiled code of the same operations, where this
+machine has a compiler and the program no tables (`verify/lanes`; a test compares the two).
 Values have the shape (lanes,): a lane is one controller with its own inputs. Fixed point runs in int64 (all values
 are proven to fit 32 bits, products 64), floating point in its own type.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +18,11 @@ from numpy.typing import NDArray
 from firmloop.quantize.not_a_number import spelled_out
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Number, Program, Value
+from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
 
 Raw = NDArray[Any]
+AT_ONCE = 4096  # lanes: 32 kB a value
+MANY = 20_000  # steps of all lanes; fewer take numpy less time than loading the compiled code
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +76,7 @@ class Machine:
             self._slot(f"self.{value.name}")
         self.constants: dict[int, Any] = {}
         self.steps: list[tuple[Any, int, tuple[int, ...], tuple[Any, ...]]] = []
+        self.rows: list[RowStep] = []
         for table in program.tables:
             self._slot(f"table.{table.name}")
         tables = {f"table.{table.name}": table for table in program.tables}
@@ -94,6 +100,8 @@ class Machine:
                     self.constants[slot] = kind.type(argument)
                     places.append(slot)
             self.steps.append((operation.run, self._slot(op.result.name), tuple(places), tuple(shifts)))
+            self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), *shifts[:1]))
+        self.compilable = not (program.tables or program.routines) and runs(kind, [step.function for step in self.rows])
         self.inputs = [self.slots[f"in.{v.name}"] for v in program.inputs]
         self.state = [self.slots[f"self.{v.name}"] for v in program.state]
         self.next = [self.slots[a.source] for a in program.next_state]
@@ -121,6 +129,36 @@ class Machine:
             values[target] = run(*[values[p] for p in places], *shifts)
         return values
 
+    def compiled(self) -> Compiled | None:
+        """Return the program ready to run in compiled code; None where that does not know one of its operations."""
+        code = library() if self.compilable else None
+        if code is None:
+            return None
+        ends = (self.inputs, self.state, self.next, self.results, self.status)
+        return Compiled(code, working_type(self.program), self.rows, self.constants, *ends, len(self.program.tunable))
+
+    def watch(self, names: Sequence[str]) -> Callable[[list[Raw], list[Raw]], list[Any]]:
+        """Return what computes one sample of every lane, as `step` does, but perhaps only the values of these names."""
+        code = library() if self.compilable else None
+        if code is None:
+            return self.step
+        slots, kind = [self.slots[name] for name in names], working_type(self.program)
+        ready = Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, self.state, slots)
+
+        def watched(inputs: list[Raw], state: list[Raw]) -> list[Any]:
+            found, _, _ = ready.run(np.stack(inputs)[None], np.array(state, dtype=kind), keeps=False)
+            values: list[Any] = [None] * len(self.slots)
+            for slot, value in zip(slots, found[0], strict=True):
+                values[slot] = value
+            return values
+
+        return watched
+
+    def following(self, values: list[Any], lanes: int) -> list[Raw]:
+        """Return the state after a step, one array (lanes,) per variable."""
+        found = [values[slot] for slot in self.next]
+        return [x if np.shape(x) == (lanes,) else np.broadcast_to(x, lanes) for x in found]
+
     def named(self, values: list[Any]) -> Mapping[str, Any]:
         """Return the values of one step by name."""
         return {name: values[slot] for name, slot in self.slots.items() if not name.startswith("#")}
@@ -141,32 +179,57 @@ def run(program: Program, inputs: Raw, settings: Raw | None = None, start: Seque
             at_once.state.reshape(lanes, steps, -1),
         )
     machine = Machine(program)
+    if lanes * steps >= MANY:
+        ready = machine.compiled()
+        if ready is not None:
+            return _run_compiled(program, ready, inputs, settings, start)
     kind = working_type(program)
     first = len(program.state) - len(program.tunable)
-    asked = np.zeros((0,)) if settings is None else np.moveaxis(settings, (1, 2), (0, 1)).astype(kind)
-    columns = np.ascontiguousarray(np.moveaxis(inputs, (1, 2), (0, 1))).astype(kind)  # (steps, m, lanes)
-    state = start_state(program, lanes) if start is None else [x.astype(kind) for x in start]
-    outputs = np.empty((steps, len(program.outputs), lanes), dtype=kind)
+    begin = start_state(program, lanes) if start is None else [x.astype(kind) for x in start]
+    outputs = np.empty((steps, len(program.outputs), lanes), dtype=_member_type(program))
     before = np.empty((steps, len(program.state), lanes), dtype=kind)
-    status = np.zeros((steps, lanes), dtype=np.int64)
+    status = np.zeros((steps, lanes), dtype=np.uint32)
     with np.errstate(all="ignore"):
-        for k in range(steps):
-            for j, parameter in enumerate(program.parameters if len(asked) else ()):
-                state[first + j] = set_parameter(parameter, state[first + j], asked[k, j])
-            for j, value in enumerate(state):
-                before[k, j] = value
-            values = machine.step(list(columns[k]), state)
-            state = [np.broadcast_to(values[s], lanes) for s in machine.next]
-            for j, slot in enumerate(machine.results):
-                outputs[k, j] = values[slot]
-            for slot, bit in machine.status:
-                status[k] |= np.asarray(values[slot]).astype(np.int64) << bit
-    return Trace(
-        np.moveaxis(outputs, 2, 0).astype(_member_type(program)) if program.outputs else outputs,
-        np.moveaxis(status, 1, 0).astype(np.uint32),
-        np.moveaxis(before, 2, 0),
-    )
+        for part in parts(lanes):
+            columns = np.ascontiguousarray(np.moveaxis(inputs[part], (1, 2), (0, 1)), kind)  # (steps, m, lanes)
+            asked = () if settings is None else np.moveaxis(settings[part], (1, 2), (0, 1)).astype(kind)
+            state = [x[part] for x in begin]
+            for k in range(steps):
+                for j, parameter in enumerate(program.parameters if len(asked) else ()):
+                    state[first + j] = set_parameter(parameter, state[first + j], asked[k][j])
+                for j, value in enumerate(state):
+                    before[k, j, part] = value
+                values = machine.step(list(columns[k]), state)
+                state = machine.following(values, columns.shape[2])
+                for j, slot in enumerate(machine.results):
+                    outputs[k, j, part] = values[slot]
+                for slot, bit in machine.status:
+                    status[k, part] |= np.asarray(values[slot]).astype(np.uint32) << np.uint32(bit)
+    return Trace(np.moveaxis(outputs, 2, 0), np.moveaxis(status, 1, 0), np.moveaxis(before, 2, 0))
+
+
+def _run_compiled(
+    program: Program, ready: Compiled, inputs: Raw, settings: Raw | None, start: Sequence[Raw] | None
+) -> Trace:
+    """Run `program` as `run` does."""
+    lanes, steps, _ = inputs.shape
+    kind = working_type(program)
+    begin = np.array(start_state(program, lanes) if start is None else start, dtype=kind).reshape(-1, lanes)
+    ranges = np.array([(v.low, v.high) for v in program.parameters], dtype=kind)
+    outputs = np.empty((steps, len(program.outputs), lanes), dtype=_member_type(program))
+    before = np.empty((steps, len(program.state), lanes), dtype=kind)
+    status = np.empty((steps, lanes), dtype=np.uint32)
+    for part in parts(lanes):
+        columns = np.moveaxis(inputs[part], (1, 2), (0, 1))
+        asked = None if settings is None else np.moveaxis(settings[part], (1, 2), (0, 1))
+        outputs[..., part], status[:, part], before[..., part] = ready.run(columns, begin[:, part], True, asked, ranges)
+    return Trace(np.moveaxis(outputs, 2, 0), np.moveaxis(status, 1, 0), np.moveaxis(before, 2, 0))
+
+
+def parts(whole: int, at_once: int = AT_ONCE) -> list[slice]:
+    """Return lanes in parts whose values stay in the processor's cache from one operation to the next."""
+    return [slice(begin, min(begin + at_once, whole)) for begin in range(0, whole, at_once)]
 
 
 def _member_type(program: Program) -> np.dtype[Any]:
-    return element_type(program.outputs[0].number)
+    return element_type(program.outputs[0].number) if program.outputs else working_type(program)

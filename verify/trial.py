@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from firmloop.design.law import Law
 from firmloop.quantize.program import Program
 from firmloop.verify.block import Block, run_blocks, total_steps
 from firmloop.verify.build.host import build_host
-from firmloop.verify.build.sanitized import Sanitized, run_sanitized
+from firmloop.verify.build.sanitized import Sanitized, compare_sanitized, run_sanitized
 from firmloop.verify.compare import Comparison, First, compare
 from firmloop.verify.explain import explain
 from firmloop.verify.links.library import LibraryLink
@@ -123,10 +124,12 @@ def try_out(
         when this machine has no compiler, or it refuses the code.
     """
     blocks = stimuli(program, recorded, steps, seed)
-    traces = run_blocks(program, blocks, lambda share, doing: progress(REFERENCE_SHARE * share, doing))
-    rounding = measure_rounding(law, program, blocks, traces)
-    progress(REFERENCE_SHARE, "under the sanitizers")
-    sanitized = run_sanitized(program, bundle, blocks, traces)
+    with ThreadPoolExecutor(max_workers=1) as beside:  # two programs of their own, the compiler and what it builds
+        running = beside.submit(run_sanitized, program, bundle, blocks)
+        traces = run_blocks(program, blocks, lambda share, doing: progress(REFERENCE_SHARE * share, doing))
+        rounding = measure_rounding(law, program, blocks, traces)
+        progress(REFERENCE_SHARE, "under the sanitizers")
+        sanitized = compare_sanitized(program, bundle, running.result(), traces)
     nothing = Loaded(Comparison(0, 0, None, np.zeros(0, np.uint32)), Departures(0, 0, None))
     # Code in which a sanitizer found something is not let into this process, where it could end it.
     trial = Trial(program, bundle, blocks, traces, seed, steps // 10, rounding, sanitized, nothing)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any
 
 import casadi as ca
@@ -23,6 +24,7 @@ from firmloop.quantize.twins.rti import improve
 from firmloop.quantize.twins.rti_course import course_of
 
 Array = NDArray[np.float64]
+Evaluate = Callable[[Sequence[Sequence[Array]]], list[list[Array]]]
 
 # CasADi operation -> (our name, number of arguments)
 KNOWN = {
@@ -236,21 +238,35 @@ def law_graph(law: Law) -> Graph:
     return Graph(tuple(nodes), rows, law.solve, solver_of(law.solve))
 
 
-def evaluate(graph: Graph, arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
-    """Evaluate in float64 on whole arrays at once; `arguments[i][j]` is element j of input i, any shape."""
-    values: list[Array] = []
-    for node in graph.nodes:
+def evaluator(graph: Graph) -> Evaluate:
+    """Return what evaluates a graph in float64 on whole arrays at once, made ready for many calls.
+
+    Of its argument, `arguments[i][j]` is element j of input i, of any shape.
+    """
+    constants: list[Any] = [None] * len(graph.nodes)
+    read: list[tuple[int, int, int]] = []
+    steps: list[tuple[int, Callable[..., Any], tuple[int, ...]]] = []
+    for k, node in enumerate(graph.nodes):
         if node.function == "constant":
-            values.append(np.float64(node.value))  # type: ignore[arg-type]
+            constants[k] = np.float64(node.value)
         elif node.function == "argument":
-            values.append(arguments[node.place[0]][node.place[1]])
+            read.append((k, *node.place))
         elif node.function in ("solve", "improve"):
-            values.append(_solved(graph.solver, [values[a] for a in node.arguments]))
+            steps.append((k, lambda *parameters: _solved(graph.solver, parameters), node.arguments))
         elif node.function == "move":
-            values.append(values[node.arguments[0]][node.place[1]])
+            steps.append((k, itemgetter(node.place[1]), node.arguments))
         else:
-            values.append(MEANING[node.function](*(values[a] for a in node.arguments)))
-    return [[values[n] for n in row] for row in graph.results]
+            steps.append((k, MEANING[node.function], node.arguments))
+
+    def evaluated(arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
+        values = constants.copy()
+        for k, i, j in read:
+            values[k] = arguments[i][j]
+        for k, run, places in steps:
+            values[k] = run(*[values[p] for p in places])
+        return [[values[n] for n in row] for row in graph.results]
+
+    return evaluated
 
 
 def solver_of(solve: Solve) -> Callable[[Array], Array]:
@@ -264,10 +280,10 @@ def solver_of(solve: Solve) -> Callable[[Array], Array]:
 
         return solved
     course = course_of(solve.problem, np.dtype(np.float64), 2.0**-40, 2.0**-12, 2.0**-36)
-    model = law_graph(solve.problem.model)
+    model = evaluator(law_graph(solve.problem.model))
 
     def iterated(parameters: Array) -> Array:
-        results, status = improve(course, lambda both: evaluate(model, [[], both])[1], parameters)
+        results, status = improve(course, lambda both: model([[], both])[1], parameters)
         return np.vstack([results.T, status])
 
     return iterated

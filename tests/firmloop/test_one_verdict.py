@@ -85,7 +85,7 @@ def test_without_the_sanitizers_that_c_would_agree(
 ) -> None:
     plant(FAULTS["shift"][0])
     nothing = sanitized.Sanitized(1, 0, None, None, "")
-    monkeypatch.setattr(trial, "run_sanitized", lambda *given: nothing)
+    monkeypatch.setattr(trial, "compare_sanitized", lambda *given: nothing)
     status, verdict = verified(project, tmp_path / "out", "host")
     assert (status, verdict["verdict"]) == (0, "agrees")
 

@@ -8,7 +8,7 @@ import struct
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from firmloop.codegen.host import host_files
 from firmloop.identify.simulation.compiler import ToolError, run_compiler
 from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.quantize.program import Program
-from firmloop.verify.block import Block
+from firmloop.verify.block import Block, total_steps
 from firmloop.verify.build.host import WARNINGS
 from firmloop.verify.compare import First, differing, record_type
 from firmloop.verify.packing import records
@@ -38,6 +38,7 @@ OPTIONS = {
     "LC_ALL": "C",
 }
 LONGEST_RUN = 300.0  # s, of all steps together
+COUNTER_BYTES = 8  # before the records, of how many are done
 STEPS_SOLVING = 10_000  # of a program that solves: a nonlinear one takes a millisecond each
 
 _FOUND = re.compile(r"(?:(?P<place>\S+?:\d+)(?::\d+)?: runtime error|ERROR: AddressSanitizer): (?P<what>.*)")
@@ -58,8 +59,19 @@ class Sanitized:
     not_run: str  # why no step, or not every one of them, ran; empty where nothing is missing
 
 
-def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block], traces: Sequence[Trace]) -> Sanitized:
-    """Run the lanes of every block as one program under the sanitizers and compare each bit.
+@dataclass(frozen=True, slots=True)
+class SanitizedRun:
+    """What the program under the sanitizers left: of the lanes in `parts` the records that are done, and its end."""
+
+    parts: Sequence[Block]
+    records: Any
+    status: int | None  # None where it did not end in time
+    said: str
+    not_built: str = ""  # why it could not be
+
+
+def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block]) -> SanitizedRun:
+    """Run the lanes of every block as one program under the sanitizers.
 
     Of a program that solves, only the first lanes of each block run, about `STEPS_SOLVING` steps in all.
 
@@ -79,19 +91,27 @@ def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block], tra
             run_compiler(["gcc", *SANITIZED_FLAGS, "-o", "sanitized", *sources, "-lm"], folder)
         except ToolError as error:
             if _NO_SANITIZERS.search(str(error)):
-                return Sanitized(0, 0, None, None, f"this gcc has no sanitizers; install libasan and libubsan: {error}")
+                missing = f"this gcc has no sanitizers; install libasan and libubsan: {error}"
+                return SanitizedRun((), np.zeros(0, record_type(program)), 0, "", missing)
             raise
-        status, said = _run(folder, given)
+        kind = record_type(program)
+        status, said = _run(folder, given, total_steps(parts) * kind.itemsize)
         written = (folder / "records").read_bytes()
-    kind = record_type(program)
-    got = np.frombuffer(written[: len(written) // kind.itemsize * kind.itemsize], dtype=kind)
-    differences, first = _compared(program, parts, traces, got)
-    found, missing = None, ""
-    if status is None:
+    done = np.frombuffer(written, np.uint64, 1)[0]
+    return SanitizedRun(parts, np.frombuffer(written, kind, int(done), COUNTER_BYTES), status, said)
+
+
+def compare_sanitized(program: Program, bundle: Bundle, run: SanitizedRun, traces: Sequence[Trace]) -> Sanitized:
+    """Compare each bit of what ran under the sanitizers with the reference, and say what they found."""
+    got = run.records
+    differences, first = _compared(program, run.parts, traces, got)
+    found, missing = None, run.not_built
+    if run.status is None:
         missing = f"the program under the sanitizers did not end within {LONGEST_RUN:.0f} s; {len(got):,} steps ran"
-    elif status != 0:
-        found = _found(said, bundle, program, parts, traces, len(got))
-        words = next((line.strip() for line in said.splitlines() if line.strip()), f"it ended with status {status}")
+    elif run.status != 0:
+        found = _found(run.said, bundle, program, run.parts, traces, len(got))
+        lines = (line.strip() for line in run.said.splitlines() if line.strip())
+        words = next(lines, f"it ended with status {run.status}")
         missing = "" if found else f"the program under the sanitizers could not run: {words}"
     return Sanitized(len(got), differences, first, found, missing)
 
@@ -100,7 +120,7 @@ def _lanes(program: Program, blocks: Sequence[Block]) -> list[Block]:
     """Return of every block the lanes that run."""
     if not program.tables:
         return list(blocks)
-    share = min(1.0, STEPS_SOLVING / max(1, sum(b.inputs.shape[0] * b.inputs.shape[1] for b in blocks)))
+    share = min(1.0, STEPS_SOLVING / max(1, total_steps(blocks)))
     counts = [max(1, round(share * len(b.inputs))) for b in blocks]
     return [
         Block(b.name, b.inputs[:n], None if b.settings is None else b.settings[:n])
@@ -108,10 +128,14 @@ def _lanes(program: Program, blocks: Sequence[Block]) -> list[Block]:
     ]
 
 
-def _run(folder: Path, given: bytes) -> tuple[int | None, str]:
-    """Return the status, None where the program did not end in time, and what it said."""
+def _run(folder: Path, given: bytes, answered: int) -> tuple[int | None, str]:
+    """Return the status, None where the program did not end in time, and what it said.
+
+    It leaves the number of records that are done and `answered` bytes of records.
+    """
     (folder / "given").write_bytes(given)
-    with (folder / "given").open("rb") as source, (folder / "records").open("wb") as sink:
+    with (folder / "given").open("rb") as source, (folder / "records").open("w+b") as sink:
+        sink.truncate(COUNTER_BYTES + answered)
         try:
             done = subprocess.run(
                 [str(folder / "sanitized")],
@@ -133,13 +157,17 @@ def _compared(program: Program, parts: Sequence[Block], traces: Sequence[Trace],
     """Compare the records, as far as there are any, with the reference."""
     count, begins = 0, 0
     first: First | None = None
-    for number, (part, trace) in enumerate(zip(parts, traces, strict=True)):
+    for number, (part, trace) in enumerate(zip(parts, traces, strict=False)):  # none where it was not built
         lanes, steps, _ = part.inputs.shape
-        for lane in range(lanes):
-            wrong, found = differing(program, trace, lane, got[begins : begins + steps])
-            count += wrong
-            first = first or (found and First(number, lane, *found))
-            begins += steps
+        own = got[begins : begins + lanes * steps]
+        whole, rest = divmod(len(own), steps)
+        pieces = [(0, own[: whole * steps].reshape(whole, steps)), (whole, own[None, len(own) - rest :])]
+        for lane, piece in pieces:
+            if piece.size:
+                wrong, found = differing(program, trace, lane, piece)
+                count += wrong
+                first = first or (found and replace(found, block=number))
+        begins += lanes * steps
     return count, first
 
 

@@ -113,6 +113,15 @@ class FramedLink:
             for at in range(0, len(inputs), frame)
         )
 
+    def lanes(self, inputs: bytes, lanes: int, steps: int) -> bytes:
+        """Run lanes of `steps` steps behind one another, each from the first state; return what `step` does of each."""
+        size = len(inputs) // lanes
+        answers = []
+        for at in range(0, len(inputs), size):
+            self.reset()
+            answers.append(self.step(inputs[at : at + size], steps))
+        return b"".join(answers)
+
     def stack(self, inputs: bytes) -> int:
         """Return the deepest stack in bytes of one step, over packed input structs from a fresh start.
 

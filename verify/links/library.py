@@ -40,22 +40,33 @@ class LibraryLink:
 
     def step(self, inputs: bytes, count: int) -> bytes:
         """Run `count` steps; the tick counts are zero."""
-        if len(inputs) != count * self._in_bytes:
-            raise LinkError(f"{count} steps need {count * self._in_bytes} bytes of input, got {len(inputs)}")
+        self._whole(inputs, count)
         out = ctypes.create_string_buffer(count * self._record)
         self._library.host_steps(self._memory, inputs, out, ctypes.c_uint32(count))
+        return out.raw
+
+    def lanes(self, inputs: bytes, lanes: int, steps: int) -> bytes:
+        """Run lanes of `steps` steps, each from its own call of init() on memory that holds one of FILLS by turns."""
+        self._whole(inputs, lanes * steps)
+        out = ctypes.create_string_buffer(lanes * steps * self._record)
+        fills = bytes(FILLS[(self._resets + k) % 2] for k in range(2))
+        self._library.host_lanes(self._memory, inputs, out, ctypes.c_uint32(lanes), ctypes.c_uint32(steps), fills)
+        self._resets += lanes
         return out.raw
 
     def step_from(self, states: bytes, size: int, inputs: bytes, count: int) -> tuple[bytes, bytes]:
         """Run one step from each of `count` states of `size` bytes; return the answers and the states they leave."""
         if size != len(self._memory):
             raise LinkError(f"a state of {self._program.name} has {len(self._memory)} bytes, not {size}")
-        answers, left = bytearray(), bytearray()
-        for k in range(count):
-            ctypes.memmove(self._memory, states[k * size : (k + 1) * size], size)
-            answers += self.step(inputs[k * self._in_bytes : (k + 1) * self._in_bytes], 1)
-            left += self._memory.raw
-        return bytes(answers), bytes(left)
+        self._whole(inputs, count)
+        out = ctypes.create_string_buffer(count * self._record)
+        left = ctypes.create_string_buffer(count * size)
+        self._library.host_departures(self._memory, states, inputs, out, left, ctypes.c_uint32(count))
+        return out.raw, left.raw
+
+    def _whole(self, inputs: bytes, steps: int) -> None:
+        if len(inputs) != steps * self._in_bytes:
+            raise LinkError(f"{steps} steps need {steps * self._in_bytes} bytes of input, got {len(inputs)}")
 
     def close(self) -> None:
         """Do nothing: the library stays loaded until the process ends."""

@@ -9,18 +9,19 @@ nothing bounds it, for an integrator keeps what it rounded until feedback or a l
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from firmloop.design.law import Law
-from firmloop.quantize.lower.graph import Graph, evaluate, law_graph
+from firmloop.quantize.lower.graph import Evaluate, Graph, evaluator, law_graph
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program, Value
-from firmloop.verify.block import Block, by_length, side_by_side
-from firmloop.verify.reference import Machine, Raw, Trace, working_type
+from firmloop.verify.block import Block, by_length
+from firmloop.verify.lanes.laws import compiled_law
+from firmloop.verify.reference import AT_ONCE, Machine, Raw, Trace, parts, working_type
 from firmloop.verify.scaling import to_physical
 from firmloop.verify.verdict import Rounded
 
@@ -29,6 +30,7 @@ SEARCHED = 20_000  # points of one round
 ROUNDS = 8
 SOLVED = 400  # points of one round, where each is a quadratic program
 KEPT = 200  # of a round, to climb from
+LANES_AT_ONCE = 2048
 LEAST = -(2**31)  # what the unset state of a fixed-point program holds
 
 
@@ -42,26 +44,24 @@ def measure_rounding(
     """
     real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
     graph = law_graph(law)
-    groups = by_length(blocks)
-    blocks, traces = (
-        [side_by_side([blocks[i] for i in group]) for group in groups],
-        [_all_of([traces[i] for i in group]) for group in groups],
-    )
+    means, free = evaluator(graph), _Free(law, graph)
+    if real is np.float64:
+        means = _compiled(law, graph) or means
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
-        worst = _searched(law, program, graph, real)
-        for block, trace in zip(blocks, traces, strict=True):
-            raw = [block.inputs[..., j] for j in range(len(program.inputs))]
-            held = [trace.state[..., j] for j in range(len(program.state))]
-            got = [to_physical(v, trace.outputs[..., j]) for j, v in enumerate(program.outputs)]
-            apart = _apart(law, program, graph, raw, held, got, real)
-            worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
-            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 2))
+        worst = _searched(law, program, means, real)
+        for raw, held, outputs in _side_by_side(blocks, traces):
+            got = [to_physical(v, x) for v, x in zip(program.outputs, outputs, strict=True)]
+            for part in parts(len(raw[0]), max(1, AT_ONCE // raw[0].shape[1])):
+                one, other, third = ([x[part] for x in found] for found in (raw, held, got))
+                apart = _apart(law, program, means, one, other, third, real)
+                worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
+            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 1))
             if np.any(calm):
-                inputs = [to_physical(v, x[calm]) for v, x in zip(program.inputs, raw, strict=True)]
-                state = [to_physical(v, x[calm]) for v, x in zip(program.state, held, strict=True)]
-                free = _free_run(program, law, graph, inputs, state)
-                away = (np.max(np.abs(g[calm] - e), initial=0.0) for g, e in zip(got, free, strict=True))
+                inputs = [to_physical(v, x[:, calm]) for v, x in zip(program.inputs, raw, strict=True)]
+                state = [to_physical(v, x[:, calm]) for v, x in zip(program.state, held, strict=True)]
+                own = free.run(inputs, state)
+                away = (np.max(np.abs(g[:, calm] - e), initial=0.0) for g, e in zip(got, own, strict=True))
                 drift = np.maximum(drift, list(away))
     bounds = {r.output: r for r in program.rounding}
     return tuple(
@@ -70,15 +70,29 @@ def measure_rounding(
     )
 
 
-def _all_of(traces: Sequence[Trace]) -> Trace:
-    """Return one trace with the lanes of all these, which have one length."""
-    return Trace(*(np.concatenate([getattr(t, name) for t in traces]) for name in ("outputs", "status", "state")))
+def _side_by_side(blocks: Sequence[Block], traces: Sequence[Trace]) -> Iterator[tuple[list[Raw], list[Raw], list[Raw]]]:
+    """Return inputs, state and outputs, an array (steps, lanes) of each, of some lanes of one length after others."""
+    for group in by_length(blocks):
+        for part in parts(sum(len(blocks[i].inputs) for i in group), LANES_AT_ONCE):
+            yield (
+                _lanes([blocks[i].inputs for i in group], part),
+                _lanes([traces[i].state for i in group], part),
+                _lanes([traces[i].outputs for i in group], part),
+            )
+
+
+def _lanes(arrays: Sequence[Raw], part: slice) -> list[Raw]:
+    """Return columns (steps, lanes) of a part of the lanes of all these arrays (lanes, steps, columns)."""
+    begins = np.cumsum([0, *map(len, arrays)])
+    pieces = [x[max(0, part.start - b) : max(0, part.stop - b)] for x, b in zip(arrays, begins[:-1], strict=True)]
+    found = np.concatenate([piece for piece in pieces if len(piece)])
+    return list(np.ascontiguousarray(np.moveaxis(found, (0, 1), (2, 1))))
 
 
 def _apart(
     law: Law,
     program: Program,
-    graph: Graph,
+    means: Evaluate,
     raw: Sequence[Raw],
     held: Sequence[Raw],
     got: Sequence[Array],
@@ -100,7 +114,7 @@ def _apart(
         else:
             state.append(np.where(fresh, start, by_name[signal.name]))
     inputs = [to_physical(v, x) for v, x in zip(program.inputs, raw, strict=True)]
-    expected = evaluate(graph, [[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
+    expected = means([[x.astype(real) for x in state], [z.astype(real) for z in inputs]])[1]
     return [np.where(valid, np.abs(g - e), 0.0).astype(np.float64) for g, e in zip(got, expected, strict=True)]
 
 
@@ -138,7 +152,7 @@ def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
     return (raw >= value.low) & (raw <= value.high)
 
 
-def _searched(law: Law, program: Program, graph: Graph, real: DTypeLike) -> Array:
+def _searched(law: Law, program: Program, means: Evaluate, real: DTypeLike) -> Array:
     """Return the worst differences that a search finds, output by output."""
     random = np.random.default_rng(1)
     machine = Machine(program)
@@ -160,7 +174,7 @@ def _searched(law: Law, program: Program, graph: Graph, real: DTypeLike) -> Arra
             slots = machine.step([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
             outputs = zip(program.outputs, machine.results, strict=True)
             got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
-            apart = _apart(law, program, graph, inputs, held, got, real)
+            apart = _apart(law, program, means, inputs, held, got, real)
             worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
             best = points[:, np.argsort(-apart[j])[:kept]]
             again = np.repeat(best, count // kept, axis=1)
@@ -189,18 +203,46 @@ def _whole(value: Value, x: Array) -> Raw:
     return x.astype(np.float32 if value.number.bits == 32 else np.float64)
 
 
-def _free_run(program: Program, law: Law, graph: Graph, inputs: list[Array], held: list[Array]) -> list[Array]:
-    """Run the law on its own state; its parameters are those that the program held, `held[-k:]`."""
-    lanes, steps = inputs[0].shape
-    if not law.state:  # no step knows of another: all at once
-        return [np.broadcast_to(y, (lanes, steps)) for y in evaluate(graph, [[], inputs])[1]]
-    state = [np.full(lanes, x) for x in law.start]
-    outputs = [np.empty((lanes, steps)) for _ in law.outputs]
-    for k in range(steps):
-        for j in range(1, len(program.tunable) + 1):
-            state[-j] = held[-j][:, k]
-        row = evaluate(graph, [state, [x[:, k] for x in inputs]])
-        state = [np.broadcast_to(x, lanes) for x in row[0]]
-        for y, value in zip(outputs, row[1], strict=True):
-            y[:, k] = value
-    return outputs
+def _compiled(law: Law, graph: Graph) -> Evaluate | None:
+    """Return the law in compiled code, None where that does not know all of it."""
+    ready = compiled_law(graph, len(law.state), len(law.inputs), ())
+    if ready is None:
+        return None
+
+    def evaluated(arguments: Sequence[Sequence[Array]]) -> list[list[Array]]:
+        state, inputs = arguments
+        shape = np.shape(inputs[0])
+        given = np.stack([np.ravel(x) for x in (*inputs, *state)])[None]
+        results, _, _ = ready.run(given, np.empty((0, given.shape[2])), keeps=False)
+        return [[], [x.reshape(shape) for x in results[0]]]
+
+    return evaluated
+
+
+class _Free:
+    """The law on its own state, ready to run; its parameters are those that the program held, the last of its state."""
+
+    def __init__(self, law: Law, graph: Graph) -> None:
+        self.law, self.own = law, len(law.state) - len(law.tunable)
+        self.means = evaluator(graph)
+        self.ready = compiled_law(graph, len(law.state), len(law.inputs), range(self.own))
+
+    def run(self, inputs: list[Array], held: list[Array]) -> list[Array]:
+        """Return the outputs (steps, lanes), each lane from the law's start."""
+        steps, lanes = inputs[0].shape
+        fed = held[len(held) - len(self.law.tunable) :]
+        start = [np.full(lanes, x) for x in self.law.start]
+        if self.ready is not None:
+            begin = np.array(start[: self.own])
+            results, _, _ = self.ready.run(np.stack([*inputs, *fed], axis=1), begin, keeps=False)
+            return list(np.moveaxis(results, 1, 0))
+        if not start:  # no step knows of another: all at once
+            return [np.broadcast_to(y, (steps, lanes)) for y in self.means([[], inputs])[1]]
+        state, outputs = start, [np.empty((steps, lanes)) for _ in self.law.outputs]
+        for k in range(steps):
+            state[self.own :] = [x[k] for x in fed]
+            row = self.means([state, [x[k] for x in inputs]])
+            state = [np.broadcast_to(x, lanes) for x in row[0]]
+            for y, value in zip(outputs, row[1], strict=True):
+                y[k] = value
+        return outputs

@@ -79,7 +79,7 @@ def crossings(program: Program, drives: Array, convert: Convert) -> list[Crossin
     for k in range(drives.shape[1] if wanted else 0):
         with np.errstate(all="ignore"):
             slots = machine.step(row(program, drives[:, k], convert, kind), state)
-        state = [np.broadcast_to(slots[slot], len(drives)) for slot in machine.next]
+        state = machine.following(slots, len(drives))
         side = np.stack([np.broadcast_to(edge.above(machine, slots), len(drives)) for edge in wanted]) >= 0
         crossed = np.zeros_like(side) if before is None else side != before
         for j in np.flatnonzero(crossed.any(axis=1)):

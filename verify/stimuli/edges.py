@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 
 from firmloop.quantize.ops import LIMITS
 from firmloop.quantize.program import Program, Value
-from firmloop.verify.reference import Machine, Raw, start_state, working_type
+from firmloop.verify.reference import Machine, Raw, parts, start_state, working_type
 
 Array = NDArray[np.float64]
+Lanes = slice | NDArray[np.int64]
+Sampled = Callable[[list[Raw], list[Raw]], list[Any]]
 Convert = Callable[[Value, Array], Raw]
 COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
 ROUNDED = ("shr", "asr")  # operations that drop places of one value
@@ -44,6 +46,10 @@ class Edge:
     value: str
     limit: float | str
     every: float = math.inf
+
+    def names(self) -> list[str]:
+        """Return the values that it is about."""
+        return [at for at in (self.value, self.limit) if isinstance(at, str)]
 
     def above(self, machine: Machine, slots: list[Any]) -> Array:
         """Return how far above its limit the value is, in one step's values by slot."""
@@ -203,28 +209,55 @@ def to_an_edge(
     kind, lanes = working_type(program), np.arange(len(noise))
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
-    def beyond(inputs: Array) -> tuple[NDArray[np.bool_], Array]:
-        """Tell of every limit (rows) and lane on which side of it the value is, and how far."""
-        now = state
-        with np.errstate(all="ignore"):
-            for later in range(wait):
-                now = after(machine, row(program, noise[:, at + later] if later else inputs, convert, kind), now)
-            slots = machine.step(row(program, noise[:, at + wait] if wait else inputs, convert, kind), now)
-            above = np.stack([np.broadcast_to(edge.above(machine, slots), len(noise)) for edge in wanted])
-            return np.where(odd, above > 0, above >= 0), above
+    def above_of(asked: list[Edge], names: Machine, asking: Sampled, inputs: Array, part: Lanes) -> Array:
+        """Tell of limits (rows) and lanes of a part how far above them the value is."""
+        now = [x[part] for x in state]
+        for later in range(wait):
+            now = after(machine, row(program, noise[part, at + later] if later else inputs, convert, kind), now)
+        slots = asking(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
+        return np.stack([np.broadcast_to(edge.above(names, slots), len(inputs)) for edge in asked])
 
-    here, there = noise[:, at], drawn(random, spans_of(program), len(noise), 1)[:, 0]
-    crossed = beyond(here)[0] != beyond(there)[0]
+    def side_of(above: Array, part: Lanes) -> NDArray[np.bool_]:
+        return np.where(odd[part], above > 0, above >= 0)
+
+    here, there = noise[:, at].copy(), drawn(random, spans_of(program), len(noise), 1)[:, 0]
+    every = machine.watch([name for edge in wanted for name in edge.names()])
+    sides = np.empty((2, len(wanted), len(noise)), dtype=bool)
+    with np.errstate(all="ignore"):
+        for part in parts(len(noise)):
+            for side, inputs in zip(sides, (here, there), strict=True):
+                side[:, part] = side_of(above_of(wanted, machine, every, inputs[part], part), part)
+    crossed = sides[0] != sides[1]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
-    side = beyond(here)[0][which, lanes]
-    near, far = np.zeros((len(noise), 1)), np.ones((len(noise), 1))
-    for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
-        middle = (near + far) / 2
-        same = (beyond(here + middle * (there - here))[0][which, lanes] == side)[:, None]
-        near, far = np.where(same, middle, near), np.where(same, far, middle)
-    noise[:, at] = here + np.where(random.random((len(noise), 1)) < 0.5, near, far) * (there - here)
-    missed = beyond(noise[:, at])[1][which, lanes]
+    taken = random.random((len(noise), 1)) < 0.5
+    missed = np.empty(len(noise))
+    with np.errstate(all="ignore"):
+        for j, edge in enumerate(wanted):
+            own = np.flatnonzero(which == j)
+            names = Machine(_asking(program, edge))
+            asking = names.watch(edge.names())
+            for some in (own[part] for part in parts(len(own))):
+                begin, way, side = here[some], there[some] - here[some], sides[0, j, some]
+                near, far = np.zeros((len(some), 1)), np.ones((len(some), 1))
+                for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
+                    middle = (near + far) / 2
+                    above = above_of([edge], names, asking, begin + middle * way, some)[0]
+                    same = (side_of(above, some) == side)[:, None]
+                    near, far = np.where(same, middle, near), np.where(same, far, middle)
+                noise[some, at] = begin + np.where(taken[some], near, far) * way
+                missed[some] = above_of([edge], names, asking, noise[some, at], some)[0]
     return which, np.where(crossed[which, lanes], missed, np.inf)
+
+
+def _asking(program: Program, edge: Edge) -> Program:
+    """Return what of a program computes the values of an edge."""
+    needed = {edge.value, edge.limit}
+    body = []
+    for op in reversed(program.body):
+        if op.result.name in needed:
+            needed.update(a for a in op.arguments if isinstance(a, str))
+            body.append(op)
+    return replace(program, body=tuple(reversed(body)), next_state=(), results=(), status=(), safe=())
 
 
 def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
@@ -239,14 +272,18 @@ def spans_of(program: Program) -> list[tuple[float, float]]:
 
 def state_before(program: Program, machine: Machine, noise: Array, convert: Convert) -> list[Raw]:
     """Return the state behind the samples of `noise` (lanes, length, m), from what init() sets."""
-    kind, state = working_type(program), start_state(program, len(noise))
-    for k in range(noise.shape[1]):
-        state = after(machine, row(program, noise[:, k], convert, kind), state)
-    return state
+    kind, whole = working_type(program), start_state(program, len(noise))
+    for part in parts(len(noise)) if noise.shape[1] else ():
+        state = [x[part] for x in whole]
+        for k in range(noise.shape[1]):
+            state = after(machine, row(program, noise[part, k], convert, kind), state)
+        for x, held in zip(whole, state, strict=True):
+            x[part] = held
+    return whole
 
 
 def after(machine: Machine, inputs: list[Raw], state: list[Raw]) -> list[Raw]:
     """Return the state after one sample."""
     with np.errstate(all="ignore"):
         values = machine.step(inputs, state)
-    return [np.broadcast_to(values[slot], len(inputs[0])) for slot in machine.next]
+    return machine.following(values, len(inputs[0]))

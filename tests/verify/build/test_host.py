@@ -10,7 +10,7 @@ from firmloop.codegen.target import load_target
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.verify.block import run_blocks
 from firmloop.verify.build.host import build_host
-from firmloop.verify.build.sanitized import Sanitized, run_sanitized
+from firmloop.verify.build.sanitized import Sanitized, compare_sanitized, run_sanitized
 from firmloop.verify.compare import Comparison, compare
 from firmloop.verify.explain import explain
 from firmloop.verify.links.library import LibraryLink
@@ -56,7 +56,8 @@ def test_random_laws_agree(arithmetic: str) -> None:
 def test_sanitizers_find_nothing(arithmetic: str) -> None:
     program = lower(pid(FULL), arithmetic)
     blocks = stimuli(program, [], 40_000, 2)
-    done = run_sanitized(program, emit(program, "firmloop generate test.toml"), blocks, run_blocks(program, blocks))
+    bundle = emit(program, "firmloop generate test.toml")
+    done = compare_sanitized(program, bundle, run_sanitized(program, bundle, blocks), run_blocks(program, blocks))
     assert done == Sanitized(40_000, 0, None, None, "")
 
 
@@ -74,7 +75,7 @@ def test_a_difference_is_explained_down_to_the_operation() -> None:
     assert done.first is not None and done.differences > 0
     lane = blocks[done.first.block].inputs[done.first.lane]
     words = explain(program, wrong, lane, done.first.step, done.first.output)
-    assert "unlimited = self->integral + " in words and "should be" in words
+    assert "unlimited = integral_held + " in words and "should be" in words
 
 
 def test_a_difference_that_the_text_does_not_hold_is_told_apart() -> None:

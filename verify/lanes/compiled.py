@@ -1,0 +1,125 @@
+"""Run many lanes of operations on rows in compiled code."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.simulation.compiler import ToolError, shared_library
+from firmloop.verify.lanes.codes import CODES, REAL, WHOLE
+
+Raw = NDArray[Any]
+FLAGS = ("-std=c99", "-O3", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
+FUNCTIONS = {"i8": "lanes_i64", "f4": "lanes_f32", "f8": "lanes_f64"}
+WIDTH = 128  # lanes of a row, as in lanes.c
+_SOURCES = ("lanes.c", "steps.h")
+
+
+@dataclass(frozen=True, slots=True)
+class RowStep:
+    """An operation on rows: its name, the row it writes, those it reads, and a shift where it has one."""
+
+    function: str
+    target: int
+    places: tuple[int, ...]
+    shift: int = 0
+
+
+class _Plan(ctypes.Structure):
+    _fields_ = [
+        ("ops", ctypes.c_void_p),
+        ("op_count", ctypes.c_int64),
+        ("inputs", ctypes.c_void_p),
+        ("input_count", ctypes.c_int64),
+        ("states", ctypes.c_void_p),
+        ("following", ctypes.c_void_p),
+        ("state_count", ctypes.c_int64),
+        ("tuned_count", ctypes.c_int64),
+        ("results", ctypes.c_void_p),
+        ("result_count", ctypes.c_int64),
+        ("bits", ctypes.c_void_p),
+        ("bit_count", ctypes.c_int64),
+    ]
+
+
+def library() -> ctypes.CDLL | None:
+    """Return the compiled code; None where this machine has no compiler that builds it."""
+    try:
+        return _library()
+    except (ToolError, OSError):
+        return None
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    folder = files("firmloop.verify.lanes")
+    texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _SOURCES}
+    return ctypes.CDLL(str(shared_library(texts, _SOURCES[:1], FLAGS)))
+
+
+class Compiled:
+    """Steps on rows made ready to run: which rows are inputs, states, what these become, results and status bits."""
+
+    def __init__(
+        self,
+        code: ctypes.CDLL,
+        kind: np.dtype[Any],
+        steps: Sequence[RowStep],
+        constants: dict[int, Any],
+        inputs: Sequence[int],
+        states: Sequence[int],
+        following: Sequence[int],
+        results: Sequence[int],
+        bits: Sequence[tuple[int, int]] = (),
+        tuned: int = 0,
+    ) -> None:
+        known = CODES | (WHOLE if kind.kind == "i" else REAL)
+        rows = [(known[s.function], s.target, *s.places, *[0] * (4 - len(s.places)), s.shift) for s in steps]
+        lists = [np.array(rows, np.int32).reshape(-1, 7), *(np.array(x, np.int32) for x in (inputs, states, following))]
+        lists += [np.array(results, np.int32), np.array(bits, np.int32).reshape(-1, 2)]
+        self._lists = lists  # the plan points into them
+        at = [x.ctypes.data for x in lists]
+        self._plan = _Plan(
+            *(at[0], len(rows), at[1], len(inputs), at[2], at[3], len(states), tuned),
+            *(at[4], len(results), at[5], len(bits)),
+        )
+        count = 1 + max([*inputs, *states, *following, *results, *constants, *(s.target for s in steps)])
+        self._rows = np.zeros((count, WIDTH), kind)
+        for row, value in constants.items():
+            self._rows[row] = value
+        self._kept = np.zeros((max(1, len(states)), WIDTH), kind)
+        self._kind, self._run = kind, getattr(code, FUNCTIONS[kind.str[1:]])
+        self._results, self._states = len(results), len(states)
+
+    def run(
+        self, inputs: Raw, state: Raw, keeps: bool, asked: Raw | None = None, ranges: Raw | None = None
+    ) -> tuple[Raw, Raw, Raw | None]:
+        """Return results (steps, r, lanes), status (steps, lanes) and the state before each step, where it `keeps` it.
+
+        It takes `inputs` (steps, m, lanes), the first `state` (n, lanes) and what parameters are `asked` to be before
+        each step (steps, k, lanes), which is refused outside of their `ranges` (k, 2).
+        """
+        inputs = np.ascontiguousarray(inputs, self._kind)
+        state = np.array(state, self._kind, order="C").reshape(self._states, inputs.shape[2])
+        asked, ranges = (None if x is None else np.ascontiguousarray(x, self._kind) for x in (asked, ranges))
+        steps, _, lanes = inputs.shape
+        results = np.empty((steps, self._results, lanes), self._kind)
+        status = np.zeros((steps, lanes), np.uint32)
+        before = np.empty((steps, self._states, lanes), self._kind) if keeps else None
+        given = (self._rows, self._kept, inputs, asked, ranges, state, before, results, status)
+        rows, kept, *others = [ctypes.c_void_p(None if x is None else x.ctypes.data) for x in given]
+        sizes = (ctypes.c_int64(lanes), ctypes.c_int64(steps))
+        self._run(ctypes.byref(self._plan), rows, kept, *sizes, *others)
+        return results, status, before
+
+
+def runs(kind: np.dtype[Any], functions: Sequence[str]) -> bool:
+    """Tell whether the compiled code knows all these operations on numbers of a kind."""
+    return kind.str[1:] in FUNCTIONS and set(functions) <= (CODES | (WHOLE if kind.kind == "i" else REAL)).keys()

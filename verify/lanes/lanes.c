@@ -1,0 +1,61 @@
+/* lanes.c -- runs programs of numbers in many lanes side by side: the bit-exact reference, for int64, float and double
+ *
+ * It shares nothing with the C that is generated, which it judges. Each operation is one loop over a row of lanes; the
+ * meaning of each is that of its name in quantize/ops.py, and the numbers that stand for them are the places of the
+ * names in verify/lanes/codes.py. Integers hold 32-bit words and their 64-bit products, which are proven to fit.
+ */
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#define WIDTH 128 /* lanes of a row: the rows of a usual program fit the nearest cache */
+
+typedef struct {
+    int32_t code;
+    int32_t target; /* row */
+    int32_t places[4];
+    int32_t shift;
+} op_t;
+
+/* Rows that hold what is read, kept and written, each list with its length; the others are constants and values. */
+typedef struct {
+    const op_t *ops;
+    int64_t op_count;
+    const int32_t *inputs;
+    int64_t input_count;
+    const int32_t *states;
+    const int32_t *following; /* what each state becomes */
+    int64_t state_count;
+    int64_t tuned_count; /* of the states, the last ones: a caller sets them before each step */
+    const int32_t *results;
+    int64_t result_count;
+    const int32_t *bits; /* pairs: row, place in the status word */
+    int64_t bit_count;
+} plan_t;
+
+#define ROW(place) (rows + (int64_t)(place) * WIDTH)
+#define EACH(number, expression)                \
+    case number:                                \
+        for (int64_t k = 0; k < width; k++) {   \
+            t[k] = (NUMBER)(expression);        \
+        }                                       \
+        break;
+
+#define NUMBER int64_t
+#define NAME lanes_i64
+#define WHOLE 1
+#include "steps.h"
+#undef NUMBER
+#undef NAME
+#undef WHOLE
+
+#define WHOLE 0
+#define NUMBER float
+#define NAME lanes_f32
+#include "steps.h"
+#undef NUMBER
+#undef NAME
+
+#define NUMBER double
+#define NAME lanes_f64
+#include "steps.h"

@@ -1,0 +1,46 @@
+"""Evaluate a law in float64 in compiled code, once or on its own state through many samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from firmloop.quantize.lower.graph import Graph, Node
+from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
+
+# The operations of the compiled code that mean what those of a law do, where they have other names or operands.
+SAME = {"square": "mul", "twice": "add", "abs": "magnitude", "choose": "select", "if": "select"}
+
+
+def compiled_law(graph: Graph, states: int, inputs: int, own: Sequence[int]) -> Compiled | None:
+    """Return a law over its states and inputs, ready to run; None where the compiled code does not know all of it.
+
+    The states `own` are followed from sample to sample. What else it takes are inputs: the law's inputs, then the other
+    states in order. Its results are the law's outputs.
+    """
+    code, zero = library(), len(graph.nodes)
+    rows, constants, steps = {}, {zero: 0.0}, []
+    for k, node in enumerate(graph.nodes):
+        if node.function == "argument":
+            rows[node.place] = k
+        elif node.function == "constant":
+            constants[k] = node.value
+        else:
+            steps.append(_step(k, node, zero))
+    if code is None or not runs(np.dtype(np.float64), [step.function for step in steps]):
+        return None
+    free = iter(range(zero + 1, zero + 1 + states + inputs))  # of arguments that nothing reads
+    given = [rows[1, j] if (1, j) in rows else next(free) for j in range(inputs)]
+    held = [rows[0, j] if (0, j) in rows else next(free) for j in range(states)]
+    fed = [held[j] for j in range(states) if j not in own]
+    following, outputs = graph.results[0], graph.results[1]
+    return Compiled(
+        *(code, np.dtype(np.float64), steps, constants, [*given, *fed], [held[j] for j in own]),
+        *([following[j] for j in own], outputs),
+    )
+
+
+def _step(target: int, node: Node, zero: int) -> RowStep:
+    places = node.arguments * 2 if node.function in ("square", "twice") else node.arguments
+    return RowStep(SAME.get(node.function, node.function), target, (*places, zero) if node.function == "if" else places)
