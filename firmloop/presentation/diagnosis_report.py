@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from firmloop.diagnose.controller.replay import Cut
     from firmloop.diagnose.discrepancy.fit import Shape
     from firmloop.diagnose.finding import Finding, Shift
-    from firmloop.diagnose.search.found import Search
     from firmloop.diagnose.run import Diagnosis
+    from firmloop.diagnose.search.found import Search
     from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from firmloop.cli import main
 from firmloop.design.analysis.loop import Margins, StepMetrics, Trajectory
 from firmloop.design.design import Design
-from firmloop.diagnose.cut import Blame, Cut
-from firmloop.diagnose.fault import Fault
+from firmloop.diagnose.controller.faults import Fault
+from firmloop.diagnose.controller.replay import Blame, Cut
 from firmloop.diagnose.finding import Estimate, Finding, Named, Ratio, Shift
 from firmloop.identify.fitting.fit import Fit, RecordingScore
 from firmloop.identify.fitting.scores import Scores
@@ -173,7 +173,7 @@ def test_a_diagnosis_holds_no_infinite_figure(figures: list[float]) -> None:
     fault = Fault("gain_differs", "kp", "V", 1.0, 1.0, True, lambda guess, value: guess)
     blame = Blame(fault, blamed, abs(deviation), SimpleNamespace())
     cut = Cut(1, 2, 1, worst, (blame,), (), False, "u", "V", (), 0.5, ())
-    rival = SimpleNamespace(score=one, fitted=SimpleNamespace(causes=()))
+    rival = SimpleNamespace(score=one, fitted=SimpleNamespace(terms=()))
     search = SimpleNamespace(nominal=SimpleNamespace(score=other), rounds=((rival,),))
     for said in (*effects_table(finding), shifts_table((shift,)), *controller_tables(cut), ranking_table(search)):
         assert not NO_FIGURE.search(said), said
