@@ -13,7 +13,7 @@ from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.presentation.documents import as_json
 from firmloop.presentation.evidence.page import evidence_page
 from firmloop.stages.evidence.claims import claims
-from firmloop.stages.evidence.evidence import FILE, Evidence, evidence_differences
+from firmloop.stages.evidence.evidence import FILE, EvidenceFile, evidence_differences
 from firmloop.stages.evidence.requirements import requirements
 from firmloop.stages.plant import command_of
 from firmloop.stages.progress import Stage, quietly
@@ -25,7 +25,7 @@ from firmloop.verify.build.static_checks import read_statically
 class Evidenced:
     """The evidence of a walk, and in what it is not what was filed before; empty where it is the same."""
 
-    evidence: Evidence
+    evidence: EvidenceFile
     differences: tuple[str, ...]
 
     def files(self) -> Mapping[str, str]:
@@ -55,7 +55,7 @@ def evidence(made: Run, before: Mapping[str, object] | None, *, stage: Stage = q
         readings = read_statically(code.generated.bundle)
     found = claims(code.generated, made.designed.loop, made.verified.outcomes, proving, readings)
     asked = requirements(code.project, made.designed.gains, code.program, found)
-    collected = Evidence(
+    collected = EvidenceFile(
         code.project, code.generated, code.files, made.identified.data, asked, found, readings, NOT_JUDGED
     )
     differences = () if before is None else tuple(evidence_differences(before, collected.as_dict()))

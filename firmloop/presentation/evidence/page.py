@@ -13,10 +13,10 @@ from firmloop.presentation.sections import page_table
 from firmloop.stages.evidence.requirements import MET, NOT_MET, OPEN
 
 if TYPE_CHECKING:
-    from firmloop.stages.evidence.evidence import Evidence
+    from firmloop.stages.evidence.evidence import EvidenceFile
 
 
-def about_evidence(evidence: Evidence) -> list[str]:
+def about_evidence(evidence: EvidenceFile) -> list[str]:
     """Count the requirements by how they stand, and name those that are not met or open."""
     count = Counter(one.status for one in evidence.requirements)
     words = ", ".join(f"{count[status]} {status}" for status in (MET, OPEN, NOT_MET))
@@ -24,7 +24,7 @@ def about_evidence(evidence: Evidence) -> list[str]:
     return [f"evidence: {len(evidence.requirements)} requirements: {words}", *rest]
 
 
-def evidence_page(evidence: Evidence, command: str) -> str:
+def evidence_page(evidence: EvidenceFile, command: str) -> str:
     """Return the page."""
     document = evidence.as_dict()
     sections = [

@@ -1,1 +1,1 @@
-"""Evidence: what a project requires, who has judged it, and with what result; to be filed, and compared later."""
+"""EvidenceFile: what a project requires, who has judged it, and with what result; to be filed, and compared later."""

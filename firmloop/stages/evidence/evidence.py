@@ -1,4 +1,4 @@
-"""Evidence as a document: the same project, tools and recordings give the same bytes, and two can be compared."""
+"""EvidenceFile as a document: the same project, tools and recordings give the same bytes, and two can be compared."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_SHOWN = 120  # characters of a value that differs
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class EvidenceFile:
     """All that is filed: what is required, on what that rests, and of which files, tools and recordings it is."""
 
     project: Project
