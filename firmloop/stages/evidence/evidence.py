@@ -1,4 +1,4 @@
-"""EvidenceFile as a document: the same project, tools and recordings give the same bytes, and two can be compared."""
+"""Evidence as a document: the same project, tools and recordings give the same bytes, and two can be compared."""
 
 from __future__ import annotations
 
