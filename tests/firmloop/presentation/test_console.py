@@ -50,7 +50,7 @@ def test_long_work_at_a_terminal_is_a_bar_that_goes_away(
         said = said_until("50%", capsys)
     said += capsys.readouterr().err
     assert "[############............]  50%" in said
-    assert "\n" not in said and said.endswith("\r\x1b[K")
+    assert "\n" not in said and said.endswith("\r\x1b[J")  # clears the lines below it, too
 
 
 def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
