@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from firmloop.quantize.lower.first_sample import in_one_branch, merged
-from firmloop.quantize.lower.graph import Graph, evaluate, read_graph
+from firmloop.quantize.lower.graph import Graph, evaluator, read_graph
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.lower.vanishing import vanishes
 from tests.laws import FULL, TABLES, pid
@@ -47,7 +47,7 @@ def test_the_choice_stands_behind_what_only_later_samples_need() -> None:
     x, z = (list(random.uniform(-9, 9, size=(2, 500))) for _ in range(2))
     for fresh in (0.0, 1.0):
         arguments = [x, z, [np.full(500, fresh)]]
-        for row, other in zip(evaluate(graph, arguments)[:2], evaluate(found, arguments)[:2], strict=True):
+        for row, other in zip(evaluator(graph)(arguments)[:2], evaluator(found)(arguments)[:2], strict=True):
             for one, same in zip(row, other, strict=True):
                 np.testing.assert_allclose(one, same, rtol=0, atol=1e-14)
 
@@ -90,7 +90,7 @@ def test_what_is_infinite_vanishes_where_infinities_of_both_signs_meet(build: Bu
     state = [np.array([math.inf, -math.inf]), np.zeros(2)]
     with np.errstate(invalid="ignore"):
         for _ in range(3):
-            state = [np.broadcast_to(row, 2) for row in evaluate(graph, [state, [np.ones(2), np.ones(2)], []])[0]]
+            state = [np.broadcast_to(row, 2) for row in evaluator(graph)([state, [np.ones(2), np.ones(2)], []])[0]]
     assert bool(np.all(np.isnan(state[0]))) is expected
 
 

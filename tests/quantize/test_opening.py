@@ -7,7 +7,7 @@ import pytest
 
 from firmloop.design.kinds import kinds
 from firmloop.design.law import Law
-from firmloop.quantize.lower.graph import evaluate, law_graph
+from firmloop.quantize.lower.graph import evaluator, law_graph
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import run
@@ -63,11 +63,11 @@ def test_the_first_sample_is_as_if_its_inputs_had_always_stood(name: str, arithm
     got = run(program, inputs).outputs[:, 0, 0].astype(np.float64) * 2.0 ** -program.outputs[0].number.fraction
     z = [to_physical(v, inputs[:, 0, j]) for j, v in enumerate(program.inputs)]
     graph = law_graph(law)
-    expected = evaluate(graph, [[np.full(300, x) for x in law.start], z])[1][0]
+    expected = evaluator(graph)([[np.full(300, x) for x in law.start], z])[1][0]
     assert np.max(np.abs(got - expected)) <= program.rounding[0].bound
     assert law.first is not None
     settled = np.array(law.first.map(300)(np.tile(np.array(law.start)[:, None], 300), np.array(z)))
-    again = evaluate(graph, [list(settled), z])[1][0]
+    again = evaluator(graph)([list(settled), z])[1][0]
     np.testing.assert_allclose(again, expected, rtol=0, atol=1e-12)
 
 

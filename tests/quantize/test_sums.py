@@ -7,7 +7,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from firmloop.quantize.lower.graph import evaluate, read_graph
+from firmloop.quantize.lower.graph import evaluator, read_graph
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.sums import gather
 
@@ -41,7 +41,7 @@ def test_a_choice_is_one_operation() -> None:
     graph = read_graph(function)
     assert [node.function for node in graph.nodes].count("choose") == 1
     for z0 in (0.0, 1.0):
-        (got,) = evaluate(graph, [[np.float64(3.0), np.float64(4.0)], [np.float64(z0), np.float64(0.0)]])[1]
+        (got,) = evaluator(graph)([[np.float64(3.0), np.float64(4.0)], [np.float64(z0), np.float64(0.0)]])[1]
         assert got == float(function([3.0, 4.0], [z0, 0.0])[1])
 
 

@@ -10,7 +10,7 @@ from firmloop.codegen.target import load_target
 from firmloop.design.design import Request
 from firmloop.design.kinds import kinds
 from firmloop.design.law import Law
-from firmloop.quantize.lower.graph import evaluate, law_graph
+from firmloop.quantize.lower.graph import evaluator, law_graph
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import QuantizeError
 from firmloop.verify.block import run_blocks
@@ -51,7 +51,7 @@ def free_run(law: Law, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     """States after each sample, outputs, flags."""
     if law.solve is not None:
         state = [np.full(len(rows), x) for x in law.start]  # each row on its own, so that all are solved at once
-        x, u, flags, _ = evaluate(law_graph(law), [state, list(rows.T)])
+        x, u, flags, _ = evaluator(law_graph(law))([state, list(rows.T)])
         return np.array(x).T.reshape(len(rows), -1), np.array(u).T, np.array(flags).T
     x, u, flags, _ = law.last.function.mapaccum(len(rows))(np.array(law.start), rows.T)
     return np.array(x).T, np.array(u).T, np.array(flags).T

@@ -13,7 +13,7 @@ from firmloop.design.design import Request
 from firmloop.design.kinds.mpc.kind import design
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal
-from firmloop.quantize.lower.graph import evaluate, law_graph
+from firmloop.quantize.lower.graph import evaluator, law_graph
 from firmloop.quantize.twins.qp import optimum
 
 Array = np.ndarray
@@ -50,7 +50,7 @@ class Running:
     def step(self, inputs: Mapping[str, float]) -> tuple[Array, tuple[bool, ...]]:
         """Return the outputs and the flags."""
         columns = [np.array([min(max(inputs[s.name], s.low), s.high)]) for s in self.law.inputs]
-        after, outputs, flags, _ = evaluate(self.graph, [self.state, columns])
+        after, outputs, flags, _ = evaluator(self.graph)([self.state, columns])
         self.state = [np.broadcast_to(x, 1) for x in after]
         return np.array([float(np.ravel(u)[0]) for u in outputs]), tuple(bool(np.ravel(f)[0]) for f in flags)
 
