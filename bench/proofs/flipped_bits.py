@@ -30,7 +30,7 @@ from firmloop.quantize.lower.lower import ARITHMETICS, lower
 from firmloop.quantize.program import Program, QuantizeError, Value
 from firmloop.verify.block import Block, run_blocks
 from firmloop.verify.build.image import build_image
-from firmloop.verify.build.sanitized import run_sanitized
+from firmloop.verify.build.sanitized import compare_sanitized, run_sanitized
 from firmloop.verify.compare import compare, record_type
 from firmloop.verify.link import Hello, Link
 from firmloop.verify.links.semihosting import open_semihosting
@@ -130,7 +130,8 @@ def drawn_states(program: Program, steps: int, seed: int) -> tuple[Program, Bloc
 def on_host(program: Program, steps: int) -> Flipped:
     """Step under the sanitizers."""
     step, block, trace = drawn_states(program, steps, 1)
-    found = run_sanitized(step, emit(step, "firmloop generate project.toml"), [block], [trace])
+    bundle = emit(step, "firmloop generate project.toml")
+    found = compare_sanitized(step, bundle, run_sanitized(step, bundle, [block]), [trace])
     says = found.undefined.says if found.undefined is not None else found.not_run
     return Flipped(found.steps, found.differences + (found.undefined is not None), away(program, trace), says)
 
@@ -170,7 +171,14 @@ class OneNan:
 
     def step(self, inputs: bytes, count: int) -> bytes:
         """Step as the link does."""
-        found = np.frombuffer(self.link.step(inputs, count), record_type(self.program)).copy()
+        return self._alike(self.link.step(inputs, count))
+
+    def lanes(self, inputs: bytes, lanes: int, steps: int) -> bytes:
+        """Run lanes as the link does."""
+        return self._alike(self.link.lanes(inputs, lanes, steps))
+
+    def _alike(self, answers: bytes) -> bytes:
+        found = np.frombuffer(answers, record_type(self.program)).copy()
         for name in found.dtype.names or ():
             found[name] = _one_nan(found[name])
         return found.tobytes()

@@ -31,7 +31,7 @@ from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program, QuantizeError
 from firmloop.quantize.proof import proof
 from firmloop.verify.block import Block, side_by_side
-from firmloop.verify.build.sanitized import run_sanitized
+from firmloop.verify.build.sanitized import compare_sanitized, run_sanitized
 from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
@@ -129,7 +129,7 @@ def faults_of(law: Law, program: Program) -> list[str]:
     block = _block(program)
     trace = run(program, block.inputs, block.settings)
     try:
-        done = run_sanitized(program, bundle, [block], [trace])
+        done = compare_sanitized(program, bundle, run_sanitized(program, bundle, [block]), [trace])
         found += [done.undefined.sentence()] if done.undefined else []
         found += [f"{done.differences} differences in {done.steps} steps"] if done.differences else []
         found += [done.not_run] if done.not_run else []
