@@ -11,7 +11,6 @@ from xml.etree.ElementTree import Element
 import pytest
 
 from firmloop.cli import main
-from firmloop.stages import making
 from tests.firmloop.conftest import PROJECT
 
 CLAIMS = ["same bits as the reference", "no undefined behavior"]
@@ -38,19 +37,7 @@ def test_what_agrees_passes(project: Path, tmp_path: Path) -> None:
     assert "0 differences: agrees" in (suite[0].findtext("system-out") or "")
 
 
-def test_c_that_differs_fails(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sound = making.emit
-
-    def planted(*given: object) -> object:
-        bundle = sound(*given)  # type: ignore[arg-type]
-        name = bundle.sources[0]
-        text = bundle.files[name].replace("out->output = ", "out->output = 1 + ", 1)
-        assert text != bundle.files[name]
-        return type(bundle)(
-            **{each: getattr(bundle, each) for each in type(bundle).__slots__} | {"files": {**bundle.files, name: text}}
-        )
-
-    monkeypatch.setattr(making, "emit", planted)
+def test_c_that_differs_fails(project: Path, tmp_path: Path, wrong_output: None) -> None:
     status, report = verified(project, tmp_path)
     assert status == 1 and report[0].attrib["failures"] == "1"
     assert cases(report, "failure") == CLAIMS[:1]

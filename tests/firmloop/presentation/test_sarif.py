@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from firmloop.cli import main
-from firmloop.stages import making
 from tests.firmloop.conftest import PROJECT
 
 
@@ -66,19 +65,7 @@ def test_a_departure_from_misra_carries_its_reason(
     assert (tmp_path / place["artifactLocation"]["uri"]).is_file()
 
 
-def test_c_that_differs_or_warns_is_found(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sound = making.emit
-
-    def planted(*given: object) -> object:
-        bundle = sound(*given)  # type: ignore[arg-type]
-        name = bundle.sources[0]
-        text = bundle.files[name].replace("out->output = ", "out->output = 1 + ", 1)
-        assert text != bundle.files[name]
-        return type(bundle)(
-            **{each: getattr(bundle, each) for each in type(bundle).__slots__} | {"files": {**bundle.files, name: text}}
-        )
-
-    monkeypatch.setattr(making, "emit", planted)
+def test_c_that_differs_or_warns_is_found(project: Path, tmp_path: Path, wrong_output: None) -> None:
     status, runs = verified(project, tmp_path)
     (found,) = runs["firmloop"]["results"]
     assert status == 1 and (found["ruleId"], found["level"]) == ("differs-from-reference", "error")
