@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site
-from firmloop.identify.plants.effects.axes.current_offset import fits
+from firmloop.identify.plants.effects.axes.current_offset import fits, map_currents
 
-_AXES = {"current_d_A": "gain_d", "current_q_A": "gain_q"}
-_PHASES = {"current_a_A": 0, "current_b_A": 1}
 _SHOWN = """    const double e = q[2] * v->turn, s = 1.7320508075688772;
     const double al = cos(e) * v->x[0] - sin(e) * v->x[1], be = sin(e) * v->x[0] + cos(e) * v->x[1];
     const double a = (q[0] - 1.0) * al, b = (q[1] - 1.0) * 0.5 * (s * be - al), m = (a + 2.0 * b) / s;
@@ -29,12 +27,7 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    constants = (*values, assembly.value("pole_pairs"))
-    for output, signal in enumerate(assembly.plant.outputs):
-        if signal.name in _AXES:
-            assembly.map_output(output, _AXES[signal.name], constants)
-        elif signal.name in _PHASES:
-            assembly.map_output(output, "gain_phase", (values[_PHASES[signal.name]],))
+    map_currents(assembly, "gain", values)
 
 
 EFFECT = Effect(

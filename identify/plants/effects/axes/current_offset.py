@@ -6,7 +6,7 @@ from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, signed
 from firmloop.identify.plants.plant import Plant
 
-_AXES = {"current_d_A": "offset_d", "current_q_A": "offset_q"}
+_AXES = {"current_d_A": "d", "current_q_A": "q"}
 _PHASES = {"current_a_A": 0, "current_b_A": 1}
 _SHOWN = "    const double along = q[0], across = (q[0] + 2.0 * q[1]) / 1.7320508075688772, e = q[2] * v->turn;\n"
 
@@ -24,12 +24,17 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
+    map_currents(assembly, "offset", values)
+
+
+def map_currents(assembly: Assembly, what: str, values: tuple[float, ...]) -> None:
+    """Let what two phases' sensors do to their readings, as `<what>_d`, `<what>_q` and `<what>_phase`, be seen."""
     constants = (*values, assembly.value("pole_pairs"))
     for output, signal in enumerate(assembly.plant.outputs):
         if signal.name in _AXES:
-            assembly.map_output(output, _AXES[signal.name], constants)
+            assembly.map_output(output, f"{what}_{_AXES[signal.name]}", constants)
         elif signal.name in _PHASES:
-            assembly.map_output(output, "offset_phase", (values[_PHASES[signal.name]],))
+            assembly.map_output(output, f"{what}_phase", (values[_PHASES[signal.name]],))
 
 
 def fits(plant: Plant) -> bool:
