@@ -28,10 +28,15 @@ def plain_refit(plant: Plant, train: Sequence[Recording], other: Plant) -> Plant
     """Return the plant that `identify` would write; `other` where it would refuse the recordings, or that diverges."""
     if not np.all(np.isfinite(simulation_rms(other, train))):
         return other
+    return as_identified(plant, train) or other
+
+
+def as_identified(plant: Plant, train: Sequence[Recording]) -> Plant | None:
+    """Return the plant that `identify` would write; None where it would refuse the recordings."""
     try:
         return identified(plant, train, (), NONE).plant
     except IdentifyError:
-        return other
+        return None
 
 
 def simulation_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:

@@ -63,12 +63,10 @@ from firmloop.diagnose.policy import (
 from firmloop.diagnose.search.exchange import amounting, merged, parted, swapped
 from firmloop.diagnose.search.found import Progress, Search, candidates_of
 from firmloop.diagnose.search.from_given import from_given, runaways
+from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
-from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import fit as identified
 from firmloop.identify.fitting.noise import colored, flat, white
-from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
@@ -312,12 +310,13 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
 
 def _nominal(problem: Problem) -> Candidate:
     """Fit the nominal plant from where `identify` ends with white noise, then with the noise it left over."""
-    begin = first_point(problem, problem.train)
+    begin, refit = first_point(problem, problem.train), as_identified(problem.plant, problem.train)
+    known = {p.name: p.value for p in refit.parameters} if refit else {}
     spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
     whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
     trials = [
         fit(problem, problem.train, (), each, whole, STEPS_OF_A_TRIAL * 2)
-        for each in (begin, Point({**begin.values, **_identified(problem)}, begin.starts))
+        for each in (begin, Point({**begin.values, **known}, begin.starts))
     ]
     fitted = min(trials, key=lambda each: each.cost if math.isfinite(each.cost) else math.inf)
     for _ in range(2):
@@ -331,14 +330,6 @@ def _nominal(problem: Problem) -> Candidate:
         if not farther(last, plain):  # what simulates worse than the plain refit has made noise of the motion
             fits.append(last)
     return min(fits, key=lambda each: each.score)
-
-
-def _identified(problem: Problem) -> dict[str, float]:
-    """Return the parameters that `identify` would write; none where it would refuse the recordings."""
-    try:
-        return {p.name: p.value for p in identified(problem.plant, problem.train, (), NONE).plant.parameters}
-    except IdentifyError:
-        return {}
 
 
 def _columns(problem: Problem) -> list[list[Array]]:
