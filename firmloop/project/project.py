@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -357,8 +358,9 @@ def _targets(table: ProjectTable) -> tuple[str, ...]:
 
 
 def _unknown_target(name: str) -> str:
-    known = ", ".join(target_names())
-    return f"no target is called {name!r}; known: {known}, or the path of a target's .toml file"
+    near = difflib.get_close_matches(name, target_names(), n=3)
+    hint = f"did you mean {' or '.join(near)}?" if near else "firmloop targets lists those that are;"
+    return f"no target is called {name!r}; {hint} the path of a target's .toml file would do, too"
 
 
 def _identifier(table: ProjectTable, key: str, name: str, what: str) -> None:

@@ -8,8 +8,10 @@ import time
 import numpy as np
 import pytest
 
+from bench.links.live import stream
 from firmloop.quantize.lower.lower import lower
-from firmloop.stages.board import monitoring, watching
+from firmloop.stages.board import watching
+from firmloop.stages.board.tape import Seen
 from firmloop.stages.board.watching import Watching
 from firmloop.verify.link import LinkError
 from firmloop.verify.links.frame import HELLO, PROTOCOL_VERSION, STACK, binding, seal, unseal
@@ -88,11 +90,11 @@ class Teller(Echo):
         return waiting
 
 
-def watched(steps: list[int], count: int) -> monitoring.Seen:
+def watched(steps: list[int], count: int) -> Seen:
     teller = Teller(steps)
     with LiveLink(teller, "test line", PROGRAM, timeout=1.0, attempts=1) as link:
         teller.link = link
-        return monitoring.stream(link, ("output",), 1, count, None)
+        return stream(link, ("output",), 1, count)
 
 
 @pytest.mark.parametrize(
