@@ -126,13 +126,9 @@ class _Version(argparse.Action):
     """Look the version up only when somebody asks."""
 
     def __call__(self, parser: argparse.ArgumentParser, *unused: object) -> NoReturn:
-        from importlib import metadata
+        from firmloop.version import version
 
-        try:
-            version = metadata.version("firmloop")
-        except metadata.PackageNotFoundError:
-            version = "from source"
-        TextConsole().lines([f"firmloop {version}"])
+        TextConsole().lines([f"firmloop {version()}"])
         raise SystemExit(0)
 
 

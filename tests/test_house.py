@@ -84,7 +84,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("run",),
     ),
     "firmloop": (
-        ("console", "project"),
+        ("console", "project", "version"),
         ("output", "stages"),
         ("presentation", "scope"),
         ("door",),

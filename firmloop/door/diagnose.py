@@ -15,7 +15,7 @@ from firmloop.presentation.diagnosis_report import diagnosis_report, diagnosis_s
 from firmloop.presentation.notebook import notebook
 from firmloop.project.project import Project, require
 from firmloop.project.project_text import diagnosed_text
-from firmloop.stages.data import read_data
+from firmloop.stages.data import Data, read_data
 from firmloop.stages.diagnosing import both_halves
 from firmloop.stages.plant import command_of
 from firmloop.stages.progress import Stage, quietly
@@ -29,6 +29,8 @@ class Diagnosed:
     ----------
     project
         where it comes from
+    data
+        its recordings
     diagnosis
         the finding, and the plant that explains the recordings
     replayed
@@ -36,6 +38,7 @@ class Diagnosed:
     """
 
     project: Project
+    data: Data
     diagnosis: Diagnosis
     replayed: Cut | None
 
@@ -50,7 +53,7 @@ class Diagnosed:
         return {
             "diagnosis.json": json.dumps(self.finding.as_dict(), indent=1, allow_nan=False) + "\n",
             "project.toml": diagnosed_text(self.project, made.plant, made.hold, Path(folder)),
-            "report.html": diagnosis_report(self.project.name, command, made, self.replayed),
+            "report.html": diagnosis_report(self.project.name, command, self.data, made, self.replayed),
         }
 
     def save(self, folder: str | Path) -> None:
@@ -81,4 +84,4 @@ def diagnose(project: Project, *, stage: Stage = quietly) -> Diagnosed:
     require(project, "plant", "recordings")
     data = read_data(project)
     with stage("diagnosing") as report:
-        return Diagnosed(project, *both_halves(project, data, report))
+        return Diagnosed(project, data, *both_halves(project, data, report))

@@ -1,4 +1,4 @@
-"""Write the report of a diagnosis: one page without a script, a link or a date."""
+"""Write the report of a diagnosis: one page without a script."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import html
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +18,8 @@ from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.code_words import figure, percent
-from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, styled, svg, thinned
-from firmloop.presentation.report import page
+from firmloop.presentation.figures import DATA, DOT, DRIVE, LIMIT, MODEL, labelled, styled, svg, thinned
+from firmloop.presentation.page import origin, page
 from firmloop.presentation.sections import page_table
 
 if TYPE_CHECKING:
@@ -30,17 +31,19 @@ if TYPE_CHECKING:
     from firmloop.diagnose.run import Diagnosis
     from firmloop.diagnose.search.found import Search
     from firmloop.identify.plants.plant import Plant
+    from firmloop.stages.data import Data
 
 Array = NDArray[np.float64]
 
 _COLUMNS = 500
 _DOTS = 1200  # of a scatter
+BALANCE_UNITS = {"torque": ", N*m", "force": ", N", "voltage": ", V"}  # of the others the project's own say it
 
 
-def diagnosis_report(name: str, command: str, made: Diagnosis, cut: Cut | None) -> str:
+def diagnosis_report(name: str, command: str, data: Data, made: Diagnosis, cut: Cut | None) -> str:
     """Return the page; `cut` is what the replay of the controller says, None where there was nothing to replay."""
     title = f"<h1>{html.escape(name)}: {html.escape(made.finding.verdict.replace('_', ' '))}</h1>"
-    return page(name, "diagnosis", [title, *diagnosis_sections(made, cut)], command)
+    return page(name, "diagnosis", [title, *diagnosis_sections(made, cut)], origin(command, data, ()))
 
 
 def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:
@@ -104,12 +107,13 @@ def _courses(made: Diagnosis) -> list[str]:
             if made.shape is not None and role == "train":
                 runs[-1] = measured - made.shape.train[0]
             for index, signal in enumerate(problem.plant.outputs):
-                title = f"{role}: {recording.source}, {signal.name}"
-                drawn.append(_course(title, recording.time, measured[:, index], [run[:, index] for run in runs]))
+                title = f"{role}: {Path(recording.source).name}, {signal.name}"
+                course = [run[:, index] for run in runs]
+                drawn.append(_course(title, signal.unit, recording.time, measured[:, index], course))
     return drawn
 
 
-def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> str:
+def _course(title: str, unit: str, time: Array, measured: Array, runs: Sequence[Array]) -> str:
     with styled(8.6, 3.6) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), squeeze=True)
         above.plot(*thinned(time, measured, _COLUMNS), color=DATA, linewidth=1.9, label="recorded")
@@ -124,9 +128,10 @@ def _course(title: str, time: Array, measured: Array, runs: Sequence[Array]) -> 
             below.set_ylim(-1.5 * max(lefts), 1.5 * max(lefts))
         above.set_title(title)
         above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
-        below.set_ylabel("residual")
+        above.set_ylabel(unit or "1")
+        below.set_ylabel(f"residual\n{unit or '1'}")
         below.set_xlabel("time, s")
-        return svg(figure)
+        return labelled(title, svg(figure))
 
 
 def _scatter(made: Diagnosis) -> list[str]:
@@ -148,17 +153,17 @@ def _scatter(made: Diagnosis) -> list[str]:
         for row, kind in enumerate(seen.kinds):
             for column, signal in enumerate(plant.states):
                 axes = every[row][column]
-                axes.plot(seen.states[pick, column], seen.disturbances[row][pick], ".", color=DATA, markersize=1.5)
+                axes.plot(seen.states[pick, column], seen.disturbances[row][pick], ".", color=DATA, markersize=DOT)
                 if law is not None:
                     over = (law.states[pick, column], law.disturbances[row][pick])
-                    axes.plot(*over, ".", color=MODEL, markersize=1.5)
+                    axes.plot(*over, ".", color=MODEL, markersize=DOT)
                 _law(axes, made.shape, kind, signal.name)
-                axes.set_xlabel(signal.name)
-                axes.set_ylabel(f"missing {kind}")
+                axes.set_xlabel(f"{signal.name}, {signal.unit or '1'}")
+                axes.set_ylabel(f"missing {kind}{BALANCE_UNITS.get(kind, '')}")
         figure.tight_layout()
         says = "dots: recorded" + ("; in the other colour: the explanation" if law is not None else "")
         return [
-            svg(figure),
+            labelled("what the nominal equations leave unexplained", svg(figure)),
             f"<p>What the nominal equations with the parameters found leave unexplained ({says}).</p>",
         ]
 
@@ -171,9 +176,12 @@ def _unnamed(finding: Finding) -> list[str]:
         axes = figure.subplots()
         axes.plot(*np.array(finding.law).T, color=MODEL)
         axes.set_xlabel(finding.location.coordinate)
-        axes.set_ylabel(f"missing {finding.location.equation}")
+        axes.set_ylabel(f"missing {finding.location.equation}{BALANCE_UNITS.get(finding.location.equation, '')}")
         figure.tight_layout()
-        return [svg(figure), "<p>What has no name in the library, as the recordings show it (SI units).</p>"]
+        return [
+            labelled("the law of what has no name", svg(figure)),
+            "<p>What has no name in the library, as the recordings show it (SI units).</p>",
+        ]
 
 
 def _explained(made: Diagnosis, plant: Plant) -> Latent | None:

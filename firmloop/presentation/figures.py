@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import io
 import itertools
 import re
@@ -25,6 +26,12 @@ INK = "#0a0b0c"  # stands for the color of the text around the figure
 MODEL, DATA, DRIVE, LIMIT = "#e4572e", "#4c86b8", "#2a9d62", "#8a8f98"  # readable on white and on black
 WIDE, FINE = 1.9, 0.9  # of the recorded and of every other curve: both are seen where they agree
 COLUMNS = 500  # a curve keeps the lowest and the highest sample of this many stretches
+DOT = 1.5  # points, of a dot of a scatter
+_DOTS = re.compile(
+    r'(?P<uses>(?:<use xlink:href="#\w+" x="[-\d.]+" y="[-\d.]+" '
+    r'style="fill: (?P<ink>#\w{6}); stroke: (?P=ink)"/>\s*){20,})'
+)
+_PLACE = re.compile(r'x="([-\d.]+)" y="([-\d.]+)"')
 FARTHEST = 1e100  # that is drawn: ticks are multiples of a span, and leave all numbers near the end of them
 STYLE: Mapping[str, Any] = {
     "svg.hashsalt": "firmloop",
@@ -56,7 +63,7 @@ STYLE: Mapping[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class CurvePair:
-    """One recorded output beside its prediction: arrays (n,), time in s, the others in `unit`."""
+    """One recorded output beside its prediction: arrays (n,), time in s, the others in `unit`; below it its inputs."""
 
     title: str
     output: str
@@ -64,6 +71,7 @@ class CurvePair:
     time: Array
     measured: Array
     simulated: Array
+    inputs: tuple[tuple[str, str, Array], ...] = ()  # name, unit and values (n,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +88,25 @@ class Step:
 
 
 def comparison_figure(comparison: CurvePair) -> str:
-    """Draw recording and model above, what is left between them below."""
-    with styled(8.6, 3.1) as figure:
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1), squeeze=True)
+    """Draw recording and model above, then what is left between them, then the inputs."""
+    driven = comparison.inputs
+    with styled(8.6, 3.3 + 1.0 * len(driven)) as figure:
+        ratios = (2.4, *[1] * (1 + len(driven)))
+        above, below, *drives = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=True)
         _draw_comparison(above, comparison)
         _curve(below, comparison.time, comparison.measured - comparison.simulated, LIMIT, "residual")
-        below.set_ylabel("residual")
-        below.set_xlabel("time, s")
-        return svg(figure)
+        below.set_ylabel(_label("residual", comparison.unit))
+        for axes, (name, unit, values) in zip(drives, driven, strict=True):
+            _curve(axes, comparison.time, values, DRIVE, name)
+            axes.set_ylabel(_label(name, unit))
+        figure.axes[-1].set_xlabel("time, s")
+        figure.align_ylabels()
+        return labelled(comparison.title, svg(figure))
+
+
+def labelled(says: str, picture: str) -> str:
+    """Put a picture into a page, with a name for who does not see it."""
+    return f'<div role="img" aria-label="{html.escape(says)}">{picture}</div>'
 
 
 def step_figure(step: Step) -> str:
@@ -97,7 +116,7 @@ def step_figure(step: Step) -> str:
         _draw_step(above, step)
         _draw_drive(below, step)
         below.set_xlabel("time, s")
-        return svg(figure)
+        return labelled("closed loop: reference, measurement and output", svg(figure))
 
 
 def search_figure(found: Searches, ink: str = "currentColor") -> str:
@@ -166,7 +185,7 @@ def _draw_step(axes: Axes, step: Step) -> None:
     axes.step(step.time, told, color=LIMIT, where="post", label="reference", linestyle="--")
     _curve(axes, step.time, step.measurement, DATA, "measurement")
     axes.set_title("closed loop")
-    axes.set_ylabel(_label("", step.measured_unit))
+    axes.set_ylabel(_label("measurement", step.measured_unit))
     _legend(axes)
 
 
@@ -186,7 +205,7 @@ def _legend(axes: Axes) -> None:
 
 
 def _label(name: str, unit: str) -> str:
-    return ", ".join(word for word in (name, unit) if word)
+    return f"{name}\n{unit or '1'}"  # in two lines, for which there is room beside the lowest of axes
 
 
 def _curve(axes: Axes, time: Array, values: Array, color: str, label: str) -> None:
@@ -214,5 +233,12 @@ def svg(figure: Figure, ink: str = "currentColor") -> str:
         stream, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None, "Creator": None}
     )
     text = stream.getvalue()
-    text = text[text.index("<svg") :].replace(INK, ink)
+    text = _DOTS.sub(_short_dots, text[text.index("<svg") :].replace(INK, ink))
     return re.sub(r'( d=")([^"]*)', lambda path: path[1] + re.sub(r"(\.\d)\d+", r"\1", path[2]), text)
+
+
+def _short_dots(group: re.Match[str]) -> str:
+    """Write a run of equal round marks as one path, in a tenth of the letters."""
+    places = "".join(f"M{float(x):.1f} {float(y):.1f}h0" for x, y in _PLACE.findall(group["uses"]))
+    ink = group["ink"]
+    return f'<path d="{places}" style="fill: none; stroke: {ink}; stroke-width: {DOT}; stroke-linecap: round"/>'

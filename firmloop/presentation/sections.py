@@ -14,7 +14,7 @@ from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.units import unit_of
 from firmloop.presentation import words
 from firmloop.presentation.code_words import figure, percent
-from firmloop.presentation.figures import CurvePair, Step, comparison_figure, search_figure, step_figure
+from firmloop.presentation.figures import CurvePair, Step, comparison_figure, labelled, search_figure, step_figure
 from firmloop.presentation.tuning_table import HEAD, contest_rows
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from firmloop.stages.verification import Outcome
     from firmloop.verify.verdict import ClosedLoop
 
+LONG = 70  # letters of a cell that is broken into lines
 MOST_FIGURES = 12  # of recordings; the table holds the others
 
 
@@ -61,6 +62,7 @@ def plant_section(fit: Fit, data: Data) -> list[str]:
             figure(each.fit_percent, ".2f"),
             figure(each.rmse, ".3g"),
             figure(each.mae, ".3g"),
+            unit_of(output) or "1",
             figure(each.r2, ".6f"),
         )
         for role, score in scored
@@ -75,7 +77,7 @@ def plant_section(fit: Fit, data: Data) -> list[str]:
             [(p.name, *words.estimate(p)) for p in fit.plant.parameters],
         ),
         *[f"<p>Note: {html.escape(warning)}</p>" for warning in fit.warnings],
-        page_table(("", "recording", "output", "fit, %", "rmse", "mae", "R2"), scores),
+        page_table(("", "recording", "output", "fit, %", "rmse", "mae", "unit", "R2"), scores),
         *[comparison_figure(comparison) for comparison in compared[:MOST_FIGURES]],
         *([f"<p>{more} more are in the table only.</p>"] if more > 0 else []),
     ]
@@ -99,6 +101,11 @@ def comparisons(fit: Fit, data: Data) -> list[CurvePair]:
             time=recording.time,
             measured=recording.columns[output.name],
             simulated=score.simulated[:, index],
+            inputs=tuple(
+                (each.name, each.unit, recording.columns[each.name])
+                for each in fit.plant.inputs
+                if each.name in recording.columns
+            ),
         )
         for role, score, recording in pairs
         for index, output in enumerate(fit.plant.outputs)
@@ -217,7 +224,7 @@ def targets_section(outcomes: Sequence[Outcome], design: Design) -> list[str]:
         if verdict.closed_loop:
             parts.append(step_figure(_target_loop(verdict.closed_loop, design)))
         if verdict.searches:
-            parts.append(search_figure(verdict.searches))
+            parts.append(labelled("the steps about the one that took longest", search_figure(verdict.searches)))
         if verdict.first:
             parts.append(f"<pre>{html.escape(chr(10).join(words.about_outcome(outcome)))}</pre>")
     return parts
@@ -242,7 +249,13 @@ def _target_loop(loop: ClosedLoop, design: Design) -> Step:
 def page_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Write a table of a page."""
 
-    def row(cells: Sequence[str], tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+    def row(cells: Sequence[str]) -> str:
+        first, *others = cells
+        columns = [f"<td{' class=long' * (len(cell) > LONG)}>{html.escape(cell)}</td>" for cell in others]
+        return f'<tr><th scope="row">{html.escape(first)}</th>{"".join(columns)}</tr>'
 
-    return f"<table>{row(head, 'th')}{''.join(row(cells, 'td') for cells in rows)}</table>"
+    titles = "".join(f'<th scope="col">{html.escape(title)}</th>' for title in head)
+    return (
+        f'<div class="scroll" role="region" aria-label="{html.escape(" ".join(filter(None, head)))}" tabindex="0">'
+        f"<table><thead><tr>{titles}</tr></thead><tbody>{''.join(map(row, rows))}</tbody></table></div>"
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.figures import DATA, LIMIT, MODEL, styled, svg
 from firmloop.presentation.fleet.words import HEAD, TYPICAL_HEAD, different_rows, notes, typical_rows, verdict
-from firmloop.presentation.report import page
+from firmloop.presentation.page import Origin, page
 from firmloop.presentation.sections import page_table
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ MOST_NAMES = 40  # below the picture; of more machines, those that differ alone 
 def fleet_page(name: str, command: str, members: Sequence[Member], compared: Compared) -> str:
     """Return the page."""
     title = f"<h1>{html.escape(name)}: {html.escape(verdict(compared))}</h1>"
-    return page(name, "fleet", [title, *fleet_sections(members, compared)], command)
+    return page(name, "fleet", [title, *fleet_sections(members, compared)], Origin(command, ()))
 
 
 def fleet_sections(members: Sequence[Member], compared: Compared) -> list[str]:

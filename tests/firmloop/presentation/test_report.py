@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import xml.etree.ElementTree as ElementTree
 from html.parser import HTMLParser
 from pathlib import Path
@@ -20,6 +21,8 @@ from firmloop.presentation.figures import (
     overview,
     search_figure,
     step_figure,
+    styled,
+    svg,
     thinned,
 )
 from firmloop.presentation.report import Walk, picture, report
@@ -31,6 +34,7 @@ from firmloop.stages.making import design, generate
 from firmloop.stages.tuning import beside
 from firmloop.stages.verification import Outcome
 from firmloop.verify.verdict import Cost, Difference, Rounded, Searches, Verdict
+from firmloop.version import version
 
 VERDICT = Verdict(
     program_id="0123456789abcdef",
@@ -90,15 +94,26 @@ class _Checker(HTMLParser):
         assert self.open and self.open.pop() == tag, f"</{tag}> closes nothing"
 
 
-def test_report(walk: Walk) -> None:
+def test_report(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
     page = report(walk)
     assert page == report(walk)
-    assert len(page) < 1_500_000
+    assert len(page.encode()) <= 700_000
     checker = _Checker()
     checker.feed(page)
     assert not checker.open and not checker.fetched
     for word in ("<script", "@import", "url(http", "2026"):
         assert word not in page
+    cells = re.findall(r"<t[dh][^>]*>([^<]*)<", page)
+    assert not [cell for cell in cells if re.search(r"\b(inf|nan|None|null|1e\+?(9|30|300))\b", cell)]
+    assert page.count("<svg") == page.count('role="img" aria-label="') == page.count("<svg ")
+    names = re.findall(r'<h2 id="([^"]+)">([^<]+)<', page)
+    assert names == re.findall(r'<a href="#([^"]+)">([^<]+)<', page) and len(names) == page.count("<h2")
+    digests = re.findall(r">SHA-256 of (\w+\.csv)</th><td>([0-9a-f]{64})<", page)
+    assert digests == [
+        (Path(each.source).name, each.sha256) for each in (*walk.data.train, *walk.data.test)
+    ]  # fmt: skip
+    assert all(">" + word + "<" in page for word in ("1970-01-02", "gcc 1.0", version()))
     for word in (
         "board: agrees",
         "other: differs",
@@ -121,7 +136,11 @@ def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk) -
     tuned = beside(read_project(project), walk.design, walk.fit.plant)
     page = report(dataclasses.replace(walk, tuned=tuned))
     assert "Tuning rules on this plant" not in report(walk)
-    assert "Tuning rules on this plant" in page and "<th>load IAE</th>" in page and "<td>simc</td>" in page
+    assert (
+        "Tuning rules on this plant" in page
+        and '<th scope="col">load IAE</th>' in page
+        and '<th scope="row">simc</th>' in page
+    )
 
 
 def test_what_a_search_did_stands_beside_its_cost(walk: Walk) -> None:
@@ -172,6 +191,37 @@ def test_figures_escape_and_repeat() -> None:
         assert text == make()
         ElementTree.fromstring(text)
     assert "a &lt;title&gt; &amp; $x$" in comparison_figure(_comparison(50))
+
+
+def test_every_axis_has_its_unit_and_the_input_is_drawn() -> None:
+    drawn = dataclasses.replace(_comparison(50), inputs=(("voltage_V", "V", np.ones(50)), ("share", "", np.ones(50))))
+    assert axes_of(comparison_figure(drawn)) == [
+        "speed_rad_s rad/s",
+        "residual rad/s",
+        "voltage_V V",
+        "share 1",
+        "time, s",
+    ]
+    step = Step(np.arange(9.0), np.ones(9), np.ones(9), np.ones(9), "rad/s", "V", (-1e9, 1e9))
+    assert axes_of(step_figure(step)) == ["measurement rad/s", "output V", "time, s"]
+
+
+def axes_of(picture: str) -> list[str]:
+    """Return the names of the axes of a picture: what stands upright, in its lines, then what lies below."""
+    groups = re.findall(r"<g id=\"text_\d+\">(.*?)</g>", picture, re.DOTALL)
+    upright = [re.findall(r">([^<>\n]+)</(?:text|tspan)>", group) for group in groups if "rotate(-90" in group]
+    return [" ".join(words) for words in upright] + re.findall(r">(time, s)<", picture)
+
+
+def test_many_dots_are_one_short_path() -> None:
+    with styled(3, 2) as figure:
+        axes = figure.subplots()
+        axes.plot(np.arange(1200.0), np.arange(1200.0) % 7, ".", color="#e4572e", markersize=1.5)
+        text = svg(figure)
+    ElementTree.fromstring(text)
+    assert text.count("<use") < 40 and len(text) < 30_000
+    (path,) = [d for d in re.findall(r' d="([^"]*)"', text) if "h0" in d]
+    assert path.count("h0") == 1200
 
 
 def test_long_recordings_stay_small() -> None:
