@@ -16,6 +16,7 @@ from firmloop.diagnose.discrepancy.disturbance_smoother import Latent, latent, n
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
+from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.code_words import figure, percent
 from firmloop.presentation.figures import DATA, DOT, DRIVE, LIMIT, MODEL, labelled, styled, svg, thinned
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COLUMNS = 500
+NO_GAIN = "none: a value at the end of its range, or a recording that it cannot simulate"
 _DOTS = 1200  # of a scatter
 BALANCE_UNITS = {"torque": ", N*m", "force": ", N", "voltage": ", V"}  # of the others the project's own say it
 
@@ -239,7 +241,9 @@ def ranking_table(search: Search) -> str:
     for turn, candidates in enumerate(search.rounds):
         for candidate in candidates:
             names = " + ".join(term.label for term in candidate.fitted.terms)
-            rows.append((str(turn + 1), names, figure(search.nominal.score - candidate.score, ".1f")))
+            cannot = candidate.score > 0.5 * IMPOSSIBLE
+            gain = NO_GAIN if cannot else figure(search.nominal.score - candidate.score, ".1f")
+            rows.append((str(turn + 1), names, gain))
     return page_table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
 
 

@@ -69,6 +69,13 @@ def test_the_tutorial_prints_what_it_shows(tmp_path: Path) -> None:
         for line in block.splitlines():
             assert _words(line) in said, f"not printed: {line}"
             assert _figures(line) == pytest.approx(_figures(said[_words(line)]), rel=NEAR), line
+    reports = list((tmp_path / "out").rglob("report.html"))
+    assert reports
+    for report in reports:
+        text = report.read_text(encoding="utf-8")
+        assert len(text.encode()) <= 700_000, report
+        cells = re.findall(r"<t[dh][^>]*>([^<]*)<", text)
+        assert not [cell for cell in cells if any(abs(figure) > 1e8 for figure in _plain_figures(cell))], report
 
 
 @pytest.mark.qemu
@@ -82,6 +89,11 @@ def test_the_scope_runs_on_the_two_files_of_its_page(tmp_path: Path) -> None:
     assert "open http://127.0.0.1:" in done.stderr and "500 samples of reference, measurement, output" in done.stdout
     header = (tmp_path / "seen.csv").read_text(encoding="utf-8").splitlines()[0]
     assert header == "time_s,reference_degC,measurement_degC,output_V"
+
+
+def _plain_figures(cell: str) -> list[float]:
+    """Return the figures of a cell that holds nothing else: no finding is as large as what stands for none."""
+    return [float(each) for each in cell.split() if re.fullmatch(r"-?\d+(\.\d+)?(e[-+]?\d+)?", each)]
 
 
 def test_the_tutorial_shows_the_project_it_uses() -> None:

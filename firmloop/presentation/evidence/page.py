@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from firmloop.codegen.misra import EDITIONS
-from firmloop.presentation.report import page
+from firmloop.presentation.page import Origin, page
 from firmloop.presentation.sections import page_table
 from firmloop.stages.evidence.requirements import MET, NOT_MET, OPEN
 
@@ -28,7 +28,6 @@ def evidence_page(evidence: EvidenceFile, command: str) -> str:
     """Return the page."""
     document = evidence.as_dict()
     sections = [
-        "<style>td { overflow-wrap: anywhere; }</style>",
         f"<h1>{html.escape(evidence.project.name)}: evidence</h1>",
         *(f"<p>{html.escape(line)}</p>" for line in about_evidence(evidence)[:1]),
         "<h2>Requirements</h2>",
@@ -54,7 +53,7 @@ def evidence_page(evidence: EvidenceFile, command: str) -> str:
         _named(("bill of materials (SPDX)", ""), document["spdx"]),
         _named(("project", ""), document["project"]),
     ]
-    return page(evidence.project.name, "evidence", sections, command)
+    return page(evidence.project.name, "evidence", sections, Origin(command, ()))
 
 
 def _named(head: Sequence[str], entries: object) -> str:
