@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from firmloop.stages.bode import Bode
     from firmloop.verify.verdict import Searches
 
 Array = NDArray[np.float64]
@@ -117,6 +118,27 @@ def step_figure(step: Step) -> str:
         _draw_drive(below, step)
         below.set_xlabel("time, s")
         return labelled("closed loop: reference, measurement and output", svg(figure))
+
+
+def bode_figure(bode: Bode, crossover: float) -> str:
+    """Draw gain and phase of the open loop over frequency, each with its interval."""
+    with styled(8.6, 3.8) as figure:
+        above, below = figure.subplots(2, 1, sharex=True, squeeze=True)
+        for axes, values, half, name in (
+            (above, bode.gain, bode.gain_half, "gain\ndB"),
+            (below, bode.phase, bode.phase_half, "phase\ndeg"),
+        ):
+            if half is not None and np.all(np.isfinite(half)):
+                axes.fill_between(bode.frequency, values - half, values + half, color=DATA, alpha=0.3, linewidth=0)
+            axes.plot(bode.frequency, values, color=DATA, linewidth=WIDE)
+            axes.set_ylabel(name)
+            if bode.frequency[0] < crossover < bode.frequency[-1]:
+                axes.axvline(crossover, color=LIMIT, linestyle=":", linewidth=1.0)
+        above.set_xscale("log")
+        above.set_title("open loop" if bode.gain_half is None else "open loop, with 95 % intervals")
+        below.set_xlabel("frequency, rad/s")
+        figure.align_ylabels()
+        return labelled("gain and phase of the open loop over frequency", svg(figure))
 
 
 def search_figure(found: Searches, ink: str = "currentColor") -> str:

@@ -75,11 +75,11 @@ def page(name: str, what: str, sections: Iterable[str], made_from: Origin) -> st
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{html.escape(name)}: firmloop {what}</title>",
-        f"<style>\n{STYLE}\n</style></head><body>",
+        f"<style>\n{STYLE}\n</style></head><body><main>",
         body[0],
         contents,
         *body[1:],
-        "</body></html>",
+        "</main></body></html>",
     ]
     return "\n".join(parts) + "\n"
 

@@ -14,7 +14,15 @@ from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.units import unit_of
 from firmloop.presentation import words
 from firmloop.presentation.code_words import figure, percent
-from firmloop.presentation.figures import CurvePair, Step, comparison_figure, labelled, search_figure, step_figure
+from firmloop.presentation.figures import (
+    CurvePair,
+    Step,
+    bode_figure,
+    comparison_figure,
+    labelled,
+    search_figure,
+    step_figure,
+)
 from firmloop.presentation.tuning_table import HEAD, contest_rows
 
 if TYPE_CHECKING:
@@ -121,6 +129,7 @@ def controller_section(design: Design, loop: Loop | None, tracked: Tracking | No
     if loop and step:
         parts += [
             step_figure(step),
+            *([bode_figure(loop.bode, loop.margins.crossover_rad_s)] if loop.bode else []),
             page_table(("figure", "value"), words.margin_rows(loop) + words.step_rows(loop)),
         ]
     return parts + (_tracking(tracked, design) if tracked else [])
@@ -254,8 +263,8 @@ def page_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         columns = [f"<td{' class=long' * (len(cell) > LONG)}>{html.escape(cell)}</td>" for cell in others]
         return f'<tr><th scope="row">{html.escape(first)}</th>{"".join(columns)}</tr>'
 
-    titles = "".join(f'<th scope="col">{html.escape(title)}</th>' for title in head)
+    titles = "".join(f'<th scope="col">{html.escape(title)}</th>' if title else "<td></td>" for title in head)
     return (
-        f'<div class="scroll" role="region" aria-label="{html.escape(" ".join(filter(None, head)))}" tabindex="0">'
+        f'<div class="scroll" role="group" aria-label="{html.escape(" ".join(filter(None, head)))}" tabindex="0">'
         f"<table><thead><tr>{titles}</tr></thead><tbody>{''.join(map(row, rows))}</tbody></table></div>"
     )

@@ -25,6 +25,7 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.project.project import Project
 from firmloop.quantize.twins.qp import optimum
+from firmloop.stages.bode import Bode, bode
 from firmloop.stages.plant import located
 
 MOVED = 1e-9  # of a step
@@ -41,6 +42,7 @@ class Loop:
     halves: Mapping[str, float]  # of 95 % intervals of both, by field, from those of the plant's parameters
     to_rest: float  # s that a step takes to rest, which may be more than `step` follows
     points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
+    bode: Bode | None = None
 
 
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
@@ -71,7 +73,8 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
         metrics = step_metrics(step) if found.stable else NO_METRICS
         to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
-        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points)
+        followed = bode(law, plant, found.crossover_rad_s)
+        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed)
 
 
 def _moves(step: Trajectory) -> bool:

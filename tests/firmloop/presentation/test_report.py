@@ -17,6 +17,7 @@ from firmloop.presentation.figures import (
     COLUMNS,
     CurvePair,
     Step,
+    bode_figure,
     comparison_figure,
     overview,
     search_figure,
@@ -204,6 +205,21 @@ def test_every_axis_has_its_unit_and_the_input_is_drawn() -> None:
     ]
     step = Step(np.arange(9.0), np.ones(9), np.ones(9), np.ones(9), "rad/s", "V", (-1e9, 1e9))
     assert axes_of(step_figure(step)) == ["measurement rad/s", "output V", "time, s"]
+
+
+def test_the_open_loop_is_drawn_with_its_interval(walk: Walk) -> None:
+    """At the crossover the gain is 0 dB, and the phase is the margin above -180 deg, each within its interval."""
+    assert walk.loop is not None and walk.loop.bode is not None
+    bode, margins = walk.loop.bode, walk.loop.margins
+    at = np.interp(np.log(margins.crossover_rad_s), np.log(bode.frequency), bode.gain)
+    assert at == pytest.approx(0.0, abs=0.05)
+    phase = np.interp(np.log(margins.crossover_rad_s), np.log(bode.frequency), bode.phase)
+    assert (phase + 180.0) % 360.0 == pytest.approx(margins.phase_margin_deg, abs=0.5)
+    assert bode.gain_half is not None and np.all(bode.gain_half >= 0.0) and bode.gain_half.max() > 0.0
+    text = bode_figure(bode, margins.crossover_rad_s)
+    assert text == bode_figure(bode, margins.crossover_rad_s) and text in report(walk)
+    for word in ("frequency, rad/s", "dB", "deg", "open loop, with 95 % intervals"):
+        assert f">{word}<" in text, word
 
 
 def axes_of(picture: str) -> list[str]:
