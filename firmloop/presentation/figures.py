@@ -135,6 +135,7 @@ def bode_figure(bode: Bode, crossover: float) -> str:
             if bode.frequency[0] < crossover < bode.frequency[-1]:
                 axes.axvline(crossover, color=LIMIT, linestyle=":", linewidth=1.0)
         above.set_xscale("log")
+        below.xaxis.set_major_formatter("{x:g}")  # its own would be a formula
         above.set_title("open loop" if bode.gain_half is None else "open loop, with 95 % intervals")
         below.set_xlabel("frequency, rad/s")
         figure.align_ylabels()

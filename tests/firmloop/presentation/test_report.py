@@ -218,6 +218,7 @@ def test_the_open_loop_is_drawn_with_its_interval(walk: Walk) -> None:
     assert bode.gain_half is not None and np.all(bode.gain_half >= 0.0) and bode.gain_half.max() > 0.0
     text = bode_figure(bode, margins.crossover_rad_s)
     assert text == bode_figure(bode, margins.crossover_rad_s) and text in report(walk)
+    assert "$" not in text
     for word in ("frequency, rad/s", "dB", "deg", "open loop, with 95 % intervals"):
         assert f">{word}<" in text, word
 
