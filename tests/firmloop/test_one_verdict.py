@@ -119,7 +119,7 @@ def test_this_machine_is_tried_once_for_all_targets(
     page = (tmp_path / "out" / "report.html").read_text()
     assert calls == [1] and page.count("DIFFERS") >= 2
     assert capsys.readouterr().out.count("undefined behavior: tank_heater.c:") == 2
-    assert "<td>sanitizers</td><td>undefined behavior: tank_heater.c:" in page
+    assert '<th scope="row">sanitizers</th><td class=long>undefined behavior: tank_heater.c:' in page
 
 
 def test_missing_sanitizers_are_said_and_are_no_find(

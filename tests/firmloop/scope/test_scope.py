@@ -52,6 +52,7 @@ def as_numbers(recording: Recording) -> np.ndarray:
 def scope(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A scope that runs until the tests of this file are done with it."""
     with scoping(tmp_path_factory.mktemp("scope")) as running_scope:
+        next(content for _, content in events(running_scope.url, 0) if content["begin"])  # samples have come
         yield running_scope
         assert running_scope.stop() == 0
         assert "internal error" not in running_scope.told()
