@@ -31,6 +31,7 @@ def deviations() -> Mapping[str, Deviation]:
 _REQUIRED = {
     "9.3": "an array without a size is as long as its initializers, all of which are given",
     "10.1": "arithmetic right shift of a signed value: asserted at compile time in fl_fixed.h",
+    "10.4": "an enumerator that is a size meets a number: both are of type int",
     "10.6": "a truth value (0 or 1) becomes a 32-bit word",
     "10.7": "a shift's count is narrower than what is shifted, and is not converted to it",
     "10.8": "a word is read as the bits of another type, or narrowed where its value is proven to fit",

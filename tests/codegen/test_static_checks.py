@@ -22,8 +22,9 @@ def test_every_misra_rule_that_is_hit_has_its_reason(kind: str, arithmetic: str)
     found = kinds()[kind]
     bundle = emit(lower(found.design(found.example).law, arithmetic), "firmloop generate project.toml")
     (reading,) = (each for each in read_statically(bundle) if each.tool == CPPCHECK)
-    assert reading.findings and not reading.not_run
-    assert not {each.rule for each in reading.findings if not each.reason}
+    rules = [each for each in reading.findings if each.of_misra]
+    assert rules and not reading.not_run
+    assert not {each.rule for each in rules if not each.reason}
 
 
 @pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")

@@ -24,9 +24,12 @@ LONGEST = 120.0  # s that a tool may take; the C of a controller takes a few
 _SAID = re.compile(
     r"([^\s:]+):(\d+):(\d+): (?:warning|error): (.*?)(?: \[(?:-Werror=|-W)?([\w+=-]+)\])?$", re.MULTILINE
 )
-_LINE = "{file}\t{line}\t{column}\t{id}\t{message}"
+_LINE = "{file}\t{line}\t{column}\t{severity}\t{id}\t{message}"
 _RULE = re.compile(r"misra-c20\d\d-([0-9.]+)")
-_OWN = "checkersReport"  # what cppcheck says about itself
+_TOLD = ("error", "warning", "portability")  # of what is no rule of MISRA: not matters of style
+_FALSE_ALARMS = {
+    ("incorrectLogicOperator", "fl_float.h"): "neither comparison holds of a NaN: this is how one is recognized",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,11 @@ class StaticFinding:
     line: int
     column: int
     reason: str = ""
+
+    @property
+    def of_misra(self) -> bool:
+        """Whether it is about a rule of MISRA C."""
+        return _RULE.fullmatch(self.rule) is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,17 +90,17 @@ def _checked(folder: Path, sources: Sequence[str]) -> StaticReading:
     # MISRA's rules are of the severity "style"; without it, new versions say nothing.
     command = [CPPCHECK, "--addon=misra", "--enable=style", "--std=c99", "--quiet", f"--template={_LINE}", *sources]
     status, said = _run(command, folder)
-    rows = [line.split("\t", 4) for line in said.splitlines()]
-    found = [_finding(row) for row in rows if len(row) == 5 and row[3] != _OWN]
+    rows = [row for line in said.splitlines() if len(row := line.split("\t", 5)) == 6]
+    found = [_finding(row) for row in rows if row[3] in _TOLD or _RULE.fullmatch(row[4])]
     failed = f"it ended with status {status}: {said[:200]}" if status and not found else ""
     return StaticReading(CPPCHECK, version, tuple(found), failed)
 
 
 def _finding(row: Sequence[str]) -> StaticFinding:
-    file, line, column, rule, says = row
+    file, line, column, _, rule, says = row
     misra = _RULE.fullmatch(rule)
     if misra is None:
-        return StaticFinding(rule, says, file, int(line), int(column))
+        return StaticFinding(rule, says, file, int(line), int(column), _FALSE_ALARMS.get((rule, file), ""))
     known = deviations().get(misra[1])
     category = known.category if known else "category unknown"
     reason = known.why if known else ""

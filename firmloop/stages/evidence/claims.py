@@ -10,7 +10,7 @@ from firmloop.stages.analysis import Loop
 from firmloop.stages.making import Generated
 from firmloop.stages.proving import Proving
 from firmloop.stages.verification import Outcome
-from firmloop.verify.build.static_checks import ANALYZER, CPPCHECK, StaticReading
+from firmloop.verify.build.static_checks import CPPCHECK, StaticFinding, StaticReading
 from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, Judgement
 
 SAME_BITS, RANGES, ROUNDING, DEFINED, MISRA, LOOP, STATED = (
@@ -22,6 +22,7 @@ SAME_BITS, RANGES, ROUNDING, DEFINED, MISRA, LOOP, STATED = (
     "loop",
     "stated",
 )
+MOST_TOLD = 5  # findings in a claim; the SARIF report has all
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def claims(
         _stated(proving),
         *_rounding(generated, outcomes),
         *_defined(outcomes),
-        *(_read(one) for one in readings),
+        *_read(readings),
         *([_loop(loop)] if loop is not None else []),
     )
 
@@ -124,17 +125,29 @@ def _defined(outcomes: Sequence[Outcome]) -> Iterator[Claim]:
         yield Claim(DEFINED, "sanitizers", says, "gcc's sanitizers", "", result, holds, detail)
 
 
-def _read(reading: StaticReading) -> Claim:
-    about, says = {
-        ANALYZER: (DEFINED, "no path through the C is one that gcc's analyzer or a warning is about"),
-        CPPCHECK: (MISRA, "the C departs from MISRA C in nothing but what has a reason"),
-    }[reading.tool]
-    bare = [each for each in reading.findings if not each.reason]
+def _read(readings: Sequence[StaticReading]) -> Iterator[Claim]:
+    """Give what static checks found; a finding that is no rule of MISRA is to be read, for it may be a false alarm."""
+    for reading in readings:
+        says = f"{reading.tool} has no warning on any path through the C"
+        yield _reading(
+            DEFINED, says, reading, [each for each in reading.findings if not (each.of_misra or each.reason)], None
+        )
+        if reading.tool == CPPCHECK:
+            bare = [each for each in reading.findings if each.of_misra and not each.reason]
+            yield _reading(MISRA, "the C departs from MISRA C in nothing but what has a reason", reading, bare, False)
+
+
+def _reading(
+    about: str, says: str, reading: StaticReading, found: Sequence[StaticFinding], holds: bool | None
+) -> Claim:
+    """Return the claim that a tool found nothing; `holds` is what it means if it did."""
+    tool, version = reading.tool, reading.version
     if reading.not_run:
-        return Claim(about, reading.tool, says, reading.tool, reading.version, NOT_RUN, None, reading.not_run)
-    detail = "; ".join(f"{each.file}:{each.line}: {each.says}" for each in bare[:5])
-    result = f"{len(bare)} found" if bare else "nothing found"
-    return Claim(about, reading.tool, says, reading.tool, reading.version, result, not bare, detail)
+        return Claim(about, tool, says, tool, version, NOT_RUN, None, reading.not_run)
+    detail = "; ".join(f"{each.file}:{each.line}: {each.says}" for each in found[:MOST_TOLD])
+    if found:
+        return Claim(about, tool, says, tool, version, f"{len(found)} found", holds, detail)
+    return Claim(about, tool, says, tool, version, "nothing found", True)
 
 
 def _loop(loop: Loop) -> Claim:

@@ -78,7 +78,7 @@ class EvidenceFile:
 def _deviations(readings: Sequence[StaticReading]) -> Mapping[str, object]:
     """Return each rule with its reason, and how often it was hit; null where nothing has counted."""
     (checked,) = (one for one in readings if one.tool == CPPCHECK)
-    hits = Counter(each.rule.rpartition("-")[2] for each in checked.findings)
+    hits = Counter(each.rule.rpartition("-")[2] for each in checked.findings if each.of_misra)
     return {
         rule: {"category": one.category, "reason": one.why, "hits": None if checked.not_run else hits[rule]}
         for rule, one in deviations().items()

@@ -45,11 +45,11 @@ def test_a_tool_that_is_missing_says_so(project: Path, tmp_path: Path, monkeypat
 def test_a_departure_from_misra_carries_its_reason(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A stand-in that says what cppcheck says: a rule with a reason, one without, and a line about itself."""
+    """A stand-in that says what cppcheck says: a rule with a reason, one without, and a matter of style."""
     stand_in = tmp_path / "bin" / "cppcheck"
     stand_in.parent.mkdir()
-    says = ["misra-c2012-15.5", "misra-c2012-99.9", "checkersReport"]
-    lines = "".join(f"tank_heater.c\\t12\\t3\\t{rule}\\tmisra violation\\n" for rule in says)
+    says = ["misra-c2012-15.5", "misra-c2012-99.9", "knownConditionTrueFalse"]
+    lines = "".join(f"tank_heater.c\\t12\\t3\\tstyle\\t{rule}\\tmisra violation\\n" for rule in says)
     stand_in.write_text(f"#!/bin/sh\nprintf '{lines}'\n")
     stand_in.chmod(0o755)
     monkeypatch.setenv("PATH", f"{stand_in.parent}{os.pathsep}{os.environ['PATH']}")
