@@ -15,7 +15,8 @@ TRUTH = Number("fixed", 32, 0)
 class Term:
     """A value as later operations see it.
 
-    `low` and `high` bound the raw value; `error` bounds |program - law| in physical units.
+    `low` and `high` bound the raw value; `error` bounds |program - law| in physical units. Where `share` is not 0,
+    `rest` + `share` |value| does so too: a limit of the value then limits its error.
     """
 
     name: str
@@ -23,6 +24,8 @@ class Term:
     low: float
     high: float
     error: float
+    rest: float = 0.0
+    share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -263,7 +263,15 @@ class FixedBuilder:
         toward = {"min": _down, "max": _up}.get(function, near)  # a limit is rounded to its inner side
         (x, x_error), (y, y_error) = (_operand(operand, fraction, toward) for operand in (a, b))
         error = max(x_error, y_error) if function in ("min", "max") else x_error + y_error
-        return self.ops.emit(function, (x, y), _number(fraction), error)
+        found = self.ops.emit(function, (x, y), _number(fraction), error)
+        shares = [t for t in (a, b) if isinstance(t, Term) and t.share > 0.0]
+        if function not in ("min", "max") or not shares:
+            return found
+        # What the value is limited to, its error is: beyond the limit both are the limit's.
+        (one,) = shares[:1]
+        other = y_error if one is a else x_error
+        limited = one.rest + one.share * size(found, 0) / (1.0 - one.share)
+        return replace(found, error=min(error, max(limited, other)), rest=max(one.rest, other), share=one.share)
 
     def unary(self, function: str, a: Operand, q: int) -> Operand:
         """abs, square, not, sin, cos, sqrt of a law."""
@@ -343,8 +351,12 @@ class FixedBuilder:
             error += abs(b.value) * a.error
             return self._scaled(a, factor, shift, q, error)
         shift = a.number.fraction + b.number.fraction - q
-        error = size(a, 0) * b.error + (size(b, 0) + b.error) * a.error
-        return self._scaled(a, b, shift, q, error)
+        grown = (size(b, 0) + b.error) * a.error
+        found = self._scaled(a, b, shift, q, size(a, 0) * b.error + grown)
+        least = b.low * 2.0**-b.number.fraction
+        if not 0.0 < b.error < least:
+            return found
+        return replace(found, rest=grown + self.rounding.error * 2.0**-q, share=b.error / least)
 
     def _moved(self, a: Term, value: float, q: int) -> Term | None:
         """Return the same product by a shift alone, where the constant is a power of two and the shift is possible."""

@@ -2,11 +2,13 @@
 
 A law writes kp (b r - y) + I; a processor with a 64-bit accumulator computes that as one sum of products, rounded
 once. Computed are: states, outputs and flags; what enters anything but a sum (a limit, a comparison, a choice, a
-product of two values); and what is used SHARED times or more. All sums in between are multiplied out exactly.
+product of two values); what is used SHARED times or more; and a turned vector, two values times a sine and a cosine,
+that is taken by anything but a power of two: it is rounded once. All sums in between are multiplied out exactly.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,6 +16,7 @@ from fractions import Fraction
 from firmloop.quantize.lower.graph import Graph
 
 LINEAR = ("add", "sub", "neg", "twice")
+WAVES = ("sin", "cos")
 NEAR_ONE = Fraction(1, 8)
 SHARED = 3  # uses from which computing a sum once is cheaper than multiplying it out
 
@@ -65,7 +68,25 @@ def _wanted(graph: Graph) -> set[int]:
             uses[a] += 1
         if not is_linear(graph, k):
             wanted.update(node.arguments)
-    return wanted | {k for k, count in enumerate(uses) if count >= SHARED}
+    shared = {k for k, count in enumerate(uses) if count >= SHARED}
+    return wanted | shared | {k for k in range(len(graph.nodes)) if _turned(graph, k) and not _doubled(graph, k)}
+
+
+def _turned(graph: Graph, k: int) -> bool:
+    """Tell whether a node is a sum of two products, each with a sine or cosine."""
+    node = graph.nodes[k]
+    return node.function in ("add", "sub") and all(
+        graph.nodes[a].function == "mul" and any(graph.nodes[b].function in WAVES for b in graph.nodes[a].arguments)
+        for a in node.arguments
+    )
+
+
+def _doubled(graph: Graph, k: int) -> bool:
+    """Tell whether all that takes a node are products with a power of two: a shift at its end."""
+    takers = [node for node in graph.nodes if k in node.arguments]
+    others = [graph.nodes[a] for node in takers if node.function == "mul" for a in node.arguments if a != k]
+    powers = [node for node in others if node.function == "constant" and abs(math.frexp(node.value)[0]) == 0.5]
+    return len(takers) == len(powers)
 
 
 def _constant(graph: Graph, k: int) -> bool:

@@ -1,9 +1,9 @@
 """Sine, square root and reciprocal in whole numbers, the twins of those in `fl_curved_i32.h`, bit for bit.
 
 An angle is a share of a whole turn, 2**32, so that it wraps by itself; mirrored into the quarters beside 0 its sine is
-a polynomial of order 9 (Hart and others, Computer Approximations, 1968, chapter 6). The root comes from its reciprocal,
-a polynomial of order 3 and two of Newton's steps y (3 - u y^2)/2, after the value has been brought to 1/4..1 by shifts.
-The reciprocal is one short division and one of Newton's steps y (2 - x y). `*_ERROR` bounds what they are off.
+a polynomial of order 11 (Hart and others, Computer Approximations, 1968, chapter 6). The root comes from its
+reciprocal, a polynomial of order 3 and two of Newton's steps y (3 - u y^2)/2, after the value has been brought to
+1/4..1 by shifts. The reciprocal is one short division and one of Newton's steps y (2 - x y). `*_ERROR` bounds what they are off.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ Words = NDArray[np.int64]
 Interval = tuple[int, int]
 
 SINE_PLACES = 30  # of the result: 1 is 2**30
-SINE_ERROR = 1e-8
+SINE_ERROR = 2.5e-9
 ONE = (1 << SINE_PLACES) + 8  # what a sine, rounded, does not pass
 ROOT_ERROR = 2e-8  # relative, beside the unit that is rounded down
 INVERSE_ROUNDING = 4  # units of the result
 WORD = 1 << 31
-_SINE = (843314837, -1387195753, 684518836, -160536529, 20728620)  # Q29, Q31, Q33, Q35, Q37: of y, y**3, ..., y**9
+# Of y, y**3, ..., y**11 in Q29, Q31, ..., Q39; the first is a unit more, for every product is rounded down.
+_SINE = (843314857, -1387197326, 684554113, -160859250, 22020091, -1879182)
 _ROOT = (104433954, -396673923, 836167627, -654565611)  # 1/sqrt(u) in Q25, Q26, Q27, Q28: of 1, u, u**2, u**3
 
 

@@ -21,16 +21,17 @@ static inline int32_t fl_turn_i32(int32_t a, int32_t factor, uint32_t s) {
     return (int32_t)(uint32_t)((uint64_t)((int64_t)a * factor) >> s);
 }
 
-/* The sine of a share of a turn, Q30: mirrored into the quarters beside 0, then a polynomial of order 9. */
+/* The sine of a share of a turn, Q30: mirrored into the quarters beside 0, then a polynomial of order 11. */
 static inline int32_t fl_turn_sine_i32(int32_t turn) {
     const uint32_t u = (uint32_t)turn;
     const int32_t y = (int32_t)((((u ^ (u << 1U)) >> 31U) != 0U) ? (0x80000000U - u) : u);
     const int32_t z = (int32_t)(((int64_t)y * y) >> 30U);
-    int32_t value = 20728620;
-    value = fl_upper_i32(z, value) - 160536529;
-    value = fl_upper_i32(z, value) + 684518836;
-    value = fl_upper_i32(z, value) - 1387195753;
-    value = fl_upper_i32(z, value) + 843314837;
+    int32_t value = -1879182;
+    value = fl_upper_i32(z, value) + 22020091;
+    value = fl_upper_i32(z, value) - 160859250;
+    value = fl_upper_i32(z, value) + 684554113;
+    value = fl_upper_i32(z, value) - 1387197326;
+    value = fl_upper_i32(z, value) + 843314857;
     return (int32_t)(((int64_t)y * value) >> 29U);
 }
 
