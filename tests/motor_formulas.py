@@ -152,25 +152,3 @@ def foc(request: Request, rows: np.ndarray) -> np.ndarray:
         duties = {f"duty_{a}": 0.5 + (x - middle) / supply for a, x in zip("abc", phases, strict=True)}
         found.append([min(max(duties[wire.name], 0.0), 1.0) for wire in request.outputs])
     return np.array(found)
-
-
-def current_reference(request: Request, rows: np.ndarray) -> np.ndarray:
-    """Along the ellipse of the voltage and the circle of the current."""
-    table = request.table
-    wires = {wire.name: k for k, wire in enumerate(request.inputs)}
-    ld, lq, psi, most = (table[key] for key in ("Ld_H", "Lq_H", "flux_Wb", "current_limit_A"))
-    share, weakest = table.get("modulation", 0.9) / math.sqrt(3), table.get("weakening_limit_A", most)
-    low, high = request.inputs[wires["supply_V"]].low, request.inputs[wires["supply_V"]].high
-    slowest = share * low / (psi + (ld + lq) * most)
-    found = []
-    for row in rows:
-        s, w = min(max(row[wires["current_A"]], -most), most), abs(row[wires["speed_rad_s"]])
-        flux = share * min(max(row[wires["supply_V"]], low), high) / max(w, slowest)
-        d = (psi - math.sqrt(psi**2 + 8 * (lq - ld) ** 2 * s**2)) / (4 * (lq - ld))
-        q2 = s**2 - d**2
-        room = flux**2 - lq**2 * q2
-        d = max(min(d, (math.sqrt(max(room, 0.0)) - psi) / ld), -weakest)
-        voltage = math.sqrt(max(flux**2 - (ld * d + psi) ** 2, 0.0)) / lq
-        q = math.copysign(min(math.sqrt(q2), math.sqrt(max(most**2 - d**2, 0.0)), voltage), s)
-        found.append([{"reference_d_A": d, "reference_q_A": q}[wire.name] for wire in request.outputs])
-    return np.array(found)
