@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from firmloop import arguments as ask
 from firmloop.console import Console, progress, table
+
+if TYPE_CHECKING:
+    from firmloop.verify.proofs.judge import Judge
 
 NAME = "prove"
 HELP = "prove a delivered proof.json again, and that the C beside it states what it proves; or those of a project"
@@ -31,7 +36,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.stages.proving import NOT_JUDGED, chosen, prove
 
     judges = chosen(arguments.judge or ())
-    folder = _folder(arguments.folder, arguments.out)
+    folder = _folder(arguments.folder, arguments.out, judges)
     with progress("asking the judges"):
         found = prove(folder, judges)
     claims, undecided = found.claims, found.undecided
@@ -70,19 +75,26 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return UNDECIDED if undecided else PROVEN
 
 
-def _folder(given: Path, out: Path | None) -> Path:
-    """Return the folder to judge; of a project, the one that its C has gone to."""
+def _folder(given: Path, out: Path | None, named: Sequence[Judge]) -> Path:
+    """Return the folder to judge; of a project, the one that its C has gone to, and images if they are judged."""
     from firmloop.codegen.bundle import write_files
     from firmloop.door.generate import generate
     from firmloop.door.load import load
     from firmloop.output import results_folder
     from firmloop.project.table import ProjectError
+    from firmloop.stages.board.images import link_images
+    from firmloop.stages.proving import judges_images
+    from firmloop.verify.proofs.judge import IMAGES
 
     if not given.is_file():
         return given
     if out is None:
         raise ProjectError(f"{given}: of a project, --out DIR says where its C goes")
     project = load(given)
-    with results_folder(out, ()) as folder:
-        write_files(generate(project, stage=progress).files, folder)
+    with results_folder(out, (f"{IMAGES}/*.elf",)) as folder:
+        code = generate(project, stage=progress)
+        write_files(code.files, folder)
+        if judges_images(named):
+            with progress("linking the images"):
+                link_images(project, code.generated, folder)
     return out

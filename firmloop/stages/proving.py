@@ -138,6 +138,12 @@ def chosen(names: Sequence[str]) -> tuple[Judge, ...]:
     return tuple(known[name] for name in dict.fromkeys(names))
 
 
+def judges_images(named: Sequence[Judge]) -> bool:
+    """Tell whether a judge of linked images is asked: one of `named`, or without names one that is installed."""
+    asked = named or [judge for judge in every_judge().values() if judge.version() is not None]
+    return any(judge.of_images for judge in asked)
+
+
 def prove(folder: Path, named: Sequence[Judge]) -> Proving:
     """Prove FOLDER/proof.json again, and that the C in FOLDER states what it proves.
 
@@ -154,7 +160,7 @@ def prove(folder: Path, named: Sequence[Judge]) -> Proving:
     except ProofError as error:
         raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
     delivered = Delivered(claims, folder / claims.name / "src")
-    rest = [judge for judge in every_judge().values() if not (named or judge.asked(claims))]
+    rest = [judge for judge in every_judge().values() if not (named or judge.asked(delivered))]
     judgements = tuple(judge.judge(delivered) for judge in named or every_judge().values() if judge not in rest)
     absent = tuple(judge.judge(delivered) for judge in rest if judge.version() is None)
     judged: Judged = []

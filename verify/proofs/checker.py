@@ -33,9 +33,8 @@ def check_proof(document: Mapping[str, Any]) -> Checked | None:
         when the document is no proof, or at the first claim that one of the judges refuses.
     """
     claims = read_claims(document)
-    found = [
-        judge.judge(Delivered(claims, None)) for judge in every_judge().values() if judge.own and judge.asked(claims)
-    ]
+    delivered = Delivered(claims, None)
+    found = [judge.judge(delivered) for judge in every_judge().values() if judge.own and judge.asked(delivered)]
     for judgement in found:
         if judgement.result != PROVEN:
             raise ProofError(judgement.says)

@@ -10,6 +10,7 @@ from pathlib import Path
 from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, Judgement
 from firmloop.verify.proofs.claims import Claims, ProofError
 
+IMAGES = "images"  # the folder of linked images, beside proof.json
 RANGES = "every operation, store and first value keeps its range and word, from every state a word can hold"
 
 
@@ -19,6 +20,11 @@ class Delivered:
 
     claims: Claims
     folder: Path | None
+
+    @property
+    def images(self) -> tuple[Path, ...]:
+        """The linked images beside the C, by the names of their targets."""
+        return () if self.folder is None else tuple(sorted((self.folder.parents[1] / IMAGES).glob("*.elf")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +38,12 @@ class Judge:
     floats: bool  # has something to say of floating point
     version: Callable[[], str | None]
     run: Callable[[Delivered], tuple[str, str]]
+    of_images: bool = False  # judges linked images, and nothing else
 
-    def asked(self, claims: Claims) -> bool:
-        """Tell whether it is asked of these claims where nobody names judges."""
-        return (self.floats or claims.fixed) and (self.own or self.version() is not None)
+    def asked(self, delivered: Delivered) -> bool:
+        """Tell whether it is asked of what is delivered where nobody names judges."""
+        there = not self.of_images or bool(delivered.images)
+        return there and (self.floats or delivered.claims.fixed) and (self.own or self.version() is not None)
 
     def judge(self, delivered: Delivered) -> Judgement:
         """Judge the claim, if the judge is there."""

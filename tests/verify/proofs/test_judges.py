@@ -36,7 +36,7 @@ def delivered(tmp_path_factory: pytest.TempPathFactory) -> Delivered:
 
 
 def test_every_judge_says_what_it_claims_and_how_it_is_installed() -> None:
-    assert set(every_judge()) == {"esbmc", "intervals", "z3"}
+    assert set(every_judge()) == {"esbmc", "intervals", "machine_code", "z3"}
     for judge in every_judge().values():
         assert judge.claim and judge.install.startswith("pip install")
 
@@ -126,7 +126,7 @@ def test_a_judge_that_is_asked_for_and_missing_is_no_success(
 
 def test_a_judge_that_is_not_known_is_refused_by_name(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", str(project), "--judge", "coq"]) == 2
-    assert "judge 'coq' is unknown; known: esbmc, intervals, z3" in capsys.readouterr().err
+    assert "judge 'coq' is unknown; known: esbmc, intervals, machine_code, z3" in capsys.readouterr().err
     assert main(["prove", str(project)]) == 2
     assert "--out DIR says where its C goes" in capsys.readouterr().err
 

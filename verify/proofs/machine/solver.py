@@ -1,0 +1,147 @@
+"""Ask Bitwuzla whether two terms are equal for all values that their variables can have, within a time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from firmloop.verify.proofs.machine.terms import BitTerm, Pool, reached
+
+EQUAL, APART, OPEN = "equal", "apart", "open"
+Ranges = Mapping[str, tuple[int, int]]  # of variables, signed, both ends included
+
+
+def largest(term: BitTerm) -> int:
+    """Return a number that a word is never above, without its sign."""
+    all_bits = (1 << term.width) - 1
+    if term.op == "const":
+        return int(term.data)
+    if term.op == "zext":
+        return largest(term.args[0])
+    if term.op == "lshr" and term.args[1].value is not None:
+        return all_bits >> min(term.args[1].value, term.width)
+    return all_bits
+
+
+class Solver:
+    """One time limit for everything that is asked."""
+
+    def __init__(self, pool: Pool, ranges: Ranges, deadline: float) -> None:
+        import bitwuzla
+
+        self._api, self._pool, self._ranges, self._deadline = bitwuzla, pool, ranges, deadline
+        self._terms = bitwuzla.TermManager()
+        self._translated: dict[tuple[bool, int], Any] = {}
+        self.assumed: list[BitTerm] = []  # bits that are set wherever a question is asked
+
+    def compare(self, a: BitTerm, b: BitTerm, longest: float) -> tuple[str, dict[str, int]]:
+        """Return whether both are equal, and values of variables for which they are not.
+
+        Products that stand in both are taken as any value at first: what is equal then is equal.
+        """
+        if a is b:
+            return EQUAL, {}
+        if self._ask(a, b, True, longest)[0] == EQUAL:
+            return EQUAL, {}
+        one, other = self._pool.spread((a, b))
+        if (one, other) != (a, b) and self._ask(one, other, True, longest)[0] == EQUAL:
+            return EQUAL, {}
+        return self._ask(a, b, False, longest)
+
+    def _ask(self, a: BitTerm, b: BitTerm, loose: bool, longest: float) -> tuple[str, dict[str, int]]:
+        api, left = self._api, min(longest, self._deadline - time.monotonic())
+        if left <= 0:
+            return OPEN, {}
+        options = api.Options()
+        options.set(api.Option.TIME_LIMIT_PER, int(1000 * left) + 1)
+        options.set(api.Option.PRODUCE_MODELS, True)
+        solver = api.Bitwuzla(self._terms, options)
+        order = reached([a, b, *self.assumed])
+        for term in order:
+            self._translate(term, loose)
+            if loose and term.op == "mul":
+                solver.assert_formula(self._product_bound(term))
+            if term.op == "var" and str(term.data) in self._ranges:
+                for bound in self._bounds(term):
+                    solver.assert_formula(bound)
+        one, other = (self._translated[loose, term.number] for term in (a, b))
+        solver.assert_formula(self._terms.mk_term(api.Kind.DISTINCT, [one, other]))
+        for term in self.assumed:
+            holds = [self._translated[loose, term.number], self._constant(1, 1)]
+            solver.assert_formula(self._terms.mk_term(api.Kind.EQUAL, holds))
+        said = solver.check_sat()
+        if said == api.Result.UNSAT:
+            return EQUAL, {}
+        if said != api.Result.SAT:
+            return OPEN, {}
+        found = [term for term in order if term.op == "var"]
+        values = {str(t.data): int(solver.get_value(self._translated[loose, t.number]).value(10)) for t in found}
+        return APART, values
+
+    def _bounds(self, term: BitTerm) -> list[Any]:
+        low, high = self._ranges[str(term.data)]
+        word = self._translated[False, term.number] if (False, term.number) in self._translated else None
+        word = word if word is not None else self._translated[True, term.number]
+        least, most = (self._constant(end, term.width) for end in (low, high))
+        kind = self._api.Kind.BV_SLE
+        return [self._terms.mk_term(kind, [least, word]), self._terms.mk_term(kind, [word, most])]
+
+    def _product_bound(self, term: BitTerm) -> Any:
+        """Return that a product of short words is no larger than the product of the largest."""
+        most = min((1 << term.width) - 1, largest(term.args[0]) * largest(term.args[1]))
+        word = self._translated[True, term.number]
+        return self._terms.mk_term(self._api.Kind.BV_ULE, [word, self._constant(most, term.width)])
+
+    def _constant(self, value: int, width: int) -> Any:
+        return self._terms.mk_bv_value(self._terms.mk_bv_sort(width), value & ((1 << width) - 1))
+
+    def _translate(self, term: BitTerm, loose: bool) -> None:
+        key = loose, term.number
+        if key in self._translated:
+            return
+        api, make = self._api, self._terms.mk_term
+        if term.op == "var":
+            # One variable for both ways of asking.
+            self._translated[key] = self._translated.get((not loose, term.number)) or self._terms.mk_const(
+                self._terms.mk_bv_sort(term.width), str(term.data)
+            )
+            return
+        if term.op == "const":
+            self._translated[key] = self._constant(int(term.data), term.width)
+            return
+        if term.op == "mul" and loose:
+            self._translated[key] = self._terms.mk_const(self._terms.mk_bv_sort(term.width), f"product{term.number}")
+            return
+        args = [self._translated[loose, arg.number] for arg in term.args]
+        kinds, one_bit = api.Kind, self._constant(1, 1)
+        match term.op:
+            case "eq":
+                made = make(kinds.BV_COMP, args)
+            case "ult" | "ule" | "slt" | "sle":
+                kind = {"ult": kinds.BV_ULT, "ule": kinds.BV_ULE, "slt": kinds.BV_SLT, "sle": kinds.BV_SLE}[term.op]
+                made = make(kinds.ITE, [make(kind, args), one_bit, self._constant(0, 1)])
+            case "ite":
+                made = make(kinds.ITE, [make(kinds.EQUAL, [args[0], one_bit]), *args[1:]])
+            case "extract":
+                low = int(term.data)
+                made = make(kinds.BV_EXTRACT, args, [low + term.width - 1, low])
+            case "zext" | "sext":
+                kind = kinds.BV_ZERO_EXTEND if term.op == "zext" else kinds.BV_SIGN_EXTEND
+                made = make(kind, args, [term.width - term.args[0].width])
+            case _:
+                kind = {
+                    "add": kinds.BV_ADD,
+                    "sub": kinds.BV_SUB,
+                    "mul": kinds.BV_MUL,
+                    "and": kinds.BV_AND,
+                    "or": kinds.BV_OR,
+                    "xor": kinds.BV_XOR,
+                    "not": kinds.BV_NOT,
+                    "shl": kinds.BV_SHL,
+                    "lshr": kinds.BV_SHR,
+                    "ashr": kinds.BV_ASHR,
+                    "concat": kinds.BV_CONCAT,
+                }[term.op]
+                made = make(kind, args)
+        self._translated[key] = made

@@ -1,0 +1,319 @@
+"""Bit-vector terms, each of which is there once: what they are, how they simplify, and what they are for given values.
+
+Two values that are written in the same way are the same term, which is most of a comparison. Words have 64 bits at
+most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+Words = NDArray[np.uint64]  # one value of a term for each sample
+SPREAD = 3  # operations between a choice and a product of it
+COMMUTE = frozenset({"add", "mul", "and", "or", "xor", "eq"})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BitTerm:
+    """`op` of `args`; `data` is the value of a constant, the name of a variable, the lowest bit of an extract."""
+
+    op: str
+    width: int  # bits
+    args: tuple[BitTerm, ...]
+    data: int | str
+    number: int  # in the order of making: above those of its arguments
+
+    @property
+    def value(self) -> int | None:
+        """The value of a constant, None of anything else."""
+        return int(self.data) if self.op == "const" else None
+
+
+class Pool:
+    """Makes terms, and keeps each."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[object, ...], BitTerm] = {}
+
+    def const(self, value: int, width: int) -> BitTerm:
+        """Return a constant, of which the low bits count."""
+        return self._keep("const", width, (), value & ((1 << width) - 1))
+
+    def var(self, name: str, width: int) -> BitTerm:
+        """Return the variable of this name."""
+        return self._keep("var", width, (), name)
+
+    def make(self, op: str, *args: BitTerm) -> BitTerm:
+        """Return `op` of terms of one width; of a comparison, one bit."""
+        width = 1 if op in COMPARED else args[0].width
+        if op in COMMUTE and (args[0].op == "const", args[0].number) > (args[1].op == "const", args[1].number):
+            args = (args[1], args[0])  # the constant is last
+        return self._folded(op, width, args, 0) or self._shorter(op, args) or self._keep(op, width, args, 0)
+
+    def spread(self, roots: Sequence[BitTerm]) -> list[BitTerm]:
+        """Return the same with a choice of products where a product of a choice stood.
+
+        Compilers double the code behind a branch so.
+        """
+        made: dict[BitTerm, BitTerm] = {}
+        for term in reached(roots):
+            args = tuple(made[arg] for arg in term.args)
+            made[term] = self._product(args) if term.op == "mul" else self.rebuilt(term, args)
+        return [made[root] for root in roots]
+
+    def _product(self, args: tuple[BitTerm, ...]) -> BitTerm:
+        for k in (0, 1):
+            choice = self._as_choice(args[k], SPREAD)
+            if choice is not None:
+                condition, yes, no = choice.args
+                other = args[1 - k]
+                return self.ite(condition, self._product((yes, other)), self._product((no, other)))
+        return self.make("mul", *args)
+
+    def _as_choice(self, term: BitTerm, depth: int) -> BitTerm | None:
+        """Return a term as a choice, where one stands behind operations on it alone."""
+        if term.op == "ite":
+            return term
+        if not depth or not term.args or any(arg.op != "const" for arg in term.args[1:]):
+            return None
+        inner = self._as_choice(term.args[0], depth - 1)
+        if inner is None:
+            return None
+        condition, yes, no = inner.args
+        made = self.ite(condition, *(self.rebuilt(term, (arg, *term.args[1:])) for arg in (yes, no)))
+        return made if made.op == "ite" else None
+
+    def ite(self, condition: BitTerm, yes: BitTerm, no: BitTerm) -> BitTerm:
+        """Return `yes` where the condition holds, else `no`."""
+        if condition.value is not None:
+            return yes if condition.value else no
+        if yes is no:
+            return yes
+        if condition.op == "not":
+            return self.ite(condition.args[0], no, yes)
+        if yes.op == "ite" and yes.args[0] is condition:
+            return self.ite(condition, yes.args[1], no)
+        if no.op == "ite" and no.args[0] is condition:
+            return self.ite(condition, yes, no.args[2])
+        if yes.width == 1 and yes.value is not None and no.value is not None:
+            return condition if yes.value else self.make("not", condition)
+        return self._keep("ite", yes.width, (condition, yes, no), 0)
+
+    def extract(self, term: BitTerm, low: int, width: int) -> BitTerm:
+        """Return `width` bits of a term, from bit `low` on."""
+        if width == term.width:
+            return term
+        inner = term.args[-1] if term.args else term
+        if term.op == "extract":
+            return self.extract(inner, low + int(term.data), width)
+        if term.op == "concat":
+            if low + width <= inner.width:
+                return self.extract(inner, low, width)
+            if low >= inner.width:
+                return self.extract(term.args[0], low - inner.width, width)
+        if term.op in ("zext", "sext"):
+            if low + width <= inner.width:
+                return self.extract(inner, low, width)
+            if low >= inner.width and term.op == "zext":
+                return self.const(0, width)
+        if term.op == "ite" and all(arg.op in ("const", "concat", "zext") for arg in term.args[1:]):
+            return self.ite(term.args[0], *(self.extract(arg, low, width) for arg in term.args[1:]))
+        return self._folded("extract", width, (term,), low) or self._keep("extract", width, (term,), low)
+
+    def concat(self, high: BitTerm, low: BitTerm) -> BitTerm:
+        """Return the bits of both, `high` above `low`."""
+        width = high.width + low.width
+        if high.op == low.op == "extract" and high.args == low.args and high.data == int(low.data) + low.width:
+            return self.extract(low.args[0], int(low.data), width)
+        if low.op == "concat" and high.op == "extract" and low.args[0].op == "extract":
+            upper = self.concat(high, low.args[0])
+            if upper.op != "concat":
+                return self.concat(upper, low.args[1])
+        if high.value == 0:
+            return self.extend("zext", low, width)
+        if high.op == low.op == "ite" and high.args[0] is low.args[0]:
+            pairs = zip(high.args[1:], low.args[1:], strict=True)
+            return self.ite(high.args[0], *(self.concat(a, b) for a, b in pairs))
+        return self._folded("concat", width, (high, low), 0) or self._keep("concat", width, (high, low), 0)
+
+    def extend(self, op: str, term: BitTerm, width: int) -> BitTerm:
+        """Return a term with zeros above it (`zext`) or its sign (`sext`)."""
+        if term.width == width:
+            return term
+        if term.op == op:
+            return self.extend(op, term.args[0], width)
+        return self._folded(op, width, (term,), 0) or self._keep(op, width, (term,), 0)
+
+    def all_of(self, terms: Iterable[BitTerm]) -> BitTerm:
+        """Return one bit that is set where all are."""
+        return reduce(lambda a, b: self.make("and", a, b), terms, self.const(1, 1))
+
+    def rebuilt(self, term: BitTerm, args: Sequence[BitTerm]) -> BitTerm:
+        """Return the same of other arguments."""
+        if tuple(args) == term.args:
+            return term
+        match term.op:
+            case "ite":
+                return self.ite(*args)
+            case "extract":
+                return self.extract(args[0], int(term.data), term.width)
+            case "concat":
+                return self.concat(*args)
+            case "zext" | "sext":
+                return self.extend(term.op, args[0], term.width)
+            case _:
+                return self.make(term.op, *args)
+
+    def _keep(self, op: str, width: int, args: tuple[BitTerm, ...], data: int | str) -> BitTerm:
+        key = (op, width, *(arg.number for arg in args), data)
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = BitTerm(op, width, args, data, len(self._known))
+        return found
+
+    def _folded(self, op: str, width: int, args: tuple[BitTerm, ...], data: int) -> BitTerm | None:
+        if any(arg.op != "const" for arg in args):
+            return None
+        values = [np.array([arg.value], np.uint64) for arg in args]
+        return self.const(int(applied(op, width, values, [arg.width for arg in args], data)[0]), width)
+
+    def _shorter(self, op: str, args: tuple[BitTerm, ...]) -> BitTerm | None:
+        """Return an equal term that is there without `op`; None where no rule says so."""
+        a, b = args[0], args[-1]
+        match op:
+            case "not" if a.op == "not":
+                return a.args[0]
+            case "add" | "sub" | "or" | "xor" | "shl" | "lshr" | "ashr" if b.value == 0:
+                return a
+            case "lshr" if a.op == "shl" and a.args[1] is b and b.value is not None and b.value < a.width:
+                return self.extend("zext", self.extract(a.args[0], 0, a.width - b.value), a.width)
+            case "sub" | "xor" if a is b:
+                return self.const(0, a.width)
+            case "and" | "or" if a is b:
+                return a
+            case "and" if b.value == 0:
+                return b
+            case "and" if b.value == (1 << b.width) - 1:
+                return a
+            case "mul" if b.value == 1:
+                return a
+            case "eq" if a is b:
+                return self.const(1, 1)
+            case "eq" if b.value is not None:
+                return self._compared(a, b)
+            case "ult" | "slt" if a is b:
+                return self.const(0, 1)
+            case "ule" | "sle" if a is b:
+                return self.const(1, 1)
+            case _:
+                return None
+
+    def _compared(self, a: BitTerm, b: BitTerm) -> BitTerm | None:
+        """Return whether a choice between constants, or a longer word, is a constant."""
+        if a.width == 1:
+            return a if b.value else self.make("not", a)
+        if a.op == "ite" and all(arg.op == "const" for arg in a.args[1:]):
+            return self.ite(a.args[0], *(self.const(int(arg.value == b.value), 1) for arg in a.args[1:]))
+        if a.op == "zext":
+            inner = a.args[0]
+            value = int(b.value or 0)
+            return (
+                self.make("eq", inner, self.const(value, inner.width)) if not value >> inner.width else self.const(0, 1)
+            )
+        return None
+
+
+def applied(op: str, width: int, values: Sequence[Words], widths: Sequence[int], data: int) -> Words:
+    """Return what `op` gives for values of its arguments."""
+    mask = np.uint64((1 << width) - 1)
+    a, b = values[0], values[-1]
+    if op in COMPARED:
+        return COMPARED[op](a, b, widths[0]).astype(np.uint64)
+    with np.errstate(over="ignore"):
+        match op:
+            case "add":
+                return (a + b) & mask
+            case "sub":
+                return (a - b) & mask
+            case "mul":
+                return (a * b) & mask
+            case "not":
+                return ~a & mask
+            case "and":
+                return a & b
+            case "or":
+                return a | b
+            case "xor":
+                return a ^ b
+            case "shl":
+                left: Words = np.where(b < width, a << np.minimum(b, np.uint64(63)), np.uint64(0))
+                return left & mask
+            case "lshr":
+                right: Words = np.where(b < width, a >> np.minimum(b, np.uint64(63)), np.uint64(0))
+                return right
+            case "ashr":
+                count = np.minimum(b, np.uint64(width - 1)).astype(np.int64)
+                shifted: Words = (signed(a, width) >> count).view(np.uint64)
+                return shifted & mask
+            case "ite":
+                chosen: Words = np.where(a != 0, values[1], values[2])
+                return chosen
+            case "concat":
+                return (a << np.uint64(widths[1])) | b
+            case "extract":
+                return (a >> np.uint64(data)) & mask
+            case "zext":
+                return a
+            case "sext":
+                extended: Words = signed(a, widths[0]).view(np.uint64)
+                return extended & mask
+    raise AssertionError(op)
+
+
+def signed(words: Words, width: int) -> NDArray[np.int64]:
+    """Return words in two's complement as numbers."""
+    sign = np.uint64(1 << (width - 1))
+    with np.errstate(over="ignore"):
+        return ((words ^ sign) - sign).view(np.int64)
+
+
+COMPARED: dict[str, Callable[[Words, Words, int], NDArray[np.bool_]]] = {
+    "eq": lambda a, b, width: a == b,
+    "ult": lambda a, b, width: a < b,
+    "ule": lambda a, b, width: a <= b,
+    "slt": lambda a, b, width: signed(a, width) < signed(b, width),
+    "sle": lambda a, b, width: signed(a, width) <= signed(b, width),
+}
+
+
+def reached(roots: Iterable[BitTerm]) -> list[BitTerm]:
+    """Return the roots and all they are made of, arguments first."""
+    found: dict[int, BitTerm] = {}
+    left = list(roots)
+    while left:
+        term = left.pop()
+        if term.number not in found:
+            found[term.number] = term
+            left.extend(term.args)
+    return [found[number] for number in sorted(found)]
+
+
+def evaluated(terms: Iterable[BitTerm], samples: Mapping[str, Words]) -> dict[BitTerm, Words]:
+    """Return every value of terms that stand in the order of `reached`; a variable without samples is 0."""
+    values: dict[BitTerm, Words] = {}
+    count = len(next(iter(samples.values())))
+    for term in terms:
+        if term.op == "const":
+            values[term] = np.full(count, term.data, np.uint64)
+        elif term.op == "var":
+            values[term] = samples.get(str(term.data), np.zeros(count, np.uint64))
+        else:
+            data = int(term.data) if term.op == "extract" else 0
+            args = [values[arg] for arg in term.args]
+            values[term] = applied(term.op, term.width, args, [arg.width for arg in term.args], data)
+    return values
