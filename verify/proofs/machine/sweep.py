@@ -118,6 +118,7 @@ class Sweep:
         self._operations = {op.result.name: op for op in claims.operations}
         self._deadline, self._ranges = deadline, ranges_of(claims)
         self.cut: dict[str, BitTerm] = {}  # values of operations that are variables now
+        self._replaced: dict[BitTerm, BitTerm] = {}  # what stood in the place of a variable; operations may hold it too
         self._told: dict[str, BitTerm] = {}
         self._solver = Solver(pool, self._ranges, deadline)
         self._decided = {_bare(term): pool.const(int(term.op != "not"), 1) for term in way.path}
@@ -148,11 +149,21 @@ class Sweep:
                     break
                 definition = self._definition(name)
                 part = self._pool.extract(definition, low, term.width)
-                if made is part or self._solver.compare(made, part, STAGE)[0] == EQUAL:
-                    made = self._pool.extract(self._variable(name, definition.width), low, term.width)
+                if made is part or self._equal(name, definition, made, part):
+                    whole, made = made, self._pool.extract(self._variable(name, definition.width), low, term.width)
+                    self._replaced[whole] = made
                     break
             rebuilt[term] = made
         return rebuilt
+
+    def _equal(self, name: str, definition: BitTerm, made: BitTerm, part: BitTerm) -> bool:
+        """Tell whether a word is this part of a value; of a value whose other half is cut, that half may be in it."""
+        told = [self._pool.make("eq", self.cut[name], definition)] if name in self.cut else []
+        kept = self._solver.assumed
+        self._solver.assumed = [*kept, *told]
+        same = self._solver.compare(made, part, STAGE)[0] == EQUAL
+        self._solver.assumed = kept
+        return same
 
     def _as_assumed(self, term: BitTerm, rebuilt: Mapping[BitTerm, BitTerm]) -> BitTerm:
         made = self._pool.rebuilt(term, [rebuilt[arg] for arg in term.args])
@@ -194,7 +205,8 @@ class Sweep:
         """Return a term as it is on this way."""
         made: dict[BitTerm, BitTerm] = {}
         for one in reached([term]):
-            made[one] = self._decided.get(one) or self._pool.rebuilt(one, [made[arg] for arg in one.args])
+            as_is = self._decided.get(one) or self._pool.rebuilt(one, [made[arg] for arg in one.args])
+            made[one] = self._replaced.get(as_is, as_is)
         return made[term]
 
     def _variable(self, name: str, width: int) -> BitTerm:

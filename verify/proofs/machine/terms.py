@@ -136,6 +136,8 @@ class Pool:
                 return self.concat(upper, low.args[1])
         if high.value == 0:
             return self.extend("zext", low, width)
+        if high.op == "ashr" and high.args[0] is low and high.args[1].value == low.width - 1:
+            return self.extend("sext", low, width)
         if high.op == low.op == "ite" and high.args[0] is low.args[0]:
             pairs = zip(high.args[1:], low.args[1:], strict=True)
             return self.ite(high.args[0], *(self.concat(a, b) for a, b in pairs))
