@@ -3,7 +3,8 @@
 An angle is a share of a whole turn, 2**32, so that it wraps by itself; mirrored into the quarters beside 0 its sine is
 a polynomial of order 11 (Hart and others, Computer Approximations, 1968, chapter 6). The root comes from its
 reciprocal, a polynomial of order 3 and two of Newton's steps y (3 - u y^2)/2, after the value has been brought to
-1/4..1 by shifts. The reciprocal is one short division and one of Newton's steps y (2 - x y). `*_ERROR` bounds what they are off.
+1/4..1 by shifts. The reciprocal is one short division and one of Newton's steps y (2 - x y). `*_ERROR` bounds what
+they are off.
 """
 
 from __future__ import annotations
