@@ -18,7 +18,7 @@ from firmloop.identify.bench_tests.excitations import excitations
 from firmloop.identify.plants import kinds as plant_kinds
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.recordings.hold import HOLDS
-from firmloop.quantize.lower.rounds import ROUNDINGS
+from firmloop.quantize.lower.words import ROUNDINGS
 
 Schema = Mapping[str, object]
 

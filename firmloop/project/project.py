@@ -17,8 +17,8 @@ from firmloop.identify.printed_units import conversion, is_unit
 from firmloop.identify.signal import Signal
 from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, ProjectTable, read_table
-from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.word_length import Allowed
+from firmloop.quantize.lower.words import ROUNDINGS
 
 SCHEMA = 1
 MAX_ERROR = "max_error_"  # and the unit of an output

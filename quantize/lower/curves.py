@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import Protocol
 
 from firmloop.quantize.lower.builder import Builder, Term
-from firmloop.quantize.lower.rounds import Dropping
+from firmloop.quantize.lower.words import Dropping
 from firmloop.quantize.program import TOO_FAR, Number, QuantizeError
 from firmloop.quantize.twins.curved import (
     INVERSE_ROUNDING,

@@ -13,7 +13,7 @@ product and right shift, a whole one where they round down, |x| times the coeffi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -36,18 +36,10 @@ from firmloop.quantize.lower.places import (
     vanishes,
 )
 from firmloop.quantize.lower.q_formats import WIDENED, fit
-from firmloop.quantize.lower.rounds import ROUNDINGS, Dropping
+from firmloop.quantize.lower.words import ROUNDINGS, Dropping, down, ends, literal_error, number, operand, up
 from firmloop.quantize.program import TOO_FAR, Number, QuantizeError, Value
 
 FEWEST_IN_SUM = 18  # of a weight in a sum: a gain is then right to 4e-6, else it gets a product of its own
-
-
-def _down(value: float, fraction: int) -> int:
-    return math.floor(Fraction(value) * Fraction(2) ** fraction)
-
-
-def _up(value: float, fraction: int) -> int:
-    return math.ceil(Fraction(value) * Fraction(2) ** fraction)
 
 
 @dataclass(slots=True)
@@ -97,7 +89,7 @@ class FixedBuilder:
 
     def limits(self, low: float, high: float, number: Number) -> tuple[int, int]:
         """Return the raw limits inside the physical ones."""
-        return _up(low, number.fraction), _down(high, number.fraction)
+        return up(low, number.fraction), down(high, number.fraction)
 
     def widened(self, a: Term, q: int) -> Term:
         """Return a value at fraction `q`; where that is coarser, rounded down, or as a product if less than a unit."""
@@ -105,15 +97,15 @@ class FixedBuilder:
         if shift == 0:
             return a
         if a.low == a.high == 0:
-            return self.ops.emit("copy", (0,), _number(q), a.error)
+            return self.ops.emit("copy", (0,), number(q), a.error)
         if vanishes(a, q):
             raise nothing(size(a, 0), q)
         if shift > 0:
-            return self.ops.emit("shl", (a, shift), _number(q), a.error)
+            return self.ops.emit("shl", (a, shift), number(q), a.error)
         if int(a.low) >> -shift >= -1 and int(a.high) >> -shift <= 0:  # less than a unit: down would be only down
             error = a.error + self.rounding.error * 2.0**-q
-            return self.ops.emit(self.rounding.product, (a, 1, -shift), _number(q), error)
-        return self.ops.emit("asr", (a, -shift), _number(q), a.error + 2.0**-q)
+            return self.ops.emit(self.rounding.product, (a, 1, -shift), number(q), error)
+        return self.ops.emit("asr", (a, -shift), number(q), a.error + 2.0**-q)
 
     # -- sums -----------------------------------------------------------------------------------------------------
 
@@ -169,19 +161,19 @@ class FixedBuilder:
                     f"the coefficient {float(weight):g} cannot be held in fixed point beside the ranges it works on: "
                     "it is too small; rescale the signals' units or use float32"
                 )
-            error += size(a, 0) * _literal_error(weight, factor, q + shift - a.number.fraction)
+            error += size(a, 0) * literal_error(weight, factor, q + shift - a.number.fraction)
             error += abs(float(weight)) * a.error
             start = () if total is None else (total,)
             total = self.ops.emit("wide" if total is None else "mac", (*start, a, factor), wide, 0.0)
         assert total is not None
         if first is None:
             self.ops.wish = wish
-        rounded = self.ops.emit(self.rounding.end, (total, shift), _number(q), error)
+        rounded = self.ops.emit(self.rounding.end, (total, shift), number(q), error)
         (rounded,) = seen([rounded], products, beside, q) if not weak else [rounded]
         if first is None:
             return rounded
         self.ops.wish = wish
-        return self.ops.emit("add", (first, rounded), _number(q), first.error + error)
+        return self.ops.emit("add", (first, rounded), number(q), first.error + error)
 
     def _left_out(self, kept: Sequence[Part], gone: Sequence[Term], constant: Fraction, q: int) -> Operand:
         """Return the sum of `kept` and `constant` beside values that are nothing at its fraction, if it still adds."""
@@ -201,7 +193,7 @@ class FixedBuilder:
                 if other == -weight and abs(weight) != 1 and a.number.fraction == b.number.fraction and fits:
                     wish, self.ops.wish = self.ops.wish, ("", "")
                     pair = (a, b) if weight > 0 else (b, a)
-                    difference = self.ops.emit("sub", pair, _number(a.number.fraction), a.error + b.error)
+                    difference = self.ops.emit("sub", pair, number(a.number.fraction), a.error + b.error)
                     self.ops.wish = wish
                     found.append([(abs(weight), difference)])
                     left.pop(k)
@@ -219,7 +211,7 @@ class FixedBuilder:
         if total is None:
             self.ops.wish = wish
             raw = near(constant, q)
-            return self.ops.emit("copy", (raw,), _number(q), _literal_error(constant, raw, q))
+            return self.ops.emit("copy", (raw,), number(q), literal_error(constant, raw, q))
 
         def last() -> None:
             nonlocal steps
@@ -228,16 +220,16 @@ class FixedBuilder:
 
         if weight < 0:
             last()
-            total = self.ops.emit("neg", (total,), _number(q), total.error)
+            total = self.ops.emit("neg", (total,), number(q), total.error)
         for weight, term in ordered[1:]:
             a = self.widened(term, q)
             last()
-            total = self.ops.emit("add" if weight > 0 else "sub", (total, a), _number(q), total.error + a.error)
+            total = self.ops.emit("add" if weight > 0 else "sub", (total, a), number(q), total.error + a.error)
         if constant:
             raw = near(constant, q)
             last()
-            error = total.error + _literal_error(constant, raw, q)
-            total = self.ops.emit("add", (total, raw), _number(q), error)
+            error = total.error + literal_error(constant, raw, q)
+            total = self.ops.emit("add", (total, raw), number(q), error)
         return total
 
     def _shift(self, products: Sequence[Part], whole: Sequence[Part], q: int) -> tuple[int, list[int]]:
@@ -260,10 +252,10 @@ class FixedBuilder:
         if function == "div":
             return self.unary(function, b, q)  # of 1 over a value: see reciprocals.py
         fraction = next(t.number.fraction for t in (a, b) if isinstance(t, Term))
-        toward = {"min": _down, "max": _up}.get(function, near)  # a limit is rounded to its inner side
-        (x, x_error), (y, y_error) = (_operand(operand, fraction, toward) for operand in (a, b))
+        toward = {"min": down, "max": up}.get(function, near)  # a limit is rounded to its inner side
+        (x, x_error), (y, y_error) = (operand(each, fraction, toward) for each in (a, b))
         error = max(x_error, y_error) if function in ("min", "max") else x_error + y_error
-        found = self.ops.emit(function, (x, y), _number(fraction), error)
+        found = self.ops.emit(function, (x, y), number(fraction), error)
         shares = [t for t in (a, b) if isinstance(t, Term) and t.share > 0.0]
         if function not in ("min", "max") or not shares:
             return found
@@ -290,16 +282,16 @@ class FixedBuilder:
     def choose(self, condition: Operand, a: Operand, b: Operand, q: int) -> Operand:
         """Take `a` where the condition holds, else `b`; near its edge the condition may choose unlike the law's."""
         assert isinstance(condition, Term)
-        (one, one_error), (other, other_error) = (_operand(operand, q, near) for operand in (a, b))
+        (one, one_error), (other, other_error) = (operand(each, q, near) for each in (a, b))
         error = max(one_error, other_error)
         if condition.error != 0.0:
-            (low, high), (least, most) = _ends(one), _ends(other)
+            (low, high), (least, most) = ends(one), ends(other)
             error += max(high - least, most - low) * 2.0**-q
-        return self.ops.emit("select", (condition, one, other), _number(q), error)
+        return self.ops.emit("select", (condition, one, other), number(q), error)
 
     def inner(self, q: int) -> Number:
         """Return the format of what is computed at fraction `q`."""
-        return _number(q)
+        return number(q)
 
     def part(self, function: str, plan: Operand, q: int, *place: int) -> Operand:
         """Take a move or a status bit from a plan."""
@@ -308,11 +300,11 @@ class FixedBuilder:
 
     def store(self, a: Operand, number: Number, low: int, high: int, wish: tuple[str, str]) -> Term:
         """Bring `a` into the format of a state or output; saturate it at the raw limits where it could leave them."""
-        target = _number(number.fraction)
+        target = self.inner(number.fraction)
         if isinstance(a, Constant):
             raw = min(max(self.literal(a.value, number), low), high)
             self.ops.wish = wish
-            return self.ops.emit("copy", (raw,), target, _literal_error(a.value, raw, number.fraction))
+            return self.ops.emit("copy", (raw,), target, literal_error(a.value, raw, number.fraction))
         shift = a.number.fraction - number.fraction
         assert shift >= 0, "a stored value is never finer than what is stored"
         if shift and (a.low == a.high == 0 or vanishes(a, number.fraction)):
@@ -347,7 +339,7 @@ class FixedBuilder:
             if moved is not None:
                 return moved
             shift, factor = coefficient(b.value, a.number.fraction, q)
-            error = size(a, 0) * _literal_error(b.value, factor, q + shift - a.number.fraction)
+            error = size(a, 0) * literal_error(b.value, factor, q + shift - a.number.fraction)
             error += abs(b.value) * a.error
             return self._scaled(a, factor, shift, q, error)
         shift = a.number.fraction + b.number.fraction - q
@@ -366,47 +358,20 @@ class FixedBuilder:
             return None
         error = value * a.error
         if shift >= 0:
-            return self.ops.emit("shl" if shift else "copy", (a, shift)[: 2 if shift else 1], _number(q), error)
+            return self.ops.emit("shl" if shift else "copy", (a, shift)[: 2 if shift else 1], number(q), error)
         if a.high + (1 << (-shift - 1)) > WORD:  # the rounding constant could overflow
             return None
-        return self.ops.emit(self.rounding.shift, (a, -shift), _number(q), error + self.rounding.error * 2.0**-q)
+        return self.ops.emit(self.rounding.shift, (a, -shift), number(q), error + self.rounding.error * 2.0**-q)
 
     def _scaled(self, a: Term, b: Term | int, shift: int, q: int, error: float) -> Term:
         wish, self.ops.wish = self.ops.wish, ("", "")
         if 24 <= shift < 32 and max(-a.low, a.high) * 2.0 ** (32 - shift) <= WORD:
             # The same product, with a left shift before it instead of a 64-bit one after it.
-            a = self.ops.emit("shl", (a, 32 - shift), _number(a.number.fraction + 32 - shift), a.error)
+            a = self.ops.emit("shl", (a, 32 - shift), number(a.number.fraction + 32 - shift), a.error)
             shift = 32
         self.ops.wish = wish
         if 1 <= shift <= 62:
-            return self.ops.emit(
-                self.rounding.product, (a, b, shift), _number(q), error + self.rounding.error * 2.0**-q
-            )
+            return self.ops.emit(self.rounding.product, (a, b, shift), number(q), error + self.rounding.error * 2.0**-q)
         if shift == 0:
-            return self.ops.emit("mul", (a, b), _number(q), error)
+            return self.ops.emit("mul", (a, b), number(q), error)
         raise QuantizeError(f"a product cannot be brought from Q{q + shift} to Q{q}: {TOO_FAR}")
-
-
-def _number(q: int) -> Number:
-    return Number("fixed", 32, q)
-
-
-def _operand(operand: Operand, fraction: int, toward: Callable[[float, int], int]) -> tuple[Term | int, float]:
-    """Return an operand at `fraction` and its error; limits of outputs stand on the output's own grid."""
-    if isinstance(operand, Term):
-        assert operand.number.fraction == fraction, "values that meet share a format"
-        return operand, operand.error
-    if operand.grid is not None and operand.grid < fraction and toward is not near:
-        raw = toward(operand.value, operand.grid) << (fraction - operand.grid)
-    else:
-        raw = toward(operand.value, fraction)
-    raw = min(max(raw, -WORD - 1), WORD)
-    return raw, _literal_error(operand.value, raw, fraction)
-
-
-def _ends(a: Term | int) -> tuple[float, float]:
-    return (a.low, a.high) if isinstance(a, Term) else (a, a)
-
-
-def _literal_error(value: float | Fraction, raw: int, fraction: int) -> float:
-    return abs(float(Fraction(value) - Fraction(raw) / Fraction(2) ** fraction))

@@ -22,10 +22,10 @@ from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
 from firmloop.quantize.lower.q_formats import Formats, choose_formats
 from firmloop.quantize.lower.reciprocals import with_reciprocals
-from firmloop.quantize.lower.rounds import ROUNDINGS
 from firmloop.quantize.lower.sums import Sum, gather, is_linear
 from firmloop.quantize.lower.sweep_formats import Planned, fixed_sweeps, float_sweeps
 from firmloop.quantize.lower.tree_formats import fixed_tree, float_tree
+from firmloop.quantize.lower.words import ROUNDINGS
 from firmloop.quantize.not_a_number import guarded
 from firmloop.quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
 
