@@ -4,96 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from tests.floors import FLOORS, MAY_IMPORT, ROOMS
+
 ROOT = Path(__file__).parents[1]
-# From the data's first stop to its last; a package may import from those on its left, and those listed for it.
-FLOORS = ("identify", "design", "quantize", "codegen", "verify", "diagnose", "firmloop")
-MAY_IMPORT = {
-    "identify": (),
-    "design": ("identify",),
-    "quantize": ("identify", "design"),
-    "codegen": ("quantize", "identify"),  # not design: C is printed from a Program, which knows no law
-    "verify": ("identify", "design", "quantize", "codegen"),
-    "diagnose": ("identify", "verify"),
-    "firmloop": ("identify", "design", "quantize", "codegen", "verify", "diagnose"),
-}
-# Inside a package, low to high: what stands beside one another imports nothing of its own floor's other rooms.
-ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "identify": (
-        ("error", "extras", "normal", "regular_file", "signal"),
-        ("printed_units",),
-        ("units",),
-        ("plants",),
-        ("recordings",),
-        ("simulation",),
-        ("fitting",),
-        ("bench_tests",),
-    ),
-    "design": (
-        ("law", "outcome", "draft"),
-        ("table", "roles", "optimum"),
-        ("design", "safe_output"),
-        ("tunable", "discretize", "quadratic"),
-        ("linear",),
-        ("models",),
-        ("tuning",),
-        ("kinds",),
-        ("analysis",),
-    ),
-    "quantize": (
-        ("shifts",),
-        ("program",),
-        ("twins", "not_a_number"),
-        ("formats",),
-        ("ops",),
-        ("free_state",),
-        ("lower", "proof"),
-    ),
-    "verify": (
-        ("lanes",),
-        ("reference", "link", "judgement"),
-        ("packing", "scaling", "block"),
-        ("compare",),
-        ("verdict",),
-        ("stimuli", "links"),
-        ("build",),
-        ("proofs",),
-        ("explain", "replay", "searches"),
-        ("trial",),
-        ("run",),
-    ),
-    "codegen": (
-        ("bundle", "toolchain"),
-        ("environment", "misra", "names", "toml_table", "view"),
-        ("delivery", "emit", "host", "target"),
-        ("firmware", "fmu", "packages"),
-    ),
-    "diagnose": (
-        ("policy", "finding"),
-        ("data",),
-        ("model",),
-        ("search",),
-        ("discrepancy", "controller"),
-        ("completion", "sentences"),
-        ("verdict",),
-        ("run",),
-    ),
-    "firmloop": (
-        ("console", "project", "version"),
-        ("output", "stages"),
-        ("presentation", "scope"),
-        ("door",),
-        ("told", "arguments"),
-        ("commands",),
-        ("cli",),
-        ("__main__",),
-    ),
-}
 # What a checker of a proof may import: each other, and nothing of what made the proof or the C that it judges.
 CHECKERS = (
     *("claims", "reading", "judge", "c_checker", "c_tokens", "stated_c"),
@@ -132,6 +51,7 @@ def _linked(path: Path) -> bool:
 
 
 SOURCES = sorted(path for package in FLOORS for path in (ROOT / package).rglob("*.py") if not _linked(path))
+FOLDERS = sorted({path.parent for path in SOURCES})
 TEMPLATES = sorted((ROOT / "templates_c").rglob("*.j2"))
 OURS = sorted(
     path
@@ -145,18 +65,38 @@ def _id(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+@cache
 def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+    return ast.parse(_text(path))
 
 
-def _imported(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+@cache
+def _nodes(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(_tree(path)))
+
+
+@cache
+def _imported(path: Path) -> frozenset[str]:
+    """Return the modules that a file imports, and what it takes from them as if those were modules, too."""
+    found = set()
+    for node in _nodes(path):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "imports use the names of the tree"
-            yield node.module or ""
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            assert node.level == 0, f"{_id(path)}: imports use the names of the tree"
+            found |= {node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return frozenset(found)
+
+
+@cache
+def _names(path: Path) -> frozenset[str]:
+    """Return the names and attributes that a file uses."""
+    attributes = {node.attr for node in _nodes(path) if isinstance(node, ast.Attribute)}
+    return frozenset(attributes | {node.id for node in _nodes(path) if isinstance(node, ast.Name)})
 
 
 def test_every_floor_is_there() -> None:
@@ -166,44 +106,66 @@ def test_every_floor_is_there() -> None:
         assert (ROOT / package / "__init__.py").is_file()
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=_id)
-def test_source(path: Path) -> None:
-    tree = _tree(path)
-    package = path.relative_to(ROOT).parts[0]
-    imported = set(_imported(tree))
-    for name in imported:
-        first, _, rest = name.partition(".")
-        assert first not in FLOORS or first == "firmloop", f"imports {name}, which is not under the one name firmloop"
-        if first == "firmloop":
+def _said(faults: Iterable[tuple[Path, str]]) -> list[str]:
+    """Return what is wrong, file by file, as an assertion shows it."""
+    return [f"{_id(path)} {fault}" for path, fault in faults]
+
+
+def _imports_to_the_right() -> Iterator[tuple[Path, str]]:
+    for path in SOURCES:
+        package = path.relative_to(ROOT).parts[0]
+        for name in _imported(path):
+            first, _, rest = name.partition(".")
+            if first in FLOORS and first != "firmloop":
+                yield path, f"imports {name}, which is not under the one name firmloop"
             top = rest.split(".")[0] if rest.split(".")[0] in FLOORS else "firmloop"
-            assert top == package or top in MAY_IMPORT[package], f"imports {name}, to its right"
-    if not path.is_relative_to(ROOT / "verify" / "links"):
-        assert not {name.split(".")[0] for name in imported} & {"serial", "socket"}, "touches a port"
-    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    attributes = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-    if path != ROOT / "firmloop" / "console.py":
-        assert "print" not in names, "prints"
-        written = re.findall(r"sys\.(?:stdout|stderr)\.write|stdout\.buffer", path.read_text(encoding="utf-8"))
-        assert not written, "writes to the terminal"
-    if path not in (ROOT / "firmloop" / "cli.py", ROOT / "firmloop" / "__main__.py"):
-        assert "argv" not in attributes | names, "reads the command line"
-        asks = path.is_relative_to(COMMANDS) or path == ROOT / "firmloop" / "arguments.py"
-        assert asks or "argparse" not in imported, "asks for arguments"
+            if first == "firmloop" and top != package and top not in MAY_IMPORT[package]:
+                yield path, f"imports {name}, to its right"
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=_id)
-def test_imports_stand_at_the_top(path: Path) -> None:
-    if path in LATE or path.is_relative_to(COMMANDS):
-        pytest.skip(LATE.get(path, LATE[ROOT / "firmloop" / "cli.py"]))
-    tree = _tree(path)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom) and node not in tree.body:
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
-            if isinstance(node, ast.ImportFrom) and node.module == "scipy":
-                names = [f"scipy.{alias.name}" for alias in node.names]
-            slow = all(any(name == heavy or name.startswith(f"{heavy}.") for heavy in HEAVY) for name in names)
-            typed = isinstance(_holder(tree, node), ast.If)  # if TYPE_CHECKING: only a type checker reads it
-            assert slow or typed, f"line {node.lineno} imports {names} late; only {sorted(HEAVY)} may be"
+def test_imports_point_to_the_left() -> None:
+    assert not _said(_imports_to_the_right())
+
+
+def test_only_a_link_touches_a_port() -> None:
+    others = [path for path in SOURCES if not path.is_relative_to(ROOT / "verify" / "links")]
+    assert not [_id(path) for path in others if {name.split(".")[0] for name in _imported(path)} & {"serial", "socket"}]
+
+
+def test_only_the_console_writes_to_the_terminal() -> None:
+    for path in SOURCES:
+        if path != ROOT / "firmloop" / "console.py":
+            assert "print" not in _names(path), f"{_id(path)} prints"
+            assert not re.search(r"sys\.(?:stdout|stderr)\.write|stdout\.buffer", _text(path)), _id(path)
+
+
+def test_only_commands_ask_for_arguments() -> None:
+    for path in SOURCES:
+        if path not in (ROOT / "firmloop" / "cli.py", ROOT / "firmloop" / "__main__.py"):
+            assert "argv" not in _names(path), f"{_id(path)} reads the command line"
+            asks = path.is_relative_to(COMMANDS) or path == ROOT / "firmloop" / "arguments.py"
+            assert asks or "argparse" not in _imported(path), f"{_id(path)} asks for arguments"
+
+
+def _late_imports() -> Iterator[tuple[Path, str]]:
+    for path in SOURCES:
+        if path in LATE or path.is_relative_to(COMMANDS):
+            continue
+        tree = _tree(path)
+        for node in _nodes(path):
+            if isinstance(node, ast.Import | ast.ImportFrom) and node not in tree.body:
+                names = [alias.name for alias in node.names]
+                if isinstance(node, ast.ImportFrom):
+                    scipy = node.module == "scipy"
+                    names = [f"scipy.{name}" for name in names] if scipy else [node.module or ""]
+                slow = all(any(name == heavy or name.startswith(f"{heavy}.") for heavy in HEAVY) for name in names)
+                typed = isinstance(_holder(tree, node), ast.If)  # if TYPE_CHECKING: only a type checker reads it
+                if not slow and not typed:
+                    yield path, f"line {node.lineno} imports {names} late; only {sorted(HEAVY)} may be"
+
+
+def test_imports_stand_at_the_top() -> None:
+    assert not _said(_late_imports())
 
 
 def _holder(tree: ast.Module, node: ast.AST) -> ast.AST | None:
@@ -214,22 +176,21 @@ def _holder(tree: ast.Module, node: ast.AST) -> ast.AST | None:
     return None
 
 
-@pytest.mark.parametrize("path", [path for path in OURS if path.suffix == ".py"], ids=_id)
-def test_a_file_says_what_it_is(path: Path) -> None:
-    said = ast.get_docstring(_tree(path))
-    assert said and said.split("\n")[0].endswith((".", ":")), "the first line of the docstring is a sentence"
+def test_a_file_says_what_it_is() -> None:
+    """The first line of its docstring is a sentence."""
+    said = {path: ast.get_docstring(_tree(path)) or "" for path in OURS if path.suffix == ".py"}
+    assert not [_id(path) for path, text in said.items() if not text.split("\n")[0].endswith((".", ":"))]
 
 
-@pytest.mark.parametrize("path", OURS, ids=_id)
-def test_a_file_is_short(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE
+def test_a_file_is_short() -> None:
+    lines = {_id(path): len(_text(path).splitlines()) for path in OURS}
+    assert not {path: count for path, count in lines.items() if count > LONGEST_FILE}
 
 
-@pytest.mark.parametrize("path", TEMPLATES, ids=_id)
-def test_templates_only_print(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    for word in ("{%-", "-%}", "kind ==", "{% set", "{% macro"):
-        assert word not in text, f"holds {word}: the view should have decided that"
+def test_templates_only_print() -> None:
+    """The view has decided what a template would have to ask for."""
+    asking = ("{%-", "-%}", "kind ==", "{% set", "{% macro")
+    assert not _said((path, f"holds {word}") for path in TEMPLATES for word in asking if word in _text(path))
 
 
 def _modules() -> dict[str, Path]:
@@ -248,7 +209,7 @@ def _arrows() -> dict[Path, frozenset[Path]]:
     modules = _modules()
     found = {}
     for name, path in modules.items():
-        named = {each for each in _imported(_tree(path)) if each in modules}
+        named = {each for each in _imported(path) if each in modules}
         named -= {each for each in named if modules[each].name == "__init__.py" and _only_parent(each, named)}
         found[path] = frozenset(modules[each] for each in named if each != name)
     return found
@@ -302,15 +263,15 @@ def test_no_files_import_each_other_in_a_circle() -> None:
     assert not _circles(arrows)
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in SOURCES}), ids=_id)
-def test_no_circle_among_what_stands_in_one_folder(folder: Path) -> None:
-    arrows: dict[str, set[str]] = {}
-    for path, imported in _arrows().items():
-        if path.is_relative_to(folder):
-            here = path.relative_to(folder).parts[0]
-            there = {other.relative_to(folder).parts[0] for other in imported if other.is_relative_to(folder)}
-            arrows.setdefault(here, set()).update(there - {here})
-    assert not _circles(arrows)
+def test_no_circle_among_what_stands_in_one_folder() -> None:
+    for folder in FOLDERS:
+        arrows: dict[str, set[str]] = {}
+        for path, imported in _arrows().items():
+            if path.is_relative_to(folder):
+                here = path.relative_to(folder).parts[0]
+                there = {other.relative_to(folder).parts[0] for other in imported if other.is_relative_to(folder)}
+                arrows.setdefault(here, set()).update(there - {here})
+        assert not _circles(arrows), _id(folder)
 
 
 def test_a_checker_imports_nothing_of_what_it_judges() -> None:
@@ -338,24 +299,29 @@ def test_effects_are_named_in_their_own_files_alone() -> None:
     for path in SOURCES:
         if path.is_relative_to(EFFECTS):
             continue
-        said = {str(node.value) for node in ast.walk(_tree(path)) if isinstance(node, ast.Constant)} & names
+        said = {str(node.value) for node in _nodes(path) if isinstance(node, ast.Constant)} & names
         assert len(said) < 2, f"{_id(path)} lists the effects {sorted(said)}: let each effect's file say it"
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in SOURCES}), ids=_id)
-def test_a_folder_is_small(folder: Path) -> None:
-    assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= LARGEST_FOLDER
+def test_a_folder_is_small() -> None:
+    sizes = {_id(folder): len([path for path in SOURCES if path.parent == folder]) for folder in FOLDERS}
+    assert not {folder: size for folder, size in sizes.items() if size > LARGEST_FOLDER + 1}  # and its __init__.py
 
 
-@pytest.mark.parametrize("path", [path for path in SOURCES if path.is_relative_to(ROOT / "diagnose")], ids=_id)
-def test_a_number_that_decides_in_a_diagnosis_stands_in_its_policy(path: Path) -> None:
-    if path == POLICY:
-        pytest.skip("that is the policy")
-    for node in _tree(path).body:
-        if isinstance(node, ast.Assign | ast.AnnAssign) and not isinstance(node.value, ast.Dict):
-            names = re.findall(r"\w+", " ".join(map(ast.unparse, getattr(node, "targets", ()) or (node.target,))))
-            numbers = [each for each in ast.walk(node) if isinstance(each, ast.Constant) and _is_number(each.value)]
-            assert not (numbers and any(name.isupper() for name in names)), f"line {node.lineno} belongs in policy.py"
+def _numbers_that_decide() -> Iterator[tuple[Path, str]]:
+    for path in SOURCES:
+        if path == POLICY or not path.is_relative_to(ROOT / "diagnose"):
+            continue
+        for node in _tree(path).body:
+            if isinstance(node, ast.Assign | ast.AnnAssign) and not isinstance(node.value, ast.Dict):
+                names = re.findall(r"\w+", " ".join(map(ast.unparse, getattr(node, "targets", ()) or (node.target,))))
+                numbers = [each for each in ast.walk(node) if isinstance(each, ast.Constant) and _is_number(each.value)]
+                if numbers and any(name.isupper() for name in names):
+                    yield path, f"line {node.lineno} belongs in policy.py"
+
+
+def test_a_number_that_decides_in_a_diagnosis_stands_in_its_policy() -> None:
+    assert not _said(_numbers_that_decide())
 
 
 def _is_number(value: object) -> bool:
@@ -364,7 +330,7 @@ def _is_number(value: object) -> bool:
 
 def test_every_number_of_the_policy_is_used() -> None:
     names = {node.targets[0].id for node in _tree(POLICY).body if isinstance(node, ast.Assign)}
-    used = {node.id for path in SOURCES for node in ast.walk(_tree(path)) if _reads(node)}
+    used = {node.id for path in SOURCES for node in _nodes(path) if _reads(node)}
     assert not names - used
 
 
