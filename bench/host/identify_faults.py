@@ -182,8 +182,8 @@ def too_simple(made):
     return {"kind": "first_order", "input": "valve_V", "outputs": ["level"], "parameters": values}, time, columns
 
 
-def sound() -> list[Scene]:
-    """Sixty recordings with nothing wrong."""
+def sound(first: int = 0) -> list[Scene]:
+    """Sixty recordings with nothing wrong, of seeds from `first` on."""
     makers: dict[str, Callable] = {
         "motor": motor,
         "motor, coloured noise": lambda r: motor(r, memory=0.9),
@@ -204,12 +204,12 @@ def sound() -> list[Scene]:
     return [
         Scene(f"{name} {seed}", *make(np.random.default_rng([seed, number])), ())
         for number, (name, make) in enumerate(makers.items())
-        for seed in range(4)
+        for seed in range(first, first + 4)
     ]
 
 
-def faulty() -> list[Scene]:
-    """Sixty recordings with one fault each."""
+def faulty(first: int = 0) -> list[Scene]:
+    """Sixty recordings with one fault each, of seeds from `first` on."""
     rpm = 60.0 / (2.0 * np.pi)
     turned = {name: (lambda v: -v) for name in ("speed_rad_s", "current_A", "temperature_C", "level")}
     slow = lambda r: heater(r, lag=60.0)  # noqa: E731
@@ -244,7 +244,7 @@ def faulty() -> list[Scene]:
     ]  # fmt: skip
     scenes = [
         Scene(f"{name} {seed}", *make(np.random.default_rng([seed, 100 + number])), expected)
-        for seed in range(3)
+        for seed in range(first, first + 3)
         for number, (name, make, expected) in enumerate(faults)
     ]
     return scenes[:60]

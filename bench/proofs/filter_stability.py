@@ -1,8 +1,8 @@
 """Design filters of every usual family and compare the verdict on their stability with exact arithmetic.
 
-Run it as `python bench/proofs/filter_stability.py`: orders 2 to 20, five families, low, high and band pass, cut-offs
-over six decades of the rate; coefficients in z, in s, and as sections. Prints one row a family and the share that is
-right; ends with 1 where a verdict is wrong. Two minutes on two cores.
+Run it as `python bench/proofs/filter_stability.py [SEED]`: orders 2 to 20, five families, low, high and band pass,
+cut-offs over six decades of the rate, both drawn where a seed is given; coefficients in z, in s, and as sections.
+Prints one row a family and the share that is right; ends with 1 where a verdict is wrong. Two minutes on two cores.
 """
 
 from __future__ import annotations
@@ -39,6 +39,14 @@ def filters(orders: Sequence[int], cut_offs: Sequence[float]) -> Iterator[tuple[
             for kind in PASSES:
                 for cut in cut_offs:
                     yield from ((family, given, table) for given, table in _tables(family, order, kind, cut))
+
+
+def drawn(seed: int) -> tuple[list[int], list[float]]:
+    """Return other orders and cut-offs, over the same ranges."""
+    dice = np.random.default_rng(seed)
+    orders = dice.choice(np.arange(ORDERS[0], ORDERS[-1] + 1), len(ORDERS), replace=False)
+    cut_offs = np.exp(dice.uniform(math.log(CUT_OFFS[0]), math.log(CUT_OFFS[-1]), len(CUT_OFFS)))
+    return sorted(orders.tolist()), sorted(cut_offs.tolist())
 
 
 def _tables(family: str, order: int, kind: str, cut: float) -> Iterator[tuple[str, dict[str, object]]]:
@@ -149,7 +157,7 @@ def main() -> int:
     """Judge all of them."""
     began = time.monotonic()
     counts: dict[str, list[int]] = {family: [0, 0, 0, 0] for family in FAMILIES}
-    every = list(filters(ORDERS, CUT_OFFS))
+    every = list(filters(*(drawn(int(sys.argv[1])) if len(sys.argv) > 1 else (ORDERS, CUT_OFFS))))
     with ProcessPoolExecutor(os.cpu_count(), initializer=threadpool_limits, initargs=(1,)) as pool:
         answers = list(pool.map(judged, (table for _, _, table in every), chunksize=16))
     for (family, given, table), (right, said) in zip(every, answers, strict=True):

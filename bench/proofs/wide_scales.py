@@ -1,6 +1,6 @@
 """Run random fixed-point laws over twelve decades of scale against their C, under the sanitizers.
 
-    python -m bench.proofs.wide_scales          500 laws from one seed; a number takes another count
+    python -m bench.proofs.wide_scales [LAWS] [SEED]          500 laws of seed 12 by default
 
 Signals, gains and limits are each drawn from 1e-6 to 1e6 times those of `random_laws.py` and of every example,
 both words, both roundings. A law that design or quantize refuses is counted with its reason and drawn again. Exit
@@ -150,11 +150,12 @@ def _block(program: Program) -> Block:
 
 def main() -> int:
     """Print a line per kind, every fault, and every refusal once."""
-    wanted = int(sys.argv[1]) if len(sys.argv) > 1 else LAWS
+    asked = [int(word) for word in sys.argv[1:]]
+    wanted, seed = (asked + [LAWS, SEED][len(asked) :])[:2]
     programs: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     failed, start = 0, time.perf_counter()
-    for draw in wide_draws(SEED):
+    for draw in wide_draws(seed):
         if programs.total() >= wanted:
             break
         if draw.law is None:
