@@ -139,4 +139,6 @@ def _check_rows(path: Path, table: RawTable) -> None:
         if len(bad):
             where = f"{table.place} {table.places[bad[0]]}, column {name}"
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-            raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{more}; delete those rows or fill them in")
+            few = 2 * len(bad) < rows
+            remedy = "delete those rows or fill them in" if few else "fill it in, or leave the column out of the file"
+            raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{more}; {remedy}")

@@ -16,6 +16,8 @@ from firmloop.identify.recordings.table import RawTable
 Array = NDArray[np.float64]
 
 _BITS = (32, 16, 24, 31, 20, 12, 10, 8)
+_CALENDAR = {60.0: "a minute", 3600.0: "an hour", 43200.0: "half a day", 86400.0: "a day"}  # s
+_CYCLES = {2.0**32 / (1e6 * f): f"2^32 cycles of a clock of {f} MHz" for f in range(1, 1001)}  # s
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
@@ -103,13 +105,24 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
 
 
 def _wrap(time: Array, falls: Array, usual: float, count: float) -> tuple[float, str] | None:
-    """Return by how much the clock falls, s, where that is a power of two of its ticks, and which one."""
+    """Return by how much the clock falls, s, and what that is.
+
+    It is a power of two of its ticks; or the end of a minute, an hour or a day, or of a counter of processor cycles:
+    then the row after it comes one step later, and the first row not where such a clock begins, as a recording would.
+    """
+    span = float(time.max() - time.min())
+    begins = time[1:][np.diff(time) < 0.0]
+    anew = bool(np.all(np.abs(begins - time[0]) < 0.5 * usual))
     for tick, bits in product((count, 1e-6, 1e-3, 1.0, 1e-9), _BITS):
         size = tick * 2.0**bits
         across = falls + size
-        near = bool(np.all((across > 0.0) & (across <= min(_STRETCH * usual, 0.5 * size)))) and usual < 0.25 * size
-        if near and float(time.max() - time.min()) < size * (1.0 + 1e-9):
+        most = 1.5 * usual if anew else min(_STRETCH * usual, 0.5 * size)
+        if np.all((across > 0.0) & (across <= most)) and usual < 0.25 * size and span < size * (1.0 + 1e-9):
             return size, f"2^{bits} ticks of {tick:g} s"
+    for size, says in {**_CALENDAR, **_CYCLES}.items():
+        next_row = bool(np.all(np.abs(falls + size - usual) < 0.5 * usual)) and usual < 0.25 * size
+        if next_row and span < size and time[0] > float(begins.max()) + _STRETCH * usual:
+            return size, says
     return None
 
 

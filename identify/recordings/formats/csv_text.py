@@ -16,11 +16,15 @@ from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
+_SAMPLE = 200  # rows that say what a column holds
+_STARTING = 60  # lines of noise that a board may send before it speaks
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def read_csv(content: bytes) -> RawTable | Misread:
     """Parse a header line and rows of numbers; blank lines are skipped, line numbers count them."""
+    if b"\n" not in content:
+        content = content.replace(b"\r", b"\n")  # a line's end on old Macs and some terminals
     if wrong := text_extent(content):
         return wrong
     text, encoding = _decoded(content)
@@ -46,7 +50,6 @@ def read_csv(content: bytes) -> RawTable | Misread:
 
 def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
     """Return the text and what is told of its encoding."""
-    is_text = Misread("", "is not text", "save the recording as UTF-8 comma-separated text")
     half = content[1:4000:2].count(0), content[0:4000:2].count(0)
     sixteen = content.startswith(_UTF_16) or max(half) > 0.4 * len(content[1:4000:2]) > 4
     try:
@@ -58,11 +61,33 @@ def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
     except UnicodeDecodeError as error:
         text = content.decode("cp1252", errors="replace")
         if sixteen or any(ord(sign) < 32 and sign not in "\r\n\t" for sign in text) or "\ufffd" in text:
-            return replace(is_text, where=f"byte {error.start}"), ()
+            return _without_noise(content, error.start)
         return text, ("is not UTF-8; its signs beyond ASCII are read as Windows-1252",)
     if "\0" in text:
-        return replace(is_text, where=f"byte {text.index(chr(0))}"), ()
+        return _without_noise(content, content.find(b"\0"))
     return text, ("is UTF-16 text",) if sixteen else ()
+
+
+def _without_noise(content: bytes, first: int) -> tuple[str | Misread, tuple[str, ...]]:
+    """Leave aside the first lines, as far as they hold what is no text: a serial port's noise while a board starts."""
+    lines = content.split(b"\n")
+    bad = [k for k, line in enumerate(lines) if b"\0" in line or not _is_text(line)]
+    start = bad[-1] + 1
+    if start > min(_STARTING, 3 * len(bad)) or start >= len(lines):
+        where, remedy = f"byte {first}", "save the recording as UTF-8 comma-separated text"
+        if 2 * len(bad) < len(lines):
+            where, remedy = f"line {bad[0] + 1}", "delete the line if the serial port has garbled it"
+        return Misread(where, "is not text", remedy), ()
+    told = "its first line is" if start == 1 else f"its first {start} lines are"
+    return "\n" * start + b"\n".join(lines[start:]).decode(), (f"{told} left aside, for bytes that are no text",)
+
+
+def _is_text(line: bytes) -> bool:
+    try:
+        line.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
@@ -103,7 +128,7 @@ def _culprit(
         for name, cell in zip(names, cells, strict=True):
             if not _is_number(cell.strip().strip('"')):
                 wrong = f"is {cell.strip()[:40]!r}, not a number" if cell.strip() else "is empty"
-                remedy = "write a number with '.' or delete the row"
+                remedy = _remedy(name, names.index(name), rows, dialect)
                 if _CLOCK.search(cell):
                     remedy = "write seconds, or leave the column out and give recordings.period_s"
                 return Misread(f"line {number}, column {name}", wrong, remedy)
@@ -111,6 +136,15 @@ def _culprit(
                 wrong = f"is {cell.strip()[:40]!r}, a number in quotes"
                 return Misread(f"line {number}, column {name}", wrong, "write numbers without quotes")
     return Misread("", f"cannot be parsed: {says}", "write plain decimal numbers separated by commas")
+
+
+def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:
+    """Name the cure that keeps the rows: one cell is a slip, most of a column is another kind of column."""
+    cells = [(*row.split(dialect.delimiter), *[""] * len(rows[0]))[place] for row in rows[:_SAMPLE]]
+    wrong = sum(not _is_number(cell.strip().strip('"')) for cell in cells)
+    if 2 * wrong < len(cells) or len(cells) < 2:
+        return "write a number with '.' or delete the row"
+    return f"so are {wrong} of {len(cells)} rows: write numbers there, or leave {name} out of the file; keep the rows"
 
 
 def _is_number(cell: str) -> bool:

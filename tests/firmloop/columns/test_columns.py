@@ -53,6 +53,14 @@ WRAPS: dict[str, tuple[np.ndarray, str, str]] = {  # counts in the file, its nam
         "micros",
         'micros = { name = "time_s", unit = "us" }',
     ),
+    "seconds of a minute": ((58.5 + TIME) % 60.0, "time_s", ""),
+    "seconds of a day, as milliseconds": (
+        (86398.5 + TIME) % 86400.0 * 1e3,
+        "t",
+        't = { name = "time_s", unit = "ms" }',
+    ),
+    "cycles at 84 MHz": ((50.1 + TIME) % (2.0**32 / 84e6), "time_s", ""),
+    "cycles at 168 MHz": ((24.6 + TIME) * 168e6 % 2**32, "n", f'n = {{ name = "time_s", scale = {1 / 168e6!r} }}'),
 }
 
 
@@ -80,6 +88,10 @@ STANDS: dict[str, tuple[list[str], str]] = {
     "a fall that no power of two explains": (
         [f"{k * 65.5 % 65.536:.3f},1,1" for k in range(40)],
         "goes back 38 times",
+    ),
+    "two recordings of a minute": (
+        [f"{k * 0.5 % 60.0:.1f},{VOLT[k % 60]:.9g},1" for k in range(240)],
+        "holds 2 recordings: split it before line 122",
     ),
     "one stamp wrong": ([*ROWS[:20], f"0.95,{ROWS[20].partition(',')[2]}", *ROWS[21:]], "one stamp is wrong"),
 }

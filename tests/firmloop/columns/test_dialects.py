@@ -48,6 +48,10 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
     "UTF-16 without its mark": (PLAIN.encode("utf-16-le"), "UTF-16"),
     "BOM, semicolons and a line of units": ("\ufeff" + UNITS, "line of units"),
     "Windows-1252": (UNITS.encode("cp1252"), "Windows-1252"),
+    "noise of a board that starts": (
+        b"\xff\x8c\x00l\xe3\r\n\x9e\x02rst\x00\r\n" + PLAIN.encode(),
+        "first 2 lines are left",
+    ),
     "CRLF, tabs": (PLAIN.replace(",", "\t").replace("\n", "\r\n"), "tabs"),
 }
 
@@ -68,8 +72,9 @@ def test_a_packed_dialect_reads_alike(bench: Callable[..., tuple]) -> None:
     alike(columns)
 
 
-def test_a_plain_file_is_read_without_a_note(bench: Callable[..., tuple]) -> None:
-    status, columns, said = bench(PLAIN)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_plain_file_is_read_without_a_note(end: str, bench: Callable[..., tuple]) -> None:
+    status, columns, said = bench(PLAIN.replace("\n", end).encode())
     assert status == 0 and "note" not in said
     alike(columns)
 
@@ -176,6 +181,20 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "LabVIEW with a time each": (
         LVM.format(decimal=".", columns="Multi") + "\n".join(ROWS),
         ("a time column for each",),
+    ),
+    "a column of words": (
+        "\n".join([f"{HEADER},mode", *(f"{row},RUN" for row in ROWS)]),
+        ("column mode: is 'RUN'", "so are 60 of 60 rows", "leave mode out", "keep the rows"),
+    ),
+    "a column that is mostly empty": (
+        "\n".join([f"{HEADER},a_C", *(f"{row},{'' if k % 9 else 1}" for k, row in enumerate(ROWS))]),
+        ("is empty; so are 53 of 60 rows", "leave a_C out"),
+    ),
+    "a column of no numbers": ("\n".join([f"{HEADER},a", *(f"{row},nan" for row in ROWS)]), ("leave the column out",)),
+    "one empty cell": (PLAIN.replace(ROWS[7], f"{ROWS[7].partition(',')[0]},,1"), ("line 9", "or delete the row")),
+    "a line that is garbled": (
+        PLAIN.encode().replace(ROWS[30].encode(), b"\xff\x00\x81"),
+        ("line 32: is not text", "delete the line"),
     ),
     "UTF-16 cut in the middle of a sign": (PLAIN.encode("utf-16")[:-1], ("is not text",)),
 }
