@@ -130,6 +130,19 @@ def swing(random, rows=1200, step=0.01, memory=0.0, frequency=6.0, damping=0.3, 
     return table, np.arange(rows) * step, {"valve_V": drive, "level": level + noise(random, rows, 0.03, memory)}
 
 
+def kiln(random, rows=1200, step=0.5, lag=20.0, second=5.0, gain=2.5):
+    """Two lags, with the heater on or off."""
+    drive = steps(random, rows, (0.0, 40.0), 100)
+    level = held([[-1 / lag, 0.0], [1 / second, -1 / second]], [gain / lag, 0.0], [[0.0, 1.0]], drive, step)[:, 0]
+    values = {"gain": gain, "time_constant_s": lag, "second_time_constant_s": second}
+    fixed = {name: {"value": 0.0, "free": False} for name in ("zero_time_constant_s", "delay_s")}
+    table = {
+        "kind": "process", "input": "heater_W", "outputs": ["temperature_C"],
+        "parameters": {**off(random, values, most=2.5), **fixed},
+    }  # fmt: skip
+    return table, np.arange(rows) * step, {"heater_W": drive, "temperature_C": level + noise(random, rows, 0.05, 0.0)}
+
+
 def stage(random, rows=1500, step=0.002, memory=0.0, levels=(-6.0, -2.0, 3.0, 6.0)):
     """A mass on a guide, seen by its position and its speed."""
     mass, damping = 1.5, 4.0

@@ -301,6 +301,9 @@ def _result(
         _estimated(parameter, float(best.constants[index]), deviations.get(index, math.nan))
         for index, parameter in enumerate(plant.parameters)
     )
+    if not _possible(plant, parameters):
+        inside = zip(parameters, best.constants.tolist(), strict=True)
+        parameters = tuple(replace(parameter, value=value) for parameter, value in inside)
     every = np.concatenate(residuals)
     unknowns = (count + best.starts.size) / every.shape[1]
     noise = np.sqrt(np.sum(every**2, axis=0) / max(len(every) - unknowns, 1.0)) / problem.weights
@@ -326,6 +329,13 @@ def _result(
         starts=costs,
         warnings=(*_warnings(fitted, problem.free, found), *poor),
     )
+
+
+def _possible(plant: Plant, parameters: Sequence[Parameter]) -> bool:
+    """Tell whether the equations hold at these values: not where one divides by a time constant of zero."""
+    values = [parameter.value for parameter in parameters[: plant.rate.numel_in(2)]]
+    rate = plant.rate(np.ones(plant.rate.numel_in(0)), np.ones(plant.rate.numel_in(1)), values)
+    return bool(np.all(np.isfinite(np.array(rate))))
 
 
 def _estimated(parameter: Parameter, value: float, deviation: float) -> Parameter:

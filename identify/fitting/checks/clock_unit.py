@@ -49,4 +49,6 @@ def _unexplained(evidence: Evidence, recording: Recording) -> list[float] | None
     return [1.0 - max(fit, 0.0) ** 2 for fit in fits]
 
 
-CHECK = Check("clock_unit", look, ("motor_constants", "rest", "drift", "structure", "excitation"), False)
+CHECK = Check(
+    "clock_unit", look, ("sign", "scale", "motor_constants", "rest", "drift", "structure", "excitation"), False
+)

@@ -27,11 +27,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     doubt = math.hypot(*((p.deviation or 0.0) / p.value for p in (ke, kt)))
     if abs(math.log(ratio)) - _SURE * doubt < math.log(_MOST):
         return ()
-    unit = unit_of_factor(1.0 / ratio, _UNIT)
+    factor = math.sqrt(ratio) if kt.free else ratio  # beside a given inertia a slower shaft takes from kt, too
+    unit = unit_of_factor(1.0 / factor, _UNIT)
     says = f"ke / kt is {ratio:.4g}, and 1 where no power is lost or made: "
     if unit is not None and unit != "per minute":
         return (f"{says}the speed looks {unit}; give the column its unit in [recordings.rename]",)
-    gear = ratio * held[GEAR].value if GEAR in held else ratio
+    gear = factor * held[GEAR].value if GEAR in held else factor
     return (
         f"{says}the speed may be read behind a gear: write {GEAR} = {{ value = {gear:.4g}, free = false }} in "
         "[plant.parameters], or correct kt_N_m_A or the unit of the speed or of the current",

@@ -10,11 +10,12 @@ import numpy as np
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, explained, independent, remainders
-from firmloop.identify.fitting.fit import Fit, estimate
+from firmloop.identify.fitting.fit import Fit, estimate, judge
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.signal import Signal
 from firmloop.identify.units import ending_of
 
 _HINT = 6.0  # independent samples times the share explained, from which a fit with the level is worth its time
@@ -29,14 +30,14 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     parts = remainders(evidence)
     plant = evidence.fit.plant
     weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
-    found = []
+    found, refused = [], _refused(evidence)
     for k in range(len(plant.outputs)):
         columns = [np.zeros_like(part.residual) for part in parts]
         for column in columns:
             column[:, k] = 1.0
         hint = explained(parts, weights, columns)
         samples = independent([part.residual[:, k] for part in parts])
-        if hint.share * samples < _HINT and hint.share < _SHARE:
+        if hint.share * samples < _HINT and hint.share < _SHARE and not refused:
             continue
         said = _fitted(evidence, k, hint.size)
         found += [said] if said else []
@@ -57,11 +58,8 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
         return ""
     ending = ending_of(output.name)
     name = OUTPUT if in_kind else f"sensor_offset.{output.name}.offset{f'_{ending}' if ending else ''}"
-    wider = _with_level(before.plant, output.unit) if in_kind else _with_offset(before.plant, output.name, name)
-    wider = replace(wider, parameters=tuple(replace(p, value=level) if p.name == name else p for p in wider.parameters))
-    try:
-        after = estimate(wider, evidence.recordings, [], evidence.conditioning)
-    except IdentifyError:
+    after = _best_with(evidence, output, name, in_kind, level)
+    if after is None:
         return ""
     found = next(p for p in after.plant.parameters if p.name == name)
     spread = max(float(np.ptp(recording.columns[output.name])) for recording in evidence.recordings)
@@ -79,6 +77,34 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
         f'constant load or friction; for an offset write [[plant.effects]] with name = "sensor_offset", output = '
         f'"{output.name}" and {name.rpartition(".")[2]} = {{ value = {value}, free = true }}'
     )
+
+
+def _refused(evidence: Evidence) -> bool:
+    """Tell whether the fit would be refused: it may have gone astray for want of a level."""
+    assert evidence.fit is not None
+    try:
+        judge(evidence.fit, evidence.recordings, evidence.conditioning)
+    except IdentifyError:
+        return True
+    return False
+
+
+def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, level: float) -> Fit | None:
+    """Fit with the level, from the fit without it and from the plant as given: the fit may be far astray."""
+    assert evidence.fit is not None
+    reading = float(np.mean(evidence.recordings[0].columns[output.name]))
+    ways: list[Fit] = []
+    for plant, start in ((evidence.fit.plant, level), (evidence.given, reading)):
+        wider = _with_level(plant, output.unit) if in_kind else _with_offset(plant, output.name, name)
+        begin = tuple(replace(p, value=start) if p.name == name else p for p in wider.parameters)
+        try:
+            after = estimate(replace(wider, parameters=begin), evidence.recordings, [], evidence.conditioning)
+        except IdentifyError:
+            continue
+        ways.append(after)
+        if _gain(evidence, evidence.fit, after) >= _CERTAIN:
+            break
+    return min(ways, key=lambda each: each.noise[output.name], default=None)
 
 
 def _gain(evidence: Evidence, before: Fit, after: Fit) -> float:

@@ -48,6 +48,4 @@ def _has_no_sign(pairs: Sequence[tuple[Array, Array]]) -> bool:
     return bool(np.min(model) < 0.0 < np.max(model)) and alike(real, np.abs(model))[0] > _FOLLOWS
 
 
-CHECK = Check(
-    "sign", look, ("clock_unit", "scale", "motor_constants", "rest", "drift", "structure", "excitation"), False
-)
+CHECK = Check("sign", look, ("scale", "motor_constants", "rest", "drift", "structure", "excitation"), False)

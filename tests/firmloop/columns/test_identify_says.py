@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import MOTOR, changed, closed_loop, faulty, heater, motor, sound, stage, swing
+from bench.host.identify_faults import MOTOR, changed, closed_loop, faulty, heater, kiln, motor, sound, stage, swing
 from firmloop.cli import main
 from firmloop.identify.fitting.checks import checks
 
@@ -58,6 +58,9 @@ WARM = {
     "cooler": (lambda: changed(heater(seeded(2)), temperature_C=lambda v: v - 8.0), "temperature_C", -8.0, 0.62),
     "swing": (lambda: changed(swing(seeded(3)), level=lambda v: v + 1.5), "level", 1.5, 2.0),
     "lazy": (lambda: changed(heater(seeded(4), lag=300.0), temperature_C=lambda v: v + 9), "temperature_C", 9.0, 0.62),
+    "kelvin": (lambda: changed(kiln(seeded(1)), temperature_C=lambda v: v + 293.15), "temperature_C", 293.15, 2.5),
+    "freezer": (lambda: changed(kiln(seeded(6)), temperature_C=lambda v: v - 18.0), "temperature_C", -18.0, 2.5),
+    "valve from its middle": (lambda: changed(swing(seeded(5)), valve_V=lambda v: v + 6.0), "level", -12.0, 2.0),
 }  # fmt: skip
 
 
@@ -102,6 +105,15 @@ def test_a_gear_is_told_and_its_key_gives_the_motor_back(gear, tmp_path, capsys)
     assert found["J_kg_m2"] == pytest.approx(MOTOR["J_kg_m2"], rel=0.03)
 
 
+def test_a_gear_is_told_beside_a_given_inertia(tmp_path, capsys):
+    table, time, columns = motor(seeded(5), gear=51.0)
+    inertia = {"value": MOTOR["J_kg_m2"], "free": False}
+    freed = {**table["parameters"]["kt_N_m_A"], "free": True}
+    table = {**table, "parameters": {**table["parameters"], "J_kg_m2": inertia, "kt_N_m_A": freed}}
+    says, _ = identified(written(tmp_path / "plain", (table, time, columns)), capsys)
+    assert len(says) == 1 and "write gear_ratio = { value = 51" in says[0], says
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -120,6 +132,23 @@ def test_time_in_milliseconds_is_told(tmp_path, capsys):
     table, time, columns = motor(seeded(7))
     says, _ = identified(written(tmp_path / "ms", (table, 1e3 * time, columns)), capsys)
     assert says[0].startswith("time_s of ") and "looks like milliseconds" in says[0]
+
+
+def test_a_second_lag_that_goes_to_zero_is_told(tmp_path, capsys):
+    table, time, columns = heater(seeded(8))
+    lags = {"gain": 0.5, "time_constant_s": 100.0, "second_time_constant_s": 3.0, "delay_s": 10.0}
+    free = {name: {"value": value, "free": True} for name, value in lags.items()}
+    _, found = identified(
+        written(tmp_path / "run", ({**table, "kind": "process", "parameters": free}, time, columns)), capsys
+    )
+    assert found["gain"] == pytest.approx(0.62, rel=0.02)
+    assert found["time_constant_s"] + found["second_time_constant_s"] == pytest.approx(140.0, rel=0.03)
+
+
+def test_time_in_minutes_is_told_and_not_as_a_sign(tmp_path, capsys):
+    scene = next(each for each in faulty(8124) if each.name == "time in minutes 8124")
+    says, _ = identified(written(tmp_path / "run", (scene.table, scene.time, scene.columns)), capsys)
+    assert "looks like minutes" in says[0] and not any("sign" in said for said in says), says
 
 
 def test_an_offset_of_a_current_is_told_as_an_effect_that_mends_it(tmp_path, capsys):
