@@ -22,7 +22,7 @@ from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
 
 Raw = NDArray[Any]
 AT_ONCE = 4096  # lanes: 32 kB a value
-MANY = 20_000  # steps of all lanes; fewer take numpy less time than loading the compiled code
+MANY = 2000  # steps of all lanes; fewer take numpy less time than building the compiled code once
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class Machine:
         ready = Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, self.state, slots)
 
         def watched(inputs: list[Raw], state: list[Raw]) -> list[Any]:
-            found, _, _ = ready.run(np.stack(inputs)[None], np.array(state, dtype=kind), keeps=False)
+            found = ready.results(np.stack(inputs)[None], np.array(state, dtype=kind))
             values: list[Any] = [None] * len(self.slots)
             for slot, value in zip(slots, found[0], strict=True):
                 values[slot] = value
@@ -214,16 +214,18 @@ def _run_compiled(
     """Run `program` as `run` does."""
     lanes, steps, _ = inputs.shape
     kind = working_type(program)
-    begin = np.array(start_state(program, lanes) if start is None else start, dtype=kind).reshape(-1, lanes)
-    ranges = np.array([(v.low, v.high) for v in program.parameters], dtype=kind)
-    outputs = np.empty((steps, len(program.outputs), lanes), dtype=_member_type(program))
-    before = np.empty((steps, len(program.state), lanes), dtype=kind)
-    status = np.empty((steps, lanes), dtype=np.uint32)
-    for part in parts(lanes):
-        columns = np.moveaxis(inputs[part], (1, 2), (0, 1))
-        asked = None if settings is None else np.moveaxis(settings[part], (1, 2), (0, 1))
-        outputs[..., part], status[:, part], before[..., part] = ready.run(columns, begin[:, part], True, asked, ranges)
-    return Trace(np.moveaxis(outputs, 2, 0), np.moveaxis(status, 1, 0), np.moveaxis(before, 2, 0))
+    begin = np.array(start_state(program, lanes) if start is None else start, dtype=kind)
+    trace = Trace(
+        np.empty((lanes, steps, len(program.outputs)), dtype=_member_type(program)),
+        np.zeros((lanes, steps), dtype=np.uint32),
+        np.empty((lanes, steps, len(program.state)), dtype=kind),
+    )
+    asked, ranges = None, np.array([(v.low, v.high) for v in program.parameters], dtype=kind)
+    if settings is not None:
+        asked = np.moveaxis(settings, 0, 2)
+    views = (np.moveaxis(trace.outputs, 0, 2), trace.status.T, np.moveaxis(trace.state, 0, 2))
+    ready.run(np.moveaxis(inputs, 0, 2), begin, *views, asked, ranges)
+    return trace
 
 
 def parts(whole: int, at_once: int = AT_ONCE) -> list[slice]:

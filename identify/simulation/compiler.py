@@ -89,10 +89,15 @@ def run_compiler(command: Sequence[str], folder: Path) -> str:
 
 
 def shared_library(files: Mapping[str, str], sources: Sequence[str], flags: Sequence[str]) -> Path:
-    """Compile `sources` (names in `files`) into one library; what was built once is taken from the cache.
+    """Compile `sources` (names in `files`) into one library; what was built once is taken from the cache."""
+    return built(files, sources, ("-shared", "-fPIC", *flags))
 
-    The cache key is every text, the flags and the compiler's version. The library is built in a folder of its own and
-    renamed, so that two processes building the same one do not disturb each other.
+
+def built(files: Mapping[str, str], sources: Sequence[str], flags: Sequence[str]) -> Path:
+    """Compile and link `sources` (names in `files`); what was built once is taken from the cache.
+
+    The cache key is every text, the flags and the compiler's version. It is built in a folder of its own and renamed,
+    so that two processes building the same do not disturb each other.
     """
     parts = [compiler_version("gcc"), *flags, *sources, *(f"{name}\n{text}" for name, text in sorted(files.items()))]
     key, kept = "\0".join(parts), cache_folder()
@@ -105,7 +110,7 @@ def shared_library(files: Mapping[str, str], sources: Sequence[str], flags: Sequ
                 target = folder / relative
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_text(text, encoding="utf-8")
-            run_compiler(["gcc", "-shared", "-fPIC", *flags, "-o", "library.so", *sources, "-lm"], folder)
+            run_compiler(["gcc", *flags, "-o", "library.so", *sources, "-lm"], folder)
             return keep_library(folder / "library.so", kept, key)
     except OSError as error:
         raise ToolError(

@@ -125,14 +125,10 @@ def test_this_machine_is_tried_once_for_all_targets(
 def test_missing_sanitizers_are_said_and_are_no_find(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    real = sanitized.run_compiler
+    def without(*given: object) -> Path:
+        raise sanitized.ToolError("gcc failed with status 1:\n/usr/bin/ld: cannot find -lasan: No such file")
 
-    def without(command: list[str], folder: Path) -> str:
-        if any("-fsanitize" in flag for flag in command):
-            raise sanitized.ToolError("gcc failed with status 1:\n/usr/bin/ld: cannot find -lasan: No such file")
-        return real(command, folder)
-
-    monkeypatch.setattr(sanitized, "run_compiler", without)
+    monkeypatch.setattr(sanitized, "built", without)
     status, verdict = verified(project, tmp_path / "out", "host")
     said = capsys.readouterr()
     assert (status, verdict["differences"], verdict["sanitized_steps"]) == (3, 0, 0)

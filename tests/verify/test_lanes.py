@@ -45,8 +45,7 @@ def computed(kind: str, name: str, given: Raw, shift: int) -> Raw:
     places = tuple(range(len(given)))
     step = RowStep(name, len(given), places, shift)
     ready = Compiled(code, np.dtype(kind), [step], {}, places, (), (), [len(given)])
-    found, _, _ = ready.run(given[None], np.empty((0, given.shape[1])), keeps=False)
-    return np.asarray(found[0, 0])
+    return np.asarray(ready.results(given[None], np.empty((0, given.shape[1])))[0, 0])
 
 
 def same(one: Raw, other: Raw) -> None:
@@ -120,7 +119,7 @@ def test_a_law_runs_on_its_own_state_as_numpy_has_it() -> None:
     ready = compiled_law(graph, len(law.state), len(law.inputs), range(len(law.state)))
     assert ready is not None
     state = [np.full(300, x) for x in law.start]
-    found, _, _ = ready.run(inputs, np.array(state), keeps=False)
+    found = ready.results(inputs, np.array(state))
     means = evaluator(graph)
     for k in range(50):
         following, outputs, *_ = means([state, list(inputs[k])])

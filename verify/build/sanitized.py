@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from firmloop.codegen.bundle import Bundle, write_files
+from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.host import host_files
-from firmloop.identify.simulation.compiler import ToolError, run_compiler
+from firmloop.identify.simulation.compiler import ToolError, built
 from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.quantize.program import Program
 from firmloop.verify.block import Block, total_steps
@@ -85,17 +85,15 @@ def run_sanitized(program: Program, bundle: Bundle, blocks: Sequence[Block]) -> 
         struct.pack("<II", *part.inputs.shape[:2]) + records(program, part.inputs, part.settings) for part in parts
     )
     with scratch_folder(Path(tempfile.gettempdir()), "firmloop") as folder:
-        write_files(host_files(bundle), folder)
-        sources = (*bundle.sources, "host.c", "host_main.c")
         try:
-            run_compiler(["gcc", *SANITIZED_FLAGS, "-o", "sanitized", *sources, "-lm"], folder)
+            program_file = built(host_files(bundle), (*bundle.sources, "host.c", "host_main.c"), SANITIZED_FLAGS)
         except ToolError as error:
             if _NO_SANITIZERS.search(str(error)):
                 missing = f"this gcc has no sanitizers; install libasan and libubsan: {error}"
                 return SanitizedRun((), np.zeros(0, record_type(program)), 0, "", missing)
             raise
         kind = record_type(program)
-        status, said = _run(folder, given, total_steps(parts) * kind.itemsize)
+        status, said = _run(program_file, folder, given, total_steps(parts) * kind.itemsize)
         written = (folder / "records").read_bytes()
     done = np.frombuffer(written, np.uint64, 1)[0]
     return SanitizedRun(parts, np.frombuffer(written, kind, int(done), COUNTER_BYTES), status, said)
@@ -128,7 +126,7 @@ def _lanes(program: Program, blocks: Sequence[Block]) -> list[Block]:
     ]
 
 
-def _run(folder: Path, given: bytes, answered: int) -> tuple[int | None, str]:
+def _run(program_file: Path, folder: Path, given: bytes, answered: int) -> tuple[int | None, str]:
     """Return the status, None where the program did not end in time, and what it said.
 
     It leaves the number of records that are done and `answered` bytes of records.
@@ -138,7 +136,7 @@ def _run(folder: Path, given: bytes, answered: int) -> tuple[int | None, str]:
         sink.truncate(COUNTER_BYTES + answered)
         try:
             done = subprocess.run(
-                [str(folder / "sanitized")],
+                [str(program_file)],
                 stdin=source,
                 stdout=sink,
                 stderr=subprocess.PIPE,
@@ -150,7 +148,7 @@ def _run(folder: Path, given: bytes, answered: int) -> tuple[int | None, str]:
             return None, ""
         except OSError as error:
             return 1, f"{error.strerror}"
-    return done.returncode, done.stderr.decode(errors="replace").replace(f"{folder}/", "")
+    return done.returncode, done.stderr.decode(errors="replace")
 
 
 def _compared(program: Program, parts: Sequence[Block], traces: Sequence[Trace], got: Any) -> tuple[int, First | None]:

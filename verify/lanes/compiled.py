@@ -18,6 +18,7 @@ from firmloop.verify.lanes.codes import CODES, REAL, WHOLE
 Raw = NDArray[Any]
 FLAGS = ("-std=c99", "-O3", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
 FUNCTIONS = {"i8": "lanes_i64", "f4": "lanes_f32", "f8": "lanes_f64"}
+KINDS = ("i2", "i4", "i8", "f4", "f8", "u4")  # the last one of status words, which are always whole
 WIDTH = 128  # lanes of a row, as in lanes.c
 _SOURCES = ("lanes.c", "steps.h")
 
@@ -47,6 +48,10 @@ class _Plan(ctypes.Structure):
         ("bits", ctypes.c_void_p),
         ("bit_count", ctypes.c_int64),
     ]
+
+
+class _Array(ctypes.Structure):
+    _fields_ = [("first", ctypes.c_void_p), *((name, ctypes.c_int64) for name in ("kind", "step", "column", "lane"))]
 
 
 def library() -> ctypes.CDLL | None:
@@ -96,28 +101,43 @@ class Compiled:
             self._rows[row] = value
         self._kept = np.zeros((max(1, len(states)), WIDTH), kind)
         self._kind, self._run = kind, getattr(code, FUNCTIONS[kind.str[1:]])
-        self._results, self._states = len(results), len(states)
+
+    def results(self, inputs: Raw, state: Raw) -> Raw:
+        """Return the results (steps, r, lanes) from `inputs` (steps, m, lanes) and the first `state` (n, lanes)."""
+        results = np.empty((len(inputs), self._plan.result_count, inputs.shape[2]), self._kind)
+        self.run(inputs, state, results)
+        return results
 
     def run(
-        self, inputs: Raw, state: Raw, keeps: bool, asked: Raw | None = None, ranges: Raw | None = None
-    ) -> tuple[Raw, Raw, Raw | None]:
-        """Return results (steps, r, lanes), status (steps, lanes) and the state before each step, where it `keeps` it.
+        self,
+        inputs: Raw,
+        state: Raw,
+        results: Raw,
+        status: Raw | None = None,
+        before: Raw | None = None,
+        asked: Raw | None = None,
+        ranges: Raw | None = None,
+    ) -> None:
+        """Write the results, the status words, and where it is wanted the state before each step.
 
-        It takes `inputs` (steps, m, lanes), the first `state` (n, lanes) and what parameters are `asked` to be before
-        each step (steps, k, lanes), which is refused outside of their `ranges` (k, 2).
+        Arrays are views (steps, columns, lanes) of any layout and type, but that the status has no columns and the
+        first `state` (n, lanes) no steps. What parameters are `asked` to be before each step is refused outside of
+        their `ranges` (k, 2).
         """
-        inputs = np.ascontiguousarray(inputs, self._kind)
-        state = np.array(state, self._kind, order="C").reshape(self._states, inputs.shape[2])
-        asked, ranges = (None if x is None else np.ascontiguousarray(x, self._kind) for x in (asked, ranges))
         steps, _, lanes = inputs.shape
-        results = np.empty((steps, self._results, lanes), self._kind)
-        status = np.zeros((steps, lanes), np.uint32)
-        before = np.empty((steps, self._states, lanes), self._kind) if keeps else None
-        given = (self._rows, self._kept, inputs, asked, ranges, state, before, results, status)
-        rows, kept, *others = [ctypes.c_void_p(None if x is None else x.ctypes.data) for x in given]
+        words = None if status is None else status[:, None]
+        arrays = (inputs, asked, np.asarray(state).reshape(1, -1, lanes), before, results, words)
+        limits = None if ranges is None else np.ascontiguousarray(ranges, self._kind)
+        places = (self._rows, self._kept, limits)
+        rows, kept, ends = [ctypes.c_void_p(None if x is None else x.ctypes.data) for x in places]
         sizes = (ctypes.c_int64(lanes), ctypes.c_int64(steps))
-        self._run(ctypes.byref(self._plan), rows, kept, *sizes, *others)
-        return results, status, before
+        self._run(ctypes.byref(self._plan), rows, kept, *sizes, ends, *[ctypes.byref(_array(x)) for x in arrays])
+
+
+def _array(x: Raw | None) -> _Array:
+    if x is None:
+        return _Array(None, 0, 0, 0, 0)
+    return _Array(x.ctypes.data, KINDS.index(x.dtype.str[1:]), *[by // x.itemsize for by in x.strides])
 
 
 def runs(kind: np.dtype[Any], functions: Sequence[str]) -> bool:

@@ -33,6 +33,17 @@ typedef struct {
     int64_t bit_count;
 } plan_t;
 
+/* An array whose element (step, column, lane) stands at these distances, in elements, from the first. */
+typedef struct {
+    void *first; /* NULL where it is not wanted */
+    int64_t kind; /* as in KINDS of compiled.py */
+    int64_t step;
+    int64_t column;
+    int64_t lane;
+} array_t;
+
+enum { INT16, INT32, INT64, FLOAT, DOUBLE };
+
 #define ROW(place) (rows + (int64_t)(place) * WIDTH)
 #define EACH(number, expression)                \
     case number:                                \
@@ -41,21 +52,30 @@ typedef struct {
         }                                       \
         break;
 
+#define COPY(type, to, from)                  \
+    for (int64_t k = 0; k < width; k++) {     \
+        to = (type)(from);                    \
+    }                                         \
+    break
+
+#define PASTE(one, other) one##other
+#define JOIN(one, other) PASTE(one, other)
+
 #define NUMBER int64_t
-#define NAME lanes_i64
+#define KIND i64
 #define WHOLE 1
 #include "steps.h"
 #undef NUMBER
-#undef NAME
+#undef KIND
 #undef WHOLE
 
 #define WHOLE 0
 #define NUMBER float
-#define NAME lanes_f32
+#define KIND f32
 #include "steps.h"
 #undef NUMBER
-#undef NAME
+#undef KIND
 
 #define NUMBER double
-#define NAME lanes_f64
+#define KIND f64
 #include "steps.h"

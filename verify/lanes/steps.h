@@ -1,32 +1,60 @@
-/* steps.h -- the steps of lanes.c for one type of number: NUMBER, in a function NAME; WHOLE says that it is an integer. */
+/* steps.h -- the steps of lanes.c for one type of number: NUMBER, in functions that end in KIND; WHOLE: an integer. */
 
-/* inputs (steps, m, lanes), asked (steps, tuned, lanes) with the range of each or NULL, state (n, lanes) in and out,
- * before (steps, n, lanes), results (steps, r, lanes), status (steps, lanes). `rows` holds the constants. */
-void NAME(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t lanes, int64_t steps, const NUMBER *inputs,
-          const NUMBER *asked, const NUMBER *ranges, NUMBER *state, NUMBER *before, NUMBER *results, uint32_t *status);
+/* Reads `width` lanes of an array from `lane` on into a row. */
+static void JOIN(load_, KIND)(const array_t *from, int64_t step, int64_t column, int64_t lane, int64_t width, NUMBER *row)
+{
+    const int64_t at = step * from->step + column * from->column + lane * from->lane, by = from->lane;
+    switch (from->kind) {
+    case INT16: COPY(NUMBER, row[k], ((const int16_t *)from->first)[at + k * by]);
+    case INT32: COPY(NUMBER, row[k], ((const int32_t *)from->first)[at + k * by]);
+    case INT64: COPY(NUMBER, row[k], ((const int64_t *)from->first)[at + k * by]);
+    case FLOAT: COPY(NUMBER, row[k], ((const float *)from->first)[at + k * by]);
+    default: COPY(NUMBER, row[k], ((const double *)from->first)[at + k * by]);
+    }
+}
 
-void NAME(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t lanes, int64_t steps, const NUMBER *inputs,
-          const NUMBER *asked, const NUMBER *ranges, NUMBER *state, NUMBER *before, NUMBER *results, uint32_t *status)
+/* Writes a row where `load` would read it. */
+static void JOIN(keep_, KIND)(const array_t *to, int64_t step, int64_t column, int64_t lane, int64_t width, const NUMBER *row)
+{
+    const int64_t at = step * to->step + column * to->column + lane * to->lane, by = to->lane;
+    switch (to->kind) {
+    case INT16: COPY(int16_t, ((int16_t *)to->first)[at + k * by], row[k]);
+    case INT32: COPY(int32_t, ((int32_t *)to->first)[at + k * by], row[k]);
+    case INT64: COPY(int64_t, ((int64_t *)to->first)[at + k * by], row[k]);
+    case FLOAT: COPY(float, ((float *)to->first)[at + k * by], row[k]);
+    default: COPY(double, ((double *)to->first)[at + k * by], row[k]);
+    }
+}
+
+/* Of `state` the element (0, n, lane) is where a lane begins; `before` takes the state of each step. What parameters are
+ * asked to be is refused outside of their `ranges`. `rows` holds the constants, `kept` is room for the state. */
+void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t lanes, int64_t steps,
+                        const NUMBER *ranges, const array_t *inputs, const array_t *asked, const array_t *state,
+                        const array_t *before, const array_t *results, const array_t *status);
+
+void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t lanes, int64_t steps,
+                        const NUMBER *ranges, const array_t *inputs, const array_t *asked, const array_t *state,
+                        const array_t *before, const array_t *results, const array_t *status)
 {
     for (int64_t first = 0; first < lanes; first += WIDTH) {
         const int64_t width = (lanes - first < WIDTH) ? lanes - first : WIDTH;
         const size_t size = (size_t)width * sizeof(NUMBER);
         for (int64_t j = 0; j < plan->state_count; j++) {
-            memcpy(ROW(plan->states[j]), state + j * lanes + first, size);
+            JOIN(load_, KIND)(state, 0, j, first, width, ROW(plan->states[j]));
         }
         for (int64_t step = 0; step < steps; step++) {
             for (int64_t j = 0; j < plan->input_count; j++) {
-                memcpy(ROW(plan->inputs[j]), inputs + (step * plan->input_count + j) * lanes + first, size);
+                JOIN(load_, KIND)(inputs, step, j, first, width, ROW(plan->inputs[j]));
             }
-            for (int64_t j = 0; asked != NULL && j < plan->tuned_count; j++) {
-                const NUMBER *wish = asked + (step * plan->tuned_count + j) * lanes + first;
+            for (int64_t j = 0; asked->first != NULL && j < plan->tuned_count; j++) {
                 NUMBER *held = ROW(plan->states[plan->state_count - plan->tuned_count + j]);
+                JOIN(load_, KIND)(asked, step, j, first, width, kept);
                 for (int64_t k = 0; k < width; k++) {
-                    held[k] = (wish[k] >= ranges[2 * j] && wish[k] <= ranges[2 * j + 1]) ? wish[k] : held[k];
+                    held[k] = (kept[k] >= ranges[2 * j] && kept[k] <= ranges[2 * j + 1]) ? kept[k] : held[k];
                 }
             }
-            for (int64_t j = 0; before != NULL && j < plan->state_count; j++) {
-                memcpy(before + (step * plan->state_count + j) * lanes + first, ROW(plan->states[j]), size);
+            for (int64_t j = 0; before->first != NULL && j < plan->state_count; j++) {
+                JOIN(keep_, KIND)(before, step, j, first, width, ROW(plan->states[j]));
             }
             for (int64_t i = 0; i < plan->op_count; i++) {
                 const op_t *op = &plan->ops[i];
@@ -79,13 +107,14 @@ void NAME(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t lanes, int64_t
                 }
             }
             for (int64_t j = 0; j < plan->result_count; j++) {
-                memcpy(results + (step * plan->result_count + j) * lanes + first, ROW(plan->results[j]), size);
+                JOIN(keep_, KIND)(results, step, j, first, width, ROW(plan->results[j]));
             }
-            for (int64_t j = 0; j < plan->bit_count; j++) {
-                const NUMBER *set = ROW(plan->bits[2 * j]);
-                for (int64_t k = 0; k < width; k++) {
-                    status[step * lanes + first + k] |= (uint32_t)(set[k] != 0) << plan->bits[2 * j + 1];
+            for (int64_t k = 0; plan->bit_count > 0 && k < width; k++) {
+                uint32_t word = 0;
+                for (int64_t j = 0; j < plan->bit_count; j++) {
+                    word |= (uint32_t)(ROW(plan->bits[2 * j])[k] != 0) << plan->bits[2 * j + 1];
                 }
+                ((uint32_t *)status->first)[step * status->step + (first + k) * status->lane] = word;
             }
             for (int64_t j = 0; j < plan->state_count; j++) {
                 memcpy(kept + j * WIDTH, ROW(plan->following[j]), size);
@@ -93,9 +122,6 @@ void NAME(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t lanes, int64_t
             for (int64_t j = 0; j < plan->state_count; j++) {
                 memcpy(ROW(plan->states[j]), kept + j * WIDTH, size);
             }
-        }
-        for (int64_t j = 0; j < plan->state_count; j++) {
-            memcpy(state + j * lanes + first, ROW(plan->states[j]), size);
         }
     }
 }

@@ -51,18 +51,20 @@ def measure_rounding(
     with np.errstate(all="ignore"):
         worst = _searched(law, program, means, real)
         for raw, held, outputs in _side_by_side(blocks, traces):
-            got = [to_physical(v, x) for v, x in zip(program.outputs, outputs, strict=True)]
             for part in parts(len(raw[0]), max(1, AT_ONCE // raw[0].shape[1])):
-                one, other, third = ([x[part] for x in found] for found in (raw, held, got))
-                apart = _apart(law, program, means, one, other, third, real)
+                one, other = ([x[part] for x in found] for found in (raw, held))
+                got = [to_physical(v, x[part]) for v, x in zip(program.outputs, outputs, strict=True)]
+                apart = _apart(law, program, means, one, other, got, real)
                 worst = np.maximum(worst, [np.max(row, initial=0.0) for row in apart])
-            calm = np.all([_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)], axis=(0, 1))
-            if np.any(calm):
-                inputs = [to_physical(v, x[:, calm]) for v, x in zip(program.inputs, raw, strict=True)]
-                state = [to_physical(v, x[:, calm]) for v, x in zip(program.state, held, strict=True)]
-                own = free.run(inputs, state)
-                away = (np.max(np.abs(g[:, calm] - e), initial=0.0) for g, e in zip(got, own, strict=True))
-                drift = np.maximum(drift, list(away))
+            inside = [_inside(v, x) for v, x in zip(program.inputs, raw, strict=True)]
+            calm = np.flatnonzero(np.all(inside, axis=(0, 2)))
+            if len(calm):
+                inputs = [to_physical(v, x[calm]) for v, x in zip(program.inputs, raw, strict=True)]
+                set_to = held[len(held) - len(program.tunable) :]
+                fed = [to_physical(v, x[calm]) for v, x in zip(program.parameters, set_to, strict=True)]
+                own = zip(program.outputs, outputs, free.run(inputs, fed), strict=True)
+                away = [np.max(np.abs(to_physical(v, g[calm]) - e), initial=0.0) for v, g, e in own]
+                drift = np.maximum(drift, away)
     bounds = {r.output: r for r in program.rounding}
     return tuple(
         Rounded(v.name, float(worst[j]), bounds[v.name].bound, v.unit, float(drift[j]))
@@ -71,7 +73,7 @@ def measure_rounding(
 
 
 def _side_by_side(blocks: Sequence[Block], traces: Sequence[Trace]) -> Iterator[tuple[list[Raw], list[Raw], list[Raw]]]:
-    """Return inputs, state and outputs, an array (steps, lanes) of each, of some lanes of one length after others."""
+    """Return inputs, state and outputs, an array (lanes, steps) of each, of some lanes of one length after others."""
     for group in by_length(blocks):
         for part in parts(sum(len(blocks[i].inputs) for i in group), LANES_AT_ONCE):
             yield (
@@ -82,11 +84,12 @@ def _side_by_side(blocks: Sequence[Block], traces: Sequence[Trace]) -> Iterator[
 
 
 def _lanes(arrays: Sequence[Raw], part: slice) -> list[Raw]:
-    """Return columns (steps, lanes) of a part of the lanes of all these arrays (lanes, steps, columns)."""
+    """Return columns (lanes, steps) of a part of the lanes of all these arrays (lanes, steps, columns)."""
     begins = np.cumsum([0, *map(len, arrays)])
-    pieces = [x[max(0, part.start - b) : max(0, part.stop - b)] for x, b in zip(arrays, begins[:-1], strict=True)]
-    found = np.concatenate([piece for piece in pieces if len(piece)])
-    return list(np.ascontiguousarray(np.moveaxis(found, (0, 1), (2, 1))))
+    cut = [x[max(0, part.start - b) : max(0, part.stop - b)] for x, b in zip(arrays, begins[:-1], strict=True)]
+    pieces = [piece for piece in cut if len(piece)]
+    found = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    return [found[..., j] for j in range(found.shape[2])]
 
 
 def _apart(
@@ -213,7 +216,7 @@ def _compiled(law: Law, graph: Graph) -> Evaluate | None:
         state, inputs = arguments
         shape = np.shape(inputs[0])
         given = np.stack([np.ravel(x) for x in (*inputs, *state)])[None]
-        results, _, _ = ready.run(given, np.empty((0, given.shape[2])), keeps=False)
+        results = ready.results(given, np.empty((0, given.shape[2])))
         return [[], [x.reshape(shape) for x in results[0]]]
 
     return evaluated
@@ -227,22 +230,22 @@ class _Free:
         self.means = evaluator(graph)
         self.ready = compiled_law(graph, len(law.state), len(law.inputs), range(self.own))
 
-    def run(self, inputs: list[Array], held: list[Array]) -> list[Array]:
-        """Return the outputs (steps, lanes), each lane from the law's start."""
-        steps, lanes = inputs[0].shape
-        fed = held[len(held) - len(self.law.tunable) :]
+    def run(self, inputs: list[Array], fed: list[Array]) -> list[Array]:
+        """Return the outputs (lanes, steps), each lane from the law's start, its parameters `fed` to it."""
+        lanes, steps = inputs[0].shape
         start = [np.full(lanes, x) for x in self.law.start]
+        outputs = np.empty((len(self.law.outputs), lanes, steps))
         if self.ready is not None:
-            begin = np.array(start[: self.own])
-            results, _, _ = self.ready.run(np.stack([*inputs, *fed], axis=1), begin, keeps=False)
-            return list(np.moveaxis(results, 1, 0))
+            given, found = (np.transpose(x, (2, 0, 1)) for x in (np.stack([*inputs, *fed]), outputs))
+            self.ready.run(given, np.array(start[: self.own]), found)
+            return list(outputs)
         if not start:  # no step knows of another: all at once
-            return [np.broadcast_to(y, (steps, lanes)) for y in self.means([[], inputs])[1]]
-        state, outputs = start, [np.empty((steps, lanes)) for _ in self.law.outputs]
+            return [np.broadcast_to(y, (lanes, steps)) for y in self.means([[], inputs])[1]]
+        state = start
         for k in range(steps):
-            state[self.own :] = [x[k] for x in fed]
-            row = self.means([state, [x[k] for x in inputs]])
+            state[self.own :] = [x[:, k] for x in fed]
+            row = self.means([state, [x[:, k] for x in inputs]])
             state = [np.broadcast_to(x, lanes) for x in row[0]]
             for y, value in zip(outputs, row[1], strict=True):
-                y[k] = value
-        return outputs
+                y[:, k] = value
+        return list(outputs)

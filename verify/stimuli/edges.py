@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from firmloop.quantize.program import Program, Value
 from firmloop.verify.reference import Machine, Raw, parts, start_state, working_type
 
 Array = NDArray[np.float64]
-Lanes = slice | NDArray[np.int64]
+Lanes = NDArray[np.int64]
 Sampled = Callable[[list[Raw], list[Raw]], list[Any]]
 Convert = Callable[[Value, Array], Raw]
 COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
@@ -209,7 +210,7 @@ def to_an_edge(
     kind, lanes = working_type(program), np.arange(len(noise))
     odd = lanes % 2 == 1  # there the edge is between the limit and what is above, else what is below
 
-    def above_of(asked: list[Edge], names: Machine, asking: Sampled, inputs: Array, part: Lanes) -> Array:
+    def above_of(asked: list[Edge], names: Machine, asking: Sampled, inputs: Array, part: slice | Lanes) -> Array:
         """Tell of limits (rows) and lanes of a part how far above them the value is."""
         now = [x[part] for x in state]
         for later in range(wait):
@@ -217,9 +218,19 @@ def to_an_edge(
         slots = asking(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
         return np.stack([np.broadcast_to(edge.above(names, slots), len(inputs)) for edge in asked])
 
-    def side_of(above: Array, part: Lanes) -> NDArray[np.bool_]:
+    def side_of(above: Array, part: slice | Lanes) -> NDArray[np.bool_]:
         return np.where(odd[part], above > 0, above >= 0)
 
+    def same_side(
+        edge: Edge, names: Machine, asking: Sampled, side: Raw, some: Lanes, inputs: Array, asked: Lanes
+    ) -> NDArray[np.bool_]:
+        part = some[asked]
+        return np.asarray(side_of(above_of([edge], names, asking, inputs[asked], part)[0], part) == side[asked])
+
+    def read(inputs: Array) -> Raw:
+        return np.stack(row(program, inputs, convert, kind)).view(f"u{kind.itemsize}")  # which tells -0 from 0
+
+    halvings = HALVINGS_SHORT if short(program) else HALVINGS
     here, there = noise[:, at].copy(), drawn(random, spans_of(program), len(noise), 1)[:, 0]
     every = machine.watch([name for edge in wanted for name in edge.names()])
     sides = np.empty((2, len(wanted), len(noise)), dtype=bool)
@@ -238,15 +249,41 @@ def to_an_edge(
             asking = names.watch(edge.names())
             for some in (own[part] for part in parts(len(own))):
                 begin, way, side = here[some], there[some] - here[some], sides[0, j, some]
-                near, far = np.zeros((len(some), 1)), np.ones((len(some), 1))
-                for _ in range(HALVINGS_SHORT if short(program) else HALVINGS):
-                    middle = (near + far) / 2
-                    above = above_of([edge], names, asking, begin + middle * way, some)[0]
-                    same = (side_of(above, some) == side)[:, None]
-                    near, far = np.where(same, middle, near), np.where(same, far, middle)
+                tell = partial(same_side, edge, names, asking, side, some)
+                near, far = _halved(begin, way, there[some], ~crossed[j, some], read, tell, halvings)
                 noise[some, at] = begin + np.where(taken[some], near, far) * way
                 missed[some] = above_of([edge], names, asking, noise[some, at], some)[0]
     return which, np.where(crossed[which, lanes], missed, np.inf)
+
+
+def _halved(
+    begin: Array,
+    way: Array,
+    there: Array,
+    alike: NDArray[np.bool_],
+    read: Callable[[Array], Raw],
+    same_side: Callable[[Array, Lanes], NDArray[np.bool_]],
+    halvings: int,
+) -> tuple[Array, Array]:
+    """Halve the way (lanes, m) of each lane to where its side changes; return how far its last two places are on it.
+
+    Both ends are known: `begin`, and `there`, which is `alike` where it is on the same side. Where the program reads
+    what it reads at one of the last two places, it is not asked again.
+    """
+    near, far = np.zeros((len(begin), 1)), np.ones((len(begin), 1))
+    at_near, at_far = read(begin), read(there)
+    for _ in range(halvings):
+        middle = (near + far) / 2
+        inputs = begin + middle * way
+        bits = read(inputs)
+        as_near, as_far = np.all(bits == at_near, axis=0), np.all(bits == at_far, axis=0)
+        same = as_near | (as_far & alike)
+        asked = np.flatnonzero(~(as_near | as_far))
+        if len(asked):
+            same[asked] = same_side(inputs, asked)
+        at_near, at_far, alike = np.where(same, bits, at_near), np.where(same, at_far, bits), alike & same
+        near, far = np.where(same[:, None], middle, near), np.where(same[:, None], far, middle)
+    return near, far
 
 
 def _asking(program: Program, edge: Edge) -> Program:

@@ -11,18 +11,25 @@ from firmloop.verify.stimuli.stimulus import Stimulus, range_of, resolution, sta
 
 def tracking(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
     """All inputs follow one slow walk across their ranges; each departs from it by a lane's own amplitude."""
-    walk = np.cumsum(random.normal(size=(lanes, length)), axis=1)
-    walk *= 10.0 ** random.uniform(-3.5, -1.0, size=(lanes, 1))
-    place = 0.5 + 0.5 * np.sin(walk + random.uniform(0, 2 * np.pi, size=(lanes, 1)))
+    place = random.normal(size=(lanes, length))  # computed in place: new memory would take longer than the numbers
+    np.cumsum(place, axis=1, out=place)
+    place *= 10.0 ** random.uniform(-3.5, -1.0, size=(lanes, 1))
+    place += random.uniform(0, 2 * np.pi, size=(lanes, 1))
+    np.sin(place, out=place)
+    place *= 0.5
+    place += 0.5
     columns = []
     for value in program.inputs:
         low, high = range_of(value)
         smallest = np.log10(resolution(value) / (high - low))
         size = (high - low) * 10.0 ** random.uniform(smallest, 0.0, size=(lanes, 1))
-        noise = random.normal(size=(lanes, length))
-        drift = np.cumsum(noise, axis=1) / np.sqrt(length)
-        away = np.where(random.random((lanes, 1)) < 0.5, noise, drift) * size * 0.3
-        columns.append(np.clip(low + (high - low) * place + away, low, high))
+        away = random.normal(size=(lanes, length))
+        drifts = random.random(lanes) >= 0.5
+        away[drifts] = np.cumsum(away[drifts], axis=1) / np.sqrt(length)
+        away *= size
+        away *= 0.3
+        away += low + (high - low) * place
+        columns.append(np.clip(away, low, high, out=away))
     return stack(program, columns)
 
 
