@@ -69,7 +69,8 @@ class Kind:
     """One controller kind; `example` is a request that designs well, for the tests that every kind must pass.
 
     `draft`: what it computes before its outputs are limited, where that is linear: so it can be a point of a schedule.
-    `further`: more such requests, where one does not show everything.
+    `further`: more such requests, where one does not show everything. `wires`: the names of its inputs, where they are
+    fixed.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Kind:
     example: Request
     draft: Callable[[Request], Draft] | None = None
     further: tuple[Request, ...] = ()
+    wires: tuple[str, ...] = ()
 
     @property
     def examples(self) -> Mapping[str, Request]:

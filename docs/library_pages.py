@@ -47,6 +47,7 @@ TESTED = {
 }
 
 
+TABLES = ("loops",)  # of a kind: an example shows them one below the other
 LEFT_OUT = {
     "output_at_rest": "that of the output | any | left out: 0",
     "input_at_rest": "that of the input | any | left out: 0; what the input is before the first row, too",
@@ -190,7 +191,11 @@ def _example(name: str, shown: Request) -> str:
     outputs = [signal.name for signal in shown.outputs]
     if outputs != ["output"]:
         lines.append(f"outputs = {_value(outputs)}")
-    lines += [f"{key} = {_value(value)}" for key, value in shown.table.items()]
+    lists = {key: value for key, value in shown.table.items() if key in TABLES}
+    lines += [f"{key} = {_value(value)}" for key, value in shown.table.items() if key not in lists]
+    for key, tables in lists.items():
+        for table in tables:
+            lines += ["", f"[[controller.{key}]]", *(f"{own} = {_value(value)}" for own, value in table.items())]
     lines += ["", "[signals]"]
     lines += [
         f'{each.name} = {{ unit = "{each.unit}", low = {each.low:g}, high = {each.high:g} }}'

@@ -17,6 +17,8 @@ import scipy.linalg
 import scipy.signal
 
 from firmloop.design.design import Request
+from firmloop.design.kinds import cascade as cascade_kind
+from firmloop.design.kinds import foc
 from firmloop.identify.signal import Signal
 from tests import motor_formulas
 from tests.pid_formula import pid_steps
@@ -247,10 +249,35 @@ def mpc(request: Request, rows: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
+def cascade(request: Request, rows: np.ndarray) -> np.ndarray:
+    """Loop by loop, the outermost first, each in its own samples: none of them depends on one inside."""
+    wires = {wire.name: row for wire, row in zip(request.inputs, rows.T, strict=True)}
+    ranges = {wire.name: wire for wire in request.inputs}
+    loops = request.table["loops"]
+    for k in reversed(range(len(loops))):
+        own = {key: value for key, value in loops[k].items() if key not in cascade_kind.OWN}
+        every, taken = loops[k].get("every", 1), loops[k].get("inputs", {})
+        names = ["reference", "measurement"] if loops[k]["kind"] == "pid" else list(foc.INPUTS)
+        read = [taken.get(name, name) for name in names]
+        period = request.period * every
+        inputs = tuple(replace(ranges[signal], name=name) for name, signal in zip(names, read, strict=True))
+        output = Signal("command", "", own.get("u_min", 0.0), own.get("u_max", 0.0))
+        outputs = (output,) if k else request.outputs
+        part = Request(request.name, own, period, inputs, outputs, None)
+        found = FORMULAS[loops[k]["kind"]](part, np.stack([wires[signal] for signal in read], axis=1)[::every])
+        if k == 0:
+            return found
+        command = loops[k].get("commands", "reference")
+        wires[command] = np.repeat(found[:, 0], every)[: len(rows)]
+        ranges[command] = replace(output, name=command)
+    raise AssertionError
+
+
 FORMULAS: dict[str, Callable[[Request, np.ndarray], np.ndarray]] = {
     "mpc": mpc,
     "nmpc": nmpc,
     "pid": pid,
+    "cascade": cascade,
     "foc": motor_formulas.foc,
     "fuzzy_pid": motor_formulas.fuzzy_pid,
     "self_tuning": motor_formulas.self_tuning,

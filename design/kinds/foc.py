@@ -116,15 +116,20 @@ def design(request: Request) -> Design:
         bandwidth = positive(table, "bandwidth_rad_s", None)
         figures |= {"bandwidth_rad_s": bandwidth, "phase_margin_deg": math.degrees(_margin(bandwidth, request.period))}
     asked = ("tune", "bandwidth_rad_s") if tuned_by else ()
-    return Design(_law(request, loop), figures, tuned_by, gains, asked=asked, bench=_bench(request))
+    return Design(_law(request, loop), figures, tuned_by, gains, asked=asked, bench=bench(request, "reference_q_A"))
 
 
-def _bench(request: Request) -> Bench | None:
-    """Return the plant on bridges, at the middle of the supply; None where there is no such plant."""
+def bench(request: Request, told: str, measured: Signal | None = None) -> Bench | None:
+    """Return the plant on bridges, at the middle of the supply; None where there is no such plant.
+
+    `measured` is what follows the input `told`, the speed or the angle of the shaft; None is the current of q.
+    """
     if request.plant is None or request.plant.kind != "pmsm" or tuple(w.name for w in request.outputs) != OUTPUTS:
         return None
     supply = next(wire for wire in request.inputs if wire.name == "supply_V")
-    return Bench(on_bridges(request.plant, (supply.low + supply.high) / 2.0), "reference_q_A")
+    others = [wire for wire in request.inputs if wire.name not in (*INPUTS, told) and wire.unit in ("rad", "rad/s")]
+    middle = (supply.low + supply.high) / 2.0
+    return Bench(on_bridges(request.plant, middle, others, measured.name if measured else "current_q_A"), told)
 
 
 def _check_wires(request: Request) -> None:
@@ -319,6 +324,7 @@ KIND = Kind(
     name="foc",
     says="field-oriented control of the currents of a permanent-magnet machine",
     design=design,
+    wires=tuple(INPUTS),
     example=Request(
         name="spindle_current",
         table={

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -23,11 +24,12 @@ _SHOWN = {
 }
 
 
-def on_bridges(plant: Plant, supply: float) -> Plant:
+def on_bridges(plant: Plant, supply: float, shaft: Sequence[Signal] = (), first: str = "current_q_A") -> Plant:
     """Return a pmsm without its effects, from three duties to two phase currents, electrical angle and speed.
 
-    `supply` in V. The bridges turn with nothing: their voltage, averaged over a period of the pulses, stands in the
-    stator, and the rotor turns on beneath it.
+    `supply` in V; `shaft` are further signals, in rad/s the speed of the shaft and in rad its angle; the output `first`
+    stands before the others. The bridges turn with nothing: their voltage, averaged over a period of the pulses,
+    stands in the stator, and the rotor turns on beneath it.
     """
     bare = with_effects(plant, ())
     kind = find_kind("pmsm")
@@ -40,13 +42,19 @@ def on_bridges(plant: Plant, supply: float) -> Plant:
     speed, position = x[2], x[3]
     angle = pairs * position
     drive = ca.vertcat(u, supply, angle)
-    shown = ca.vertcat(whole.reading(x, drive, p), ca.atan2(ca.sin(angle), ca.cos(angle)), pairs * speed, supply)
+    readings: list[ca.SX | float] = [
+        *ca.vertsplit(whole.reading(x, drive, p)),
+        *(ca.atan2(ca.sin(angle), ca.cos(angle)), pairs * speed, supply),
+        *(speed if signal.unit == "rad/s" else position for signal in shaft),
+    ]
+    told = dict(zip((*seen, *shaft), readings, strict=True))
+    outputs = tuple(sorted(told, key=lambda signal: signal.name != first))
     return replace(
         whole,
         inputs=tuple(wires[:3]),
-        outputs=seen,
+        outputs=outputs,
         rate=equations("rate", x, u, p, whole.rate(x, drive, p)),
-        reading=equations("reading", x, u, p, shown),
+        reading=equations("reading", x, u, p, ca.vertcat(*(told[signal] for signal in outputs))),
         balances=(),
         inside=None,
     )
