@@ -40,7 +40,7 @@ SLOWEST = 1_000_000  # periods; a counter of single precision is exact far beyon
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
+class RatedLoop:
     """One loop as the table has it; `wires` are its own inputs and the signals that carry them."""
 
     name: str
@@ -52,10 +52,10 @@ class Loop:
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class MadeLoop:
     """A loop and the design of it, whose inputs stand in the order of `wires`."""
 
-    loop: Loop
+    loop: RatedLoop
     design: Design
 
 
@@ -63,7 +63,7 @@ def design(request: Request) -> Design:
     """Design every loop, the innermost first, and write them as one law."""
     check_keys(request.table, KEYS, "a cascade")
     loops = _loops(request.table)
-    made: list[Made] = []
+    made: list[MadeLoop] = []
     shaft: Shaft | None = None
     for k, loop in enumerate(loops):
         inputs = _inputs(request, loops, k)
@@ -76,7 +76,7 @@ def design(request: Request) -> Design:
             raise DesignError(f"loop '{loop.name}': {error}") from None
         if found.law.solve is not None:
             raise DesignError(f"loop '{loop.name}' is a {loop.kind.name}, which solves in every sample; take a pid")
-        made.append(Made(loop, found))
+        made.append(MadeLoop(loop, found))
         shaft = _around(loop, found, shaft, part)
     _check_all_used(request, loops)
     gains = {f"{each.loop.name}_{key}": value for each in made for key, value in each.design.gains.items()}
@@ -86,7 +86,7 @@ def design(request: Request) -> Design:
     return Design(_law(request, made), gains, tuned or None, {"loops": kept}, missed, bench=_bench(request, loops))
 
 
-def _around(loop: Loop, found: Design, shaft: Shaft | None, part: Request) -> Shaft | None:
+def _around(loop: RatedLoop, found: Design, shaft: Shaft | None, part: Request) -> Shaft | None:
     """Return what the loop around this one meets; None where nothing is known of it."""
     if loop.kind is foc.KIND:
         known = part.plant is not None and part.plant.kind == "pmsm"
@@ -105,14 +105,14 @@ def _entries(table: Mapping[str, object]) -> list[Mapping[str, object]]:
     return list(listed)
 
 
-def _kept(made: Made, entry: Mapping[str, object]) -> dict[str, object]:
+def _kept(made: MadeLoop, entry: Mapping[str, object]) -> dict[str, object]:
     """Return a loop's table with the gains that were found instead of the rule."""
     told = {key: value for key, value in entry.items() if key not in made.design.asked}
     return {**told, **(made.design.gains if made.design.settings is None else made.design.settings)}
 
 
-def _loops(table: Mapping[str, object]) -> list[Loop]:
-    loops: list[Loop] = []
+def _loops(table: Mapping[str, object]) -> list[RatedLoop]:
+    loops: list[RatedLoop] = []
     for k, entry in enumerate(_entries(table), 1):
         name = entry.get("name")
         if not isinstance(name, str) or not name.isidentifier() or name in [loop.name for loop in loops]:
@@ -127,7 +127,7 @@ def _loops(table: Mapping[str, object]) -> list[Loop]:
     return loops
 
 
-def _loop(name: str, kind: Kind, entry: Mapping[str, object], inner: Loop | None) -> Loop:
+def _loop(name: str, kind: Kind, entry: Mapping[str, object], inner: RatedLoop | None) -> RatedLoop:
     every = real(entry, "every", 1.0, 1.0, SLOWEST)
     before = inner.every if inner is not None else 1
     if every % before or (inner is None and every != 1):
@@ -148,10 +148,10 @@ def _loop(name: str, kind: Kind, entry: Mapping[str, object], inner: Loop | None
     if inner is None and "commands" in entry:
         raise DesignError(f"loop '{name}' is the innermost and commands the controller's outputs; remove commands")
     table = {key: value for key, value in entry.items() if key not in OWN}
-    return Loop(name, kind, int(every), {**{wire: wire for wire in kind.wires}, **wires}, commands, table)
+    return RatedLoop(name, kind, int(every), {**{wire: wire for wire in kind.wires}, **wires}, commands, table)
 
 
-def _inputs(request: Request, loops: Sequence[Loop], k: int) -> tuple[Signal, ...]:
+def _inputs(request: Request, loops: Sequence[RatedLoop], k: int) -> tuple[Signal, ...]:
     """Return the inputs of loop `k` under its own names, that of the loop around it among them."""
     loop, by_name = loops[k], {signal.name: signal for signal in request.inputs}
     commanded = loops[k + 1].commands if k + 1 < len(loops) else ""
@@ -175,7 +175,7 @@ def _inputs(request: Request, loops: Sequence[Loop], k: int) -> tuple[Signal, ..
     return tuple(found)
 
 
-def _command(loops: Sequence[Loop], k: int, request: Request) -> Signal:
+def _command(loops: Sequence[RatedLoop], k: int, request: Request) -> Signal:
     """Return what loop `k` puts out: an input of the loop before it, within its own limits."""
     loop, inner = loops[k], loops[k - 1]
     for key in ("u_min", "u_max"):
@@ -189,7 +189,7 @@ def _command(loops: Sequence[Loop], k: int, request: Request) -> Signal:
     return Signal(loop.commands, unit or "1", low, high)
 
 
-def _check_all_used(request: Request, loops: Sequence[Loop]) -> None:
+def _check_all_used(request: Request, loops: Sequence[RatedLoop]) -> None:
     taken = {
         signal
         for k, loop in enumerate(loops)
@@ -201,7 +201,7 @@ def _check_all_used(request: Request, loops: Sequence[Loop]) -> None:
             raise DesignError(f"signals.{signal.name} is no input of any loop; name it in inputs, or remove it")
 
 
-def _law(request: Request, made: Sequence[Made]) -> Law:
+def _law(request: Request, made: Sequence[MadeLoop]) -> Law:
     """Write one sample: the outermost loop first."""
     z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
     state: list[tuple[Signal, float, str]] = []
@@ -275,16 +275,16 @@ def _law(request: Request, made: Sequence[Made]) -> Law:
     )
 
 
-def _wire(own: str, loop: Loop, command: tuple[str, ca.SX] | None, z: Mapping[str, ca.SX]) -> ca.SX:
+def _wire(own: str, loop: RatedLoop, command: tuple[str, ca.SX] | None, z: Mapping[str, ca.SX]) -> ca.SX:
     return command[1] if command is not None and command[0] == own else z[loop.wires[own]]
 
 
-def _says(made: Made) -> str:
+def _says(made: MadeLoop) -> str:
     often = "every period" if made.loop.every == 1 else f"every {made.loop.every} periods"
     return f"{made.loop.name}, {often}: {made.design.law.says}"
 
 
-def _bench(request: Request, loops: Sequence[Loop]) -> Bench | None:
+def _bench(request: Request, loops: Sequence[RatedLoop]) -> Bench | None:
     """Return the plant that the outermost loop follows its reference with; None where there is none."""
     last = loops[-1]
     told, measured = (last.wires.get(own, "") for own in ("reference", "measurement"))
