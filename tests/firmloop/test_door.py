@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -187,11 +185,12 @@ def test_what_an_extra_brings_is_named_with_its_command(
         fl.identify(fl.load(project))
 
 
-def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = re.search(r"```python\n(.*?import firmloop as fl.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    assert found
-    folder = shutil.copytree(ROOT / "examples" / "wheel_speed", tmp_path / "wheel_speed")
-    monkeypatch.chdir(folder)
-    names: dict[str, object] = {}
-    exec(found[1].replace("fl.verify(", "verified = fl.verify("), names)
-    assert getattr(names["verified"], "agrees", False)
+def test_predictive_control_without_its_extra_is_refused_with_the_line_that_brings_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    project = ROOT / "examples" / "servo_mpc" / "servo_mpc.toml"
+    assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 3
+    said = capsys.readouterr().err
+    assert "needs numba, which is not installed; install it with: pip install 'firmloop[mpc]'" in said
+    assert not (tmp_path / "out").exists()

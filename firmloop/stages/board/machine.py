@@ -23,7 +23,6 @@ PACKAGES = (
     ("matplotlib", "figures of the report"),
     ("z3-solver", "the second proof of fixed-point ranges"),
     ("threadpoolctl", "diagnosis"),
-    ("numba", "the reference of quadratic programs"),
 )
 EXTRAS = (
     ("asammdf", "mdf4", "MDF recordings"),
@@ -31,6 +30,7 @@ EXTRAS = (
     ("h5py", "hdf5", "HDF5 and MATLAB 7.3 recordings"),
     ("nfoursid", "blackbox", "subspace models"),
     ("npTDMS", "tdms", "TDMS recordings"),
+    ("numba", "mpc", "predictive control"),
     ("pandas", "blackbox", "subspace models"),
     ("pyarrow", "parquet", "Parquet recordings"),
     ("pyulog", "ulog", "ULog recordings"),
