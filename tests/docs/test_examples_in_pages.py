@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from firmloop.cli import main
+
 ROOT = Path(__file__).parents[2]
 FIGURE = r"(?<![A-Za-z_])\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 NEAR = (
@@ -52,24 +54,28 @@ def _words(line: str) -> str:
 
 @pytest.mark.qemu
 @pytest.mark.cross
-def test_the_tutorial_prints_what_it_shows(tmp_path: Path) -> None:
+def test_the_tutorial_prints_what_it_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     page = ROOT / "docs" / "tutorial.md"
     shutil.copytree(ROOT / "examples" / "own_motor", tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
     printed = ""
     commands = [line for block in _blocks(page, "sh") for line in block.splitlines()]
     assert len(commands) == 8
     for line in commands:
         program, *rest = line.split()
-        done = _run(rest if program == "python" else ["-m", "firmloop", *rest], tmp_path)
-        assert done.returncode == ENDS.get(" ".join(line.split()[:2]), 0), f"{line}\n{done.stderr[-800:]}"
-        printed += done.stdout
-    said = {_words(line): line for line in printed.splitlines()}
+        status = _run(rest, tmp_path).returncode if program == "python" else main(rest)
+        said = capsys.readouterr()
+        assert status == ENDS.get(" ".join(line.split()[:2]), 0), f"{line}\n{said.err[-800:]}"
+        printed += said.out
+    shown = {_words(line): line for line in printed.splitlines()}
     for block in _blocks(page, ""):
         if "--port" in block or block.startswith("t,u"):
             continue  # these need a board, or show a file
         for line in block.splitlines():
-            assert _words(line) in said, f"not printed: {line}"
-            assert _figures(line) == pytest.approx(_figures(said[_words(line)]), rel=NEAR), line
+            assert _words(line) in shown, f"not printed: {line}"
+            assert _figures(line) == pytest.approx(_figures(shown[_words(line)]), rel=NEAR), line
     reports = list((tmp_path / "out").rglob("report.html"))
     assert reports
     for report in reports:

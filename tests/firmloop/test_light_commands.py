@@ -39,11 +39,16 @@ def loaded(arguments: list[str]) -> tuple[int, float, set[str]]:
     return status or 0, used, set(names)
 
 
-@pytest.mark.parametrize("command", ["--version", "--help", "targets", "doctor", "generate --help", "diagnose --help"])
+@pytest.mark.parametrize(
+    "command", ["--version", "--help", "targets", "doctor", "init --help", "generate --help", "diagnose --help"]
+)
 def test_what_looks_something_up_loads_nothing_heavy(command: str) -> None:
-    measured = [loaded(command.split()) for _ in range(3)]
-    assert all(names == set() for _, _, names in measured)
-    assert min(used for _, used, _ in measured) < CPU
+    for _ in range(3):  # another program may have had the processor's caches meanwhile
+        _, used, names = loaded(command.split())
+        assert names == set()
+        if used < CPU:
+            return
+    raise AssertionError(f"{used} s of CPU at best")
 
 
 @pytest.mark.parametrize("arithmetic, judges", [("float32", set()), ("fixed", {"z3"})])
