@@ -15,11 +15,11 @@ def about_model(found: BlackBox) -> list[str]:
     structure, made, judged, spread = found.structure, found.made, found.judged, found.spread
     poles, halves = poles_of(made), [] if spread is None else spread["poles_rad_s"]
     assert isinstance(halves, list)
-    words = [f"{p.real:.2g}" if abs(p.imag) < 1e-9 * abs(p) else f"{p.real:.2g}{p.imag:+.2g}j" for p in poles]
+    words = [f"{p.real:.2g}" if abs(p.imag) <= 1e-9 * abs(p) else f"{p.real:.2g}{p.imag:+.2g}j" for p in poles]
     lines = [f"model: {structure} of order {len(made.a)}, delay {made.delay:g} s"]
+    gain, integrates = gain_at_rest(made), "it integrates, so it has no gain at rest"
     if spread is None:
-        gain = gain_at_rest(made)
-        rests = f"gain at rest {gain:.2g}" if math.isfinite(gain) else "it integrates, so it has no gain at rest"
+        rests = f"gain at rest {gain:.2g}" if math.isfinite(gain) else integrates
         lines.append(f"  {rests}, poles {', '.join(words)} rad/s")
         why = "they need structure = 'arx' or 'oe'"
         if structure != "n4sid" and white(judged["train"]):
@@ -28,9 +28,10 @@ def about_model(found: BlackBox) -> list[str]:
             why = "the residuals are not white, so that drawing them anew repeats nothing; raise order"
         lines.append(f"  note: no intervals; {why}")
     else:
-        lines.append(f"  gain at rest  {_with(gain_at_rest(made), spread['gain'])}")
+        half = spread["gain"]
+        lines.append(f"  {integrates}" if half is None else f"  gain at rest  {_with(gain, half)}")
         for pole, (real, imaginary) in zip(poles, halves, strict=True):
-            turning = "" if abs(pole.imag) < 1e-9 * abs(pole) else f", {_with(pole.imag, imaginary)} j"
+            turning = "" if abs(pole.imag) <= 1e-9 * abs(pole) else f", {_with(pole.imag, imaginary)} j"
             lines.append(f"  pole          {_with(pole.real, real)}{turning} rad/s")
     rows = [
         (

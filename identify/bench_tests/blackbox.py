@@ -34,6 +34,7 @@ PER_UNKNOWN = 10  # rows that a model needs for each of its coefficients
 ROUNDS = 6  # of filtering by the last denominator
 PULLED = 1.03  # times the mean square error of another model: more is no chance
 CERTAIN = 0.999  # probability with which noise would not let itself be explained so far
+INTEGRATES = 0.1  # of a recording: a pole that decays or grows by less over it is one that integrates
 EVEN = 1e-3  # share of a period by which samples may be early or late
 
 
@@ -117,13 +118,13 @@ def prefiltered(records: Sequence[Record], order: int, late: int) -> SampledMode
 
     K. Steiglitz and L. E. McBride, IEEE Trans. AC 10 (1965) 461-464; the model that simulates best is returned.
     """
-    best = model = steadied(least_squares_arx(records, order, late))
+    best = model = steadied(least_squares_arx(records, order, late), records)
     least = miss(best, records)
     for _ in range(ROUNDS):
         passed = _passed(model, records)
         if not all(np.all(np.isfinite(part)) for one in passed for part in (one.drive, one.output)):
             break
-        model = steadied(least_squares_arx(passed, order, late))
+        model = steadied(least_squares_arx(passed, order, late), records)
         left = miss(model, records)
         best, least = (model, left) if left < least else (best, least)
     return best
@@ -140,8 +141,7 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:
         ]
         if len(smooth) == len(records):
             starts.append(least_squares_arx(smooth, order, late))
-    scored = [(miss(steadied(start), records), k) for k, start in enumerate(starts)]
-    begin = steadied(starts[min(scored)[1]])
+    begin = min((steadied(start, records) for start in starts), key=lambda each: miss(each, records))
     below, above = -begin.a[:, 0], begin.b
     start = np.concatenate([below, above])
     scale = np.maximum(np.abs(start), 1e-3 * np.abs(above).max())
@@ -286,14 +286,35 @@ def _companion(below: NDArray[np.floating], above: NDArray[np.floating], late: i
     return SampledModel(a, np.asarray(above, dtype=np.float64), np.eye(order)[0], late)
 
 
-def steadied(model: SampledModel) -> SampledModel:
-    """Pull poles that are unstable to where they would just be stable, for a simulation to start from."""
+def steadied(model: SampledModel, records: Sequence[Record]) -> SampledModel:
+    """Pull poles that are unstable to where they would just be stable, for a simulation to start from.
+
+    A plant that integrates would be pulled too far by 0.001; of it and of the rows' own measure the better one stays.
+    """
     poles = np.linalg.eigvals(model.a)
     size = np.abs(poles)
     if np.all(size < 0.9999):
         return model
-    moved = np.where(size >= 0.9999, poles / np.maximum(size, 1e-12) * 0.999, poles)
-    return _companion(np.real(np.poly(moved))[1:], model.b, model.late)
+    ways = [_companion(np.real(np.poly(_pulled(poles, 0.999)))[1:], model.b, model.late)]
+    far = 1.0 - INTEGRATES / max(len(one.output) for one in records)
+    ways.append(_companion(np.real(np.poly(_pulled(poles, far)))[1:], model.b, model.late))
+    return min(ways, key=lambda each: miss(each, records))
+
+
+def _pulled(poles: NDArray[np.inexact], most: float) -> NDArray[np.inexact]:
+    size = np.abs(poles)
+    return np.asarray(np.where(size >= 0.9999, poles / np.maximum(size, 1e-12) * most, poles))
+
+
+def integrating(model: SampledModel, records: Sequence[Record]) -> SampledModel:
+    """Put a real pole on 1 where no recording is long enough to tell it from there."""
+    poles, turned = np.linalg.eig(model.a)
+    near = INTEGRATES / max(len(one.output) for one in records)
+    slow = (np.abs(poles - 1.0) < near) & (np.abs(poles.imag) < 1e-12)
+    if np.sum(slow) != 1:  # two of them have no eigenvectors of their own
+        return model
+    a = np.real(turned @ np.diag(np.where(slow, 1.0, poles)) @ np.linalg.inv(turned))
+    return SampledModel(a, model.b, model.c, model.late)
 
 
 def _simulated(model: SampledModel, record: Record) -> Array:

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import scipy.stats
 
-from firmloop.identify.bench_tests.blackbox import Record, miss, prefiltered
+from firmloop.identify.bench_tests.blackbox import Record, fit_oe, miss, prefiltered
 
 MOST = 200  # samples of delay that are tried
+COARSE = 8  # samples between the delays that are tried first
 SHARE = 10  # of the rows at most are delay
 CERTAIN = float(scipy.stats.chi2.ppf(0.999, 1))  # least gain of a delay in twice the logarithm of the likelihood
 WRONG = 1.5  # times the mean square error by which means that are left in spoil a fit
@@ -25,14 +26,23 @@ def least_miss(records: Sequence[Record], order: int, late: int) -> float:
 
 
 def best_delay(records: Sequence[Record], order: int) -> int:
-    """Return the least number of samples whose model leaves no more than the best, as far as noise can tell."""
+    """Return the least number of samples whose model leaves no more than the best, as far as noise can tell.
+
+    The records are tried as they are and without their means, which helps where they rest away from 0 and harms where
+    they begin at rest or the plant integrates; the way that leaves less is the one that counts.
+    """
     rows = sum(len(one.output) for one in records)
-    shortest = min(len(one.output) for one in records)
-    left = [least_miss(records, order, late) for late in range(min(MOST, shortest // SHARE) + 1)]
+    last = min(MOST, min(len(one.output) for one in records) // SHARE)
+    ways = (records, without_means(records))
+    way = min(ways, key=lambda each: min(least_miss(each, order, late) for late in range(0, last + 1, COARSE)))
+    left = [least_miss(way, order, late) for late in range(last + 1)]
     least = min(left)
     if least == 0.0:
         return left.index(0.0)
-    return next(late for late, one in enumerate(left) if rows * math.log(one / least) < CERTAIN)
+    found = next(late for late, one in enumerate(left) if rows * math.log(one / least) < CERTAIN)
+    while found > 0 and rows * math.log(miss(fit_oe(way, order, found - 1), way) / least) < CERTAIN:
+        found -= 1  # the iteration does not always reach the best model
+    return found
 
 
 def without_means(records: Sequence[Record]) -> list[Record]:

@@ -8,6 +8,8 @@ import re
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
 
+SMALLEST, LARGEST = 1e-30, 1e30  # an electron's mass in kg is 9e-31, the planet's 6e24
+
 
 def in_si(text: object, dimension: str, key: str) -> float:
     """Return a quantity in the SI unit of `dimension`, such as "N*m/A"; a bare number is in SI already.
@@ -17,6 +19,19 @@ def in_si(text: object, dimension: str, key: str) -> float:
     IdentifyError
         naming `key` where the text is no quantity of that dimension.
     """
+    return _bounded(_read(text, dimension, key), text, key)
+
+
+def _bounded(value: float, text: object, key: str) -> float:
+    """Refuse a slip of the exponent, from which powers and quotients leave the numbers of a computer."""
+    if value == 0.0 or SMALLEST <= abs(value) <= LARGEST:
+        return value
+    raise IdentifyError(
+        f"{key} is {text!r}; in SI a quantity is 0 or from {SMALLEST:g} to {LARGEST:g}: check its exponent and its unit"
+    )
+
+
+def _read(text: object, dimension: str, key: str) -> float:
     if isinstance(text, int | float) and not isinstance(text, bool) and math.isfinite(text):
         return float(text)
     found = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*", text) if isinstance(text, str) else None

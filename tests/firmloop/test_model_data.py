@@ -114,3 +114,34 @@ def test_two_sines_do(tmp_path: Path) -> None:
     time = PERIOD * np.arange(2000)
     wave = np.sin(1.5 * time) + np.sin(7.0 * time)
     assert found(left(tmp_path, wave, 0, 0.01, (0.0, 0.0), ""))["gain"] == pytest.approx(1.0, rel=0.05)
+
+
+def test_one_step_from_rest_has_no_delay_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = found(left(tmp_path, np.where(np.arange(1500) > 250, 1.0, 0.0), 0, 0.01, (0.0, 0.0), ""))
+    assert document["delay_s"] == 0.0 and "no intervals" not in capsys.readouterr().out
+    assert document["gain"] == pytest.approx(1.0, abs=0.01)
+    poles = np.array(document["poles_rad_s"])
+    np.testing.assert_allclose(poles, [[-2.0, -5.1], [-2.0, 5.1]], atol=0.2)
+
+
+@pytest.mark.parametrize(("order", "fast"), [(1, 0.0), (2, -4.0)])
+def test_a_plant_that_integrates_is_found_as_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], order: int, fast: float
+) -> None:
+    above, below = ([1.0], [1.0, 0.0]) if order == 1 else ([4.0], [1.0, 4.0, 0.0])
+    (above,), below, _ = scipy.signal.cont2discrete((above, below), PERIOD)
+    drive = steps()
+    output = scipy.signal.lfilter(above, below, drive) + 0.01 * np.random.default_rng(6).standard_normal(len(drive))
+    project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), f"order = {order}\n")
+    rows = [f"{k * PERIOD:.6g},{u:.9g},{y:.9g}" for k, (u, y) in enumerate(zip(drive, output, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *rows]) + "\n")
+    document = found(project)
+    assert document["delay_s"] == 0.0 and document["gain"] is None
+    assert [0.0, 0.0] in document["poles_rad_s"]
+    assert min(real for real, _ in document["poles_rad_s"]) == pytest.approx(fast, abs=0.3)
+    assert "it integrates" in capsys.readouterr().out
+
+
+def test_what_follows_the_input_still_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found(left(tmp_path, steps(), 0, 0.01, (0.0, 0.0), "order = 1\n"))
+    assert "still follows the input" in capsys.readouterr().out

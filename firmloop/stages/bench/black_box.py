@@ -18,11 +18,12 @@ from firmloop.identify.bench_tests.blackbox import (
     check_answer,
     check_records,
     continuous,
+    integrating,
     least_squares_arx,
     miss,
     redrawn,
 )
-from firmloop.identify.bench_tests.delay_search import best_delay, least_miss, spoiled_by_means, without_means
+from firmloop.identify.bench_tests.delay_search import best_delay, least_miss, spoiled_by_means
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit_start
 from firmloop.identify.fitting.residual_tests import residual_tests
@@ -40,6 +41,8 @@ from firmloop.stages.saturation import cut_input, refuse_saturated
 
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals
+_NO_POLE = 1e-9  # of the fastest pole: rounding of one at 0
+FOLLOWS = 1e-3  # least probability of residuals as independent of the input as these
 WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
 
 
@@ -136,13 +139,15 @@ def _spread(
     if structure == "n4sid" or not white(judged):
         return None
     try:
-        drawn = [continuous(one, period) for one in redrawn(structure, records, sampled, DRAWS)]
+        again = redrawn(structure, records, sampled, DRAWS)
+        drawn = [continuous(integrating(one, records), period) for one in again]
     except IdentifyError:  # some draw has no continuous model: neither has its spread a meaning
         return None
+    integrates = any(np.isinf(gain_at_rest(one)) for one in drawn)
     factor = float(scipy.stats.t.ppf(0.975, DRAWS - 1))
     poles = np.array([poles_of(one) for one in drawn])
     return {
-        "gain": factor * float(np.std([gain_at_rest(one) for one in drawn], ddof=1)),
+        "gain": None if integrates else factor * float(np.std([gain_at_rest(one) for one in drawn], ddof=1)),
         "poles_rad_s": [
             [factor * float(np.std(part, ddof=1)) for part in (column.real, column.imag)] for column in poles.T
         ],
@@ -156,15 +161,16 @@ def white(judged: Sequence[Mapping[str, object]]) -> bool:
 
 def poles_of(made: Continuous) -> np.ndarray:
     """Return the poles (n,) in rad/s, in one order for models alike."""
-    return np.sort_complex(np.linalg.eigvals(made.a).astype(np.complex128))
+    poles = np.linalg.eigvals(made.a).astype(np.complex128)
+    poles[np.abs(poles) <= _NO_POLE * max(float(np.abs(poles).max()), float(np.linalg.norm(made.a)))] = 0.0
+    return np.sort_complex(poles)
 
 
 def gain_at_rest(made: Continuous) -> float:
     """Return output per input at rest; infinite with an integrator."""
-    try:
-        return float(-made.c @ np.linalg.solve(made.a, made.b))
-    except np.linalg.LinAlgError:
+    if np.any(poles_of(made) == 0.0):
         return float("inf")
+    return float(-made.c @ np.linalg.solve(made.a, made.b))
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,10 +211,10 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             period = _period(data.train)
             records = [_record(project, recording) for recording in data.train]
             check_records(records, order, told)
-            found = best_delay(without_means(records), order)
+            found = best_delay(records, order)
             late = found if searched else told
             _check_means(project, records, order, late)
-            sampled = STRUCTURES[structure](records, order, late)
+            sampled = integrating(STRUCTURES[structure](records, order, late), records)
             check_answer(records, sampled)
             made = continuous(sampled, period)
         plant = _ode(project, made)
@@ -219,7 +225,11 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
-    about = _about_delay(searched, late, found), _about_noise(structure, records, order, late)
+    about = (
+        _about_delay(searched, late, found),
+        _about_noise(structure, records, order, late),
+        *(_about_rest(one, structure) for one in judged["train"]),
+    )
     notes = (*data.notes, *filter(None, about))
     return BlackBox(structure, period, sampled, made, plant, judged, spread, cut, notes)
 
@@ -247,6 +257,18 @@ def _about_noise(structure: str, records: Sequence[Record], order: int, late: in
     return (
         "the noise is the sensor's, which pulls gain and poles of an arx model away, so that simulated past outputs "
         "stand in for the measured ones; structure = 'oe' is made for such noise"
+    )
+
+
+def _about_rest(judged: Mapping[str, object], structure: str) -> str:
+    """Say where what a model leaves of a recording follows the input still."""
+    independence = judged["independence"]
+    if not isinstance(independence, float) or independence >= FOLLOWS:
+        return ""
+    other = "" if structure == "oe" else " or take structure = 'oe'"
+    return (
+        f"what the model leaves of {judged['recording']} still follows the input (probability {independence:.1g} by "
+        f"chance), so that its gain and poles are off: raise model.order{other}, or fit a plant with physics"
     )
 
 

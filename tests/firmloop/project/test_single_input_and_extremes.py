@@ -78,3 +78,22 @@ def test_a_range_below_the_resolution(tmp_path: Path, capsys: pytest.CaptureFixt
     path = written(tmp_path, 'kind = "pid"\nkp = 1.0', signals, "fixed")
     assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 2
     assert "signals.reference from -1e-30 to 1e-30 degC holds no two numbers" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'terminal_resistance = "6.6 ohm"\ntorque_constant = "1e-300 mNm/A"',
+        'stall_current = "1.7e308 A"\nstall_torque = "0.1 N*m"',
+        'terminal_resistance = "1e40 Mohm"\ntorque_constant = "28 mNm/A"',
+    ],
+)
+def test_a_figure_of_a_datasheet_beyond_any_quantity_is_named(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "p.toml"
+    plant = '[plant]\nkind = "dc_motor"\ninput = "voltage_V"\noutputs = ["speed_rad_s"]\n[datasheet]\n'
+    path.write_text(f'schema = 1\nname = "motor"\n{plant}nominal_voltage = "24 V"\n{line}\n')
+    assert main(["datasheet", str(path), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "in SI a quantity is 0 or from 1e-30 to 1e+30" in said and "datasheet." in said
