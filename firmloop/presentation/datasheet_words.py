@@ -10,6 +10,7 @@ import numpy as np
 from firmloop.console import table
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.units import unit_of
+from firmloop.presentation.documents import finite
 from firmloop.presentation.words import in_unit, rounded_to
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _contradiction(entry: Contradiction) -> dict[str, object]:
         "figure": entry.figure,
         "printed": entry.printed,
         "computed": entry.computed,
-        "share": entry.share,
+        "share": finite(entry.share),
         "from": list(entry.others),
         "formula": entry.relation.says,
         "source": entry.relation.source,

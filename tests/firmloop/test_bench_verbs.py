@@ -116,6 +116,28 @@ def test_datasheet_names_no_unit_where_none_explains_it(tmp_path: Path, capsys: 
     assert "CONTRADICTION" in said and "check the units" not in said
 
 
+def test_datasheet_says_what_leads_below_zero_without_a_share_of_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sheet = 'nominal_voltage = "24 V"\nno_load_speed = "8000 rpm"\nno_load_current = "50 A"\n'
+    sheet += 'terminal_resistance = "6.6 ohm"\ntorque_constant = "28 mNm/A"\n'
+    path, out = _file(tmp_path, f'schema = 1\nname = "motor"\n[datasheet]\n{sheet}'), tmp_path / "out"
+    assert main(["datasheet", str(path), "--out", str(out)]) == 1
+    said = capsys.readouterr().out
+    assert "none can be 0 or less" in said and "inf" not in said
+    assert json.loads((out / "datasheet.json").read_text())["contradictions"][0]["share"] is None
+
+
+@pytest.mark.parametrize("beside", ["\u00b110 %", "+/- 10 %", "@ 25 degC", "at 25 degC", "max."])
+def test_datasheet_tells_a_condition_beside_a_unit_from_a_unit(
+    beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = _file(tmp_path, f'schema = 1\nname = "motor"\n[datasheet]\nterminal_resistance = "8.4 Ohm {beside}"\n')
+    assert main(["datasheet", str(path), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "write the number and its unit alone" in said and "datasheet.tolerance" in said
+
+
 def test_datasheet_names_two_figures_that_contradict_each_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

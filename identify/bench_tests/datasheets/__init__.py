@@ -69,7 +69,10 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """A figure that the others do not lead to; `share` is by how much it is off, relative to what they lead to."""
+    """A figure that the others do not lead to.
+
+    `share` is by how much it is off, relative to what they lead to; infinite where that is 0 or less.
+    """
 
     figure: str
     printed: float  # SI
@@ -85,10 +88,15 @@ class Contradiction:
         others = " and ".join(self.others)
         lead = "leads" if len(self.others) == 1 else "lead"
         slip = unit_slip(1.0 + self.share, self.tolerance, sheet.slips)
+        by = (
+            f"{self.share:+.1%}"
+            if math.isfinite(self.share)
+            else "none can be 0 or less, so that one of these is wrong"
+        )
         check = f"; {slip}: check the units of these figures" if slip else ""
         return (
             f"{self.figure} is {self.printed:.4g} {unit}, but {others} {lead} to {self.computed:.4g} {unit} "
-            f"({self.relation.says}): {self.share:+.1%}{check}"
+            f"({self.relation.says}): {by}{check}"
         )
 
 
