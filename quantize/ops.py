@@ -22,7 +22,7 @@ from firmloop.design.outcome import CAPPED, INFEASIBLE
 from firmloop.quantize.formats.quadratic import rows_of
 from firmloop.quantize.formats.rti import course_from
 from firmloop.quantize.program import Table
-from firmloop.quantize.twins import curved, sweeps, trees
+from firmloop.quantize.twins import curved, rows, sweeps, trees
 from firmloop.quantize.twins.elementary import (
     BEYOND_ONE,
     cosine,
@@ -73,6 +73,12 @@ def _function(says: str, name: str, run: Callable[..., Any], bound: Callable[...
     return Operation(says, run, bound, {"float32": f"fl_{name}_f32({{0}})", "float64": f"fl_{name}_f64({{0}})"})
 
 
+def _curved(
+    says: str, run: Callable[..., Any], bound: Callable[..., Interval], c: str, whole: tuple[int, ...]
+) -> Operation:
+    return Operation(says, run, bound, {"fixed": c}, whole=whole, support="fl_curved_i32.h")
+
+
 def shift_right(a: Operand, s: int) -> Operand:
     """Round a / 2**s to nearest, halves up, as in C: half of 2**s added to a 64-bit sum could overflow."""
     return (a >> s) + ((a >> (s - 1)) & 1)
@@ -112,8 +118,6 @@ def _absolute(a: Interval) -> Interval:
     return (0 if low <= 0 <= high else min(abs(low), abs(high))), max(abs(low), abs(high))
 
 
-CURVED = "fl_curved_i32.h"
-
 # Operations between two limits, given as numbers.
 LIMITS = ("clamp", "outside", "beyond")
 
@@ -133,43 +137,30 @@ OPERATIONS: dict[str, Operation] = {
         {"float32": "fl_sqrt_f32({0})", "float64": "fl_sqrt_f64({0})"},
         support="fl_root.h",
     ),
-    "turn": Operation(
+    "turn": _curved(
         "an angle as share of a whole turn of 2**32",
         curved.turn,
         curved.turn_bound,
-        {"fixed": "fl_turn_i32({0}, {1}, {2}U)"},
-        whole=(1, 2),
-        support=CURVED,
+        "fl_turn_i32({0}, {1}, {2}U)",
+        (1, 2),
     ),
-    "turn_sine": Operation(
-        "sine of a share of a turn",
-        curved.turn_sine,
-        curved.sine_bound,
-        {"fixed": "fl_turn_sine_i32({0})"},
-        support=CURVED,
+    "turn_sine": _curved("sine of a share of a turn", curved.turn_sine, curved.sine_bound, "fl_turn_sine_i32({0})", ()),
+    "turn_cosine": _curved(
+        "cosine of a share of a turn", curved.turn_cosine, curved.sine_bound, "fl_turn_cosine_i32({0})", ()
     ),
-    "turn_cosine": Operation(
-        "cosine of a share of a turn",
-        curved.turn_cosine,
-        curved.sine_bound,
-        {"fixed": "fl_turn_cosine_i32({0})"},
-        support=CURVED,
-    ),
-    "whole_root": Operation(
+    "whole_root": _curved(
         "square root of a value times a power of two",
         curved.whole_root,
         curved.root_bound,
-        {"fixed": "fl_whole_root_i32({0}, {1}U)"},
-        whole=(1,),
-        support=CURVED,
+        "fl_whole_root_i32({0}, {1}U)",
+        (1,),
     ),
-    "inverse": Operation(
+    "inverse": _curved(
         "a power of two over a value above 0",
         curved.inverse,
         curved.inverse_bound,
-        {"fixed": "fl_inverse_i32({0}, {1}U, {2}U)"},
-        whole=(1, 2),
-        support=CURVED,
+        "fl_inverse_i32({0}, {1}U, {2}U)",
+        (1, 2),
     ),
     "copy": Operation("the same", lambda a: a, lambda a: a, _both("{0}")),
     "neg": Operation("negation", lambda a: -a, lambda a: (-a[1], -a[0]), _both("-{0}")),
@@ -367,6 +358,17 @@ LARGE: dict[str, Operation] = {
         _both("fl_rti(&{0}, {1}, (const fl_real[]){{ {others} }})"),
         record="fl_plan_t",
         table=course_from,
+    ),
+    "rows": Operation(
+        "sums of the same values, each with constant weights of its own",
+        rows.run,
+        _unbounded,
+        {name: "fl_rows(&{0}, (const fl_real[]){{ {rest} }})" for name in ("float32", "float64")},
+        record="fl_sums_t",
+        table=rows.ready,
+    ),
+    "row": Operation(
+        "one of the sums", lambda sums, k: sums[k], lambda sums, k: sums, _both("{0}.row[{1}]"), whole=(1,)
     ),
     "move": Operation(
         "one of the moves", lambda plan, k: plan[k], lambda plan, k: plan, _both("{0}.move[{1}]"), whole=(1,)

@@ -16,6 +16,9 @@ from firmloop.quantize.shifts import wrong_count, wrong_sizes
 TOO_FAR = "the ranges of the law are too far apart for fixed point: rescale the signals' units or use float32"
 
 
+SOLVING = ("solve", "sweeps", "tree", "improve")  # operations
+
+
 class QuantizeError(Exception):
     """The law does not fit the number format; the message names the value, its range and the way out."""
 
@@ -132,6 +135,11 @@ class Program:
     def parameters(self) -> tuple[Value, ...]:
         """The values that can be set on the running controller."""
         return self.state[len(self.state) - len(self.tunable) :]
+
+    @property
+    def solves(self) -> bool:
+        """Whether a step solves a program: it takes long, and a search in it has a course of its own."""
+        return any(op.function in SOLVING for op in self.body)
 
     @property
     def id(self) -> str:

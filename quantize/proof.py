@@ -17,6 +17,8 @@ ARGUMENTS = {
     "solve": "none: what follows limits the moves",
     "improve": "none: what follows limits the moves",
     "move": "none: what follows limits it",
+    "rows": "interval: the sum of the ranges of its parts, each rounded",
+    "row": "interval: the sum of the ranges of its parts, each rounded",
     "tree": "limits: every move is limited; the sums fit from the table and the ranges",
     "sweeps": "sums: the largest magnitudes of their parts, from the table and the ranges; the moves are limited",
 }

@@ -39,7 +39,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "quantize": (
         ("shifts",),
         ("program",),
-        ("twins", "not_a_number"),
+        ("twins", "not_a_number", "rows"),
         ("formats",),
         ("ops",),
         ("free_state",),

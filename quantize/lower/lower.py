@@ -28,6 +28,7 @@ from firmloop.quantize.lower.tree_formats import fixed_tree, float_tree
 from firmloop.quantize.lower.words import ROUNDINGS
 from firmloop.quantize.not_a_number import guarded
 from firmloop.quantize.program import Assign, Program, QuantizeError, Rounding, StatusBit, Table, Value
+from firmloop.quantize.rows import in_rows
 
 PLAN, PLAN_DATA, MODEL = "plan", "plan_data", "plan_model"  # a program's solution, its constants and its model
 ARITHMETICS = ("float32", "float64", "fixed32", "fixed16")
@@ -48,7 +49,7 @@ def lower(law: Law, arithmetic: str, rounds: str = "nearest") -> Program:
     floating = arithmetic.startswith("float")
     if not floating:
         return _bare(law, arithmetic, rounds)
-    return guarded(_bare(law, arithmetic, rounds), law.safe)
+    return in_rows(guarded(_bare(law, arithmetic, rounds), law.safe))
 
 
 def _bare(law: Law, arithmetic: str, rounds: str) -> Program:

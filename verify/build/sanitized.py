@@ -116,7 +116,7 @@ def compare_sanitized(program: Program, bundle: Bundle, run: SanitizedRun, trace
 
 def _lanes(program: Program, blocks: Sequence[Block]) -> list[Block]:
     """Return of every block the lanes that run."""
-    if not program.tables:
+    if not program.solves:
         return list(blocks)
     share = min(1.0, STEPS_SOLVING / max(1, total_steps(blocks)))
     counts = [max(1, round(share * len(b.inputs))) for b in blocks]

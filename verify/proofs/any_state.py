@@ -129,7 +129,7 @@ def _drawn(program: Program, step: Program, seed: int, steps: int) -> list[Raw]:
 
     In fixed point the same inputs come a second time, with random bits in every word of the state.
     """
-    steps = min(steps, STEPS_SOLVING if program.tables else STEPS)
+    steps = min(steps, STEPS_SOLVING if program.solves else STEPS)
     blocks = singles(step, steps, seed)
     if not program.arithmetic.startswith("fixed"):  # which takes inputs from beyond their ranges too
         blocks = [*blocks, *singles(replace(step, inputs=tuple(map(_beyond, step.inputs))), steps, seed)]

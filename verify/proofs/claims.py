@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 LEAST = -(1 << 31)  # what a fixed-point state that is not set yet holds
-PLANS = ("solve", "sweeps", "tree", "improve")  # their result is a plan, read by:
-OF_A_PLAN = ("move", "capped", "infeasible")
+PLANS = ("solve", "sweeps", "tree", "improve", "rows")  # their result is a plan, or sums, read by:
+OF_A_PLAN = ("move", "capped", "infeasible", "row")
 Number = int | float
 Argument = str | int | float
 

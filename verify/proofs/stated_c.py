@@ -14,7 +14,7 @@ from firmloop.verify.proofs.claims import Argument, ClaimedOperation, Claims, He
 
 Statement = tuple[str, str]  # what it is, in words, and its C
 TRUTHS = ("and", "or", "not")
-WHOLE = ("move",)  # their literal arguments are whole in any arithmetic
+WHOLE = ("move", "row")  # their literal arguments are whole in any arithmetic
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 COMPARED = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 CURVED = {
@@ -45,7 +45,7 @@ FURTHER = {
     "sqrt": "fl_root.h",
     **dict.fromkeys(CURVED, "fl_curved_i32.h"),
 }  # headers of functions that few programs need
-PLANNED = {"solve": "fl_qp", "sweeps": "fl_sweeps", "tree": "fl_tree"}
+PLANNED = {"solve": "fl_qp", "sweeps": "fl_sweeps", "tree": "fl_tree", "rows": "fl_rows"}
 
 
 def c_type(value: Held) -> str:
@@ -166,6 +166,8 @@ class Writer:
         return f"if ({test} != 0) {{ {stores} return (uint32_t){self.claims.name.upper()}_{bit.upper()}; }}"
 
     def _result(self, op: ClaimedOperation) -> str:
+        if op.function == "rows":
+            return "fl_sums_t"
         return "fl_plan_t" if op.function in (*PLANNED, "improve") else c_type(op.result)
 
     def _expression(self, op: ClaimedOperation, placed: Callable[[str], str]) -> str:
@@ -207,8 +209,8 @@ class Writer:
                     return f"(1) - {a[0]}"
                 case "select":
                     return f"({a[0]} != 0) ? {a[1]} : {a[2]}"
-                case "move":
-                    return f"{a[0]}.move[{op.arguments[1]}]"
+                case "move" | "row":
+                    return f"{a[0]}.{function}[{op.arguments[1]}]"
         except IndexError:
             raise ProofError(f"{op.says()}: {function} takes more arguments") from None
         raise ProofError(f"{op.says()}: operation {function!r} is not known to the checker")

@@ -186,7 +186,7 @@ def short(program: Program) -> bool:
 
 def _tried(program: Program, lanes: int) -> int:
     """Return how many lanes to try for each that is kept; a program that solves takes long to try."""
-    if program.tables:
+    if program.solves:
         return 1
     return max(TRIED, min(TRIED_SHORT, MOST_TRIED // max(lanes, 1))) if short(program) else TRIED
 

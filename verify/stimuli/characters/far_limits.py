@@ -22,7 +22,7 @@ def afar(program: Program, random: np.random.Generator, lanes: int, length: int)
 
     A program that solves takes long to try, and is left out.
     """
-    if not program.tables and program.state:
+    if not program.solves and program.state:
         samples = lanes * length
         latest = min(length, LATEST, max(1, samples // 3))
         hard = [make(program, random, SEARCHED, latest) for make in (worst, squares)]
