@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.codegen.example_laws import example_law
+from bench.codegen.example_laws import dense_law, example_law
 from firmloop.codegen.emit import emit
 from firmloop.codegen.firmware import firmware
 from firmloop.codegen.target import load_target
@@ -44,13 +44,16 @@ BARS: Mapping[tuple[str, str], tuple[int, int | None]] = {
     ("full pid", "fixed16"): (60, 250),
     ("transfer_function", "float32"): (60, None),
     ("transfer_function", "fixed32"): (110, None),
+    ("dense 40", "float32"): (7000, 9000),
 }
+ONLY = {"dense 40": ("float32",)}  # formats of a law, where not all
 SECONDS = 2.0  # to lower, prove, check again and print a law
 
 
 def laws() -> Mapping[str, Law]:
-    """Return the PID with every part in use, and the example of every kind; transfer_function's is two biquads."""
-    return {"full pid": example_law(), **{name: kind.design(kind.example).law for name, kind in kinds().items()}}
+    """Return the PID with every part in use, the example of every kind (transfer_function's is two biquads), more."""
+    own = {name: kind.design(kind.example).law for name, kind in kinds().items()}
+    return {"full pid": example_law(), **own, "dense 40": dense_law(40)}
 
 
 def counts(program: Program) -> tuple[int, int, int]:
@@ -72,7 +75,7 @@ def main() -> int:
     print("law               format    usual  most   bar   text   bar  generate s")
     missed, chosen = 0, sys.argv[1:]
     for name, law in laws().items():
-        for arithmetic in ARITHMETICS if not chosen or name in chosen else ():
+        for arithmetic in ONLY.get(name, ARITHMETICS) if not chosen or name in chosen else ():
             start = time.process_time()
             try:
                 program = lower(law, arithmetic)

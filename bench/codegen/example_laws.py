@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from firmloop.design.kinds import design, kinds
 from firmloop.design.law import Law
 from firmloop.identify.signal import Signal
@@ -19,6 +21,16 @@ def example_law() -> Law:
     table = {"kp": 0.05, "ki": 1.4, "kd": 0.0004, "tf_s": 0.01, "tt_s": 0.05, "b": 0.7, "c": 0.2}
     inputs = (Signal("reference", "rad/s", -400.0, 400.0), Signal("measurement", "rad/s", -400.0, 400.0))
     return design("pid", "motor_pid", table, 0.001, inputs, (Signal("output", "V", -12.0, 12.0),), None).law
+
+
+def dense_law(order: int) -> Law:
+    """Return a stable state space in which every state reads every state."""
+    random = np.random.default_rng(order)
+    a = random.standard_normal((order, order))
+    a *= 0.9 / np.max(np.abs(np.linalg.eigvals(a)))
+    table = {"A": a.tolist(), "B": [[1.0]] * order, "C": [[1.0 / order] * order]}
+    inputs, outputs = (Signal("y", "1", -1.0, 1.0),), (Signal("u", "1", -100.0, 100.0),)
+    return design("state_space", "dense", table, 0.001, inputs, outputs, None).law
 
 
 def laws() -> dict[str, Law]:
