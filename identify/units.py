@@ -56,6 +56,8 @@ _MOST_WORDS = 5
 _WHOLE = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "rpm": "rpm", "mA": "mA", "mV": "mV", "deg": "deg"}
 # Ends of names that are words in a name, not units: v_in, speed_min, gain_kp, u_pu.
 _WORDS = frozenset("in min p kp Kp g h l T J F K rev turn turns tr second sec".split())
+# Words that a letter counts: Channel A is no current.
+_LETTERED = frozenset("channel ch kanal voie input probe analog sensor port trace".split())
 
 
 def unit_of(name: str) -> str:
@@ -92,5 +94,7 @@ def carried_unit(name: str) -> str:
     words = re.split(r"[_\s/]+", name.strip())
     last = words[-1]
     if len(words) < 2 or last in _WORDS or (len(last) == 1 and last not in _ENDINGS):
+        return ""
+    if len(last) == 1 and words[-2].lower() in _LETTERED:
         return ""
     return last if is_symbol(last) or last in ("mNm", "Nm", "Ncm", "uNm") else ""

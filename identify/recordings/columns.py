@@ -17,7 +17,10 @@ from firmloop.identify.units import carried_unit, unit_of
 
 Array = NDArray[np.float64]
 
-TIMES = re.compile(r"(?i)(t|time|timestamp|millis|micros|seconds?|x(_value)?)([\s_(\[].*)?")
+TIMES = re.compile(
+    r"(?i)_*(t|time|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|temps|tiempo|tempo)"
+    r"([\s_(\[].*)?"
+)
 
 
 @dataclass(frozen=True, slots=True)

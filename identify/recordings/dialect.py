@@ -15,8 +15,9 @@ from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
 from firmloop.identify.units import carried_unit
 
-_MARKS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+_MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
 _WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","))
+_SPACED = ((" ", "."), (" ", ","))  # any number of them is one
 _FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
 _HIGHEST = 60  # lines between a header and its rows
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
@@ -38,6 +39,8 @@ class Dialect:
 
     def plain_rows(self, rows: list[str]) -> list[str]:
         """Return rows with points in their numbers, without quotes and without empty cells at their ends."""
+        if self.delimiter == " ":
+            rows = [" ".join(row.split()) for row in rows]
         if self.quoted:
             rows = [self.delimiter.join(_numbers(row, self)) for row in rows]
         elif self.decimal == ",":
@@ -54,6 +57,7 @@ PLAIN = Dialect(",", ".")
 def find_dialect(lines: list[str]) -> Dialect | Misread | None:
     """Return how the columns of `lines` are written, what is wrong with them, or None where nothing is recognized."""
     found = [each for each in (_table(lines, *way) for way in _WAYS) if each is not None]
+    found = found or [each for each in (_table(lines, *way) for way in _SPACED) if each is not None]
     if not found:
         return None
     widest = max(found, key=lambda each: len(_cells(lines[each.first], each)))
@@ -109,6 +113,9 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         columns = ", ".join(("time_s", *(f"column_{k}" for k in range(2, width + 1)))[:6])
         return Misread("", "has no header: its first line holds numbers", f"write one line above, such as {columns}")
     headers = {k: names for k in above if (names := _names(lines[k], table, width))}
+    if above[:2] and headers and next(iter(headers)) == above[0] and _all_units(headers[above[0]]):
+        numbered = _numbered(lines[above[1]], table, width) if len(above) > 1 else ()
+        headers = {above[0]: headers[above[0]], above[1]: numbered} if numbered else headers
     if not headers:
         doubled = any(len(_cells(lines[k], table)) * 2 == width for k in above[:1])
         if doubled and table.delimiter == ",":
@@ -156,13 +163,25 @@ def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...])
 
 def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
     """Return the names of a line that has one for each column, else nothing."""
-    cells = [cell.strip() for cell in _cells(line, table)]
+    cells = [cell.strip() for cell in _cells(first_name(line), table)]
     if len(cells) == width + 1 and cells[-1].lower() == "comment":  # LabVIEW leaves this column empty
         cells = cells[:-1]
     if any(cells[width:]) or len(cells) < width or any(_is_number(cell.replace(",", ".")) for cell in cells):
         return ()
     names = cells[:width]
     return tuple(names) if sum(map(bool, names)) >= max(1, width - 1) else ()
+
+
+def _numbered(line: str, table: Dialect, width: int) -> tuple[str, ...]:
+    """Return the names of a line that counts channels, as x-axis,1,2 does, else nothing."""
+    cells = [cell.strip() for cell in _cells(line, table)][:width]
+    counts = len(cells) == width and not _is_number(cells[0]) and all(each.isdecimal() for each in cells[1:])
+    return tuple(cells) if counts and cells[0] else ()
+
+
+def first_name(line: str) -> str:
+    """Return a header without the sign of a comment that some write before it."""
+    return re.sub(r"^\s*(?:#|%|//)\s*(?=\S)", "", line)
 
 
 def _tells(names: tuple[str, ...]) -> bool:
@@ -184,11 +203,15 @@ def _cells(line: str, dialect: Dialect) -> list[str]:
             return next(csv.reader([line.strip(" \r")], delimiter=dialect.delimiter))
         except csv.Error:  # a return inside of the line, or a cell without end
             return [line]
-    return line.split(dialect.delimiter)
+    return _split(line, dialect)
+
+
+def _split(line: str, dialect: Dialect) -> list[str]:
+    return line.split() if dialect.delimiter == " " else line.split(dialect.delimiter)
 
 
 def _numbers(line: str, dialect: Dialect) -> list[str]:
-    cells = _cells(line, dialect) if dialect.quoted or '"' not in line else line.split(dialect.delimiter)
+    cells = _cells(line, dialect) if dialect.quoted or '"' not in line else _split(line, dialect)
     return [cell.replace(",", ".") for cell in cells] if dialect.decimal == "," else cells
 
 

@@ -12,6 +12,7 @@ from firmloop.identify.recordings.table import Misread, RawTable
 
 Array = NDArray[np.float64]
 
+_ONE_X = "write it with one X column and one segment"
 _KEEP = "export it again, or save one header line and one line per sample"
 
 
@@ -70,20 +71,32 @@ def _labview(lines: list[str]) -> RawTable | Misread:
     said = {row[0].strip(): row[1].strip() for row in settings if len(row) > 1}
     columns, comma = said.get("X_Columns", "One"), said.get("Decimal_Separator", ".") == ","
     body = [(k + 1, line) for k, line in enumerate(lines[ends[-1] + 1 :], ends[-1] + 1) if line.strip()]
-    if columns not in ("One", "No") or len(body) < 2:
-        wrong = "has a time column for each channel" if columns == "Multi" else "holds no rows"
-        return Misread("", f"is a LabVIEW file that {wrong}", "write it with one X column and one segment")
+    if columns not in ("One", "No", "Multi") or len(body) < 2:
+        return Misread("", "is a LabVIEW file that holds no rows", _ONE_X)
     names = [name.strip() for name in body[0][1].split(mark)]
     width = len(names) - (names[-1] == "Comment")
     rows = [(place, line.replace(",", ".") if comma else line) for place, line in body[1:]]
     cut = [(place, ",".join(line.split(mark)[:width])) for place, line in rows]
     told = "is a LabVIEW measurement file; X_Value is taken for time_s"
+    if columns == "Multi":
+        return _one_x(names[:width], cut, told)
     if columns == "One":
         return _columns(("time_s", *names[1:width]), cut, told, 0.0, 1.0)
     start, step = (float(said.get(key, default).replace(",", ".")) for key, default in (("X0", "0"), ("Delta_X", "1")))
     shift = 1 if names[0] == "X_Value" else 0
     counted = [(place, ",".join([str(k), *row.split(",")[shift:]])) for k, (place, row) in enumerate(cut)]
     return _columns(("time_s", *names[shift:width]), counted, f"{told}, {step:g} s a row", start, step)
+
+
+def _one_x(names: list[str], rows: list[tuple[int, str]], told: str) -> RawTable | Misread:
+    """Take the X columns of a LabVIEW file for one, where they are equal."""
+    clocks = [k for k, name in enumerate(names) if name == names[0]]
+    kept = [k for k in range(len(names)) if k == 0 or k not in clocks]
+    cells = [(place, row.split(",")) for place, row in rows]
+    if any(len(row) != len(names) or len({float(row[k]) for k in clocks}) > 1 for _, row in cells):
+        return Misread("", "is a LabVIEW file that has a time column for each channel, which differ", _ONE_X)
+    cut = [(place, ",".join(row[k] for k in kept)) for place, row in cells]
+    return _columns(("time_s", *(names[k] for k in kept[1:])), cut, told, 0.0, 1.0)
 
 
 def _columns(
@@ -102,9 +115,25 @@ def _columns(
     return RawTable(names, columns, "line", np.array([place for place, _ in rows], dtype=np.int64), (), (told,))
 
 
+_PAIR = re.compile(r"[\s,;>]*([A-Za-z_][\w .()/\[\]%]*?)\s*[:=]\s*([-+]?\.?\d[\d.]*(?:[eE][-+]?\d+)?|nan)(?=[\s,;]|$)")
+
+
+def _plotter(lines: list[str]) -> RawTable | Misread:
+    """Read lines such as t_ms:12,speed:3.5, with the same names in each."""
+    rows = [(k + 1, line) for k, line in enumerate(lines) if line.strip()]
+    pairs = [(place, _PAIR.findall(line), _PAIR.sub("", line).strip(" ,;\t")) for place, line in rows]
+    names = tuple(name for name, _ in pairs[0][1])
+    for place, found, rest in pairs:
+        if tuple(name for name, _ in found) != names or rest:
+            return Misread(f"line {place}", f"does not hold {', '.join(names)}, as the first line does", _KEEP)
+    cells = [(place, ",".join(value for _, value in found)) for place, found, _ in pairs]
+    return _columns(names, cells, "has a name before each value, as plotters of serial lines read them", 0.0, 1.0)
+
+
 _READERS: tuple[tuple[str, Callable[[list[str]], RawTable | Misread]], ...] = (
     (r"Record Length,.*,.*,.*,", _tektronix),
     (r"X,.*Increment", _rigol),
     (r".*t0\s*=.*tInc\s*=", _rigol_even),
     (r"LabVIEW Measurement", _labview),
+    (rf"(?:{_PAIR.pattern}){{2,}}[\s,;]*$", _plotter),
 )

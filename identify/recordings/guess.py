@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 # What a quantity may be called by others; the names that firmloop knows it by, of which the first is meant where the
 # file says no unit.
 _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
-    (frozenset("u v volt volts voltage vin uin vm um spannung tension".split()), ("voltage_V",)),
-    (frozenset("i current curr amps amp ampere im ia strom courant".split()), ("current_A",)),
+    (frozenset("u v volt volts voltage vin uin vm um uq vq spannung tension".split()), ("voltage_V",)),
+    (frozenset("i current curr amps amp ampere im ia iq strom courant".split()), ("current_A",)),
     (
         frozenset("speed omega w rpm velocity vel rps drehzahl vitesse".split()),
         ("speed_rad_s", "speed_m_s"),
@@ -36,16 +36,17 @@ _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
 _BY_UNIT = ("current_A", "speed_rad_s", "temperature_C", "torque_N_m", "force_N")
 _REFERENCES = frozenset("ref reference setpoint sp target desired soll sollwert".split())
 _DRIVES = frozenset(
-    "u input in cmd command duty pwm drive voltage volt volts vin uin force torque valve heater pump fan power control "
-    "actuator q1 q2 stell stellgrad".split()
+    "u input in cmd command duty pwm drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan "
+    "power control actuator q1 q2 stell stellgrad spannung tension".split()
 )
 _ANSWERS = frozenset(
-    "y output out sensor tacho measured meas measurement response level speed omega rpm position pos angle theta "
-    "temperature temp pressure flow".split()
+    "y output out sensor tacho measured meas measurement response level speed velocity vel omega rpm position pos "
+    "angle theta temperature temp pressure flow estimate drehzahl vitesse winkel weg temperatur druck".split()
 )
 _GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enable limit max min".split())
 _SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
 _MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
+_EPOCHS = ((1e12, "ms"), (1e15, "us"), (1e18, "ns"))  # ticks since 1970, from the year 2001 to 2096
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,11 @@ class Guessed:
     drives: int
     reads: int
     quantity: str = ""  # what firmloop calls its quantity, which another column may be called too
+
+    @property
+    def commands(self) -> bool:
+        """Whether it is a reference of what moves a plant: of a current, a voltage, a torque or a force."""
+        return self.reference and self.quantity in ("current_A", "voltage_V", "torque_N_m", "force_N")
 
     def alone(self, among: Sequence[Guessed]) -> Guessed:
         """Return it under the name of its quantity, where no other column has that name."""
@@ -98,9 +104,10 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         for name, unit in zip(table.names, _units(table), strict=True)
         if time is None or name != time.foreign
     ]
-    wishes = [_quantity(name, unit) for name, unit in pairs]
+    aims = [_quantity(name, unit) for name, unit in pairs]
+    wishes = ["" if _words(name) & _REFERENCES else aim for (name, _), aim in zip(pairs, aims, strict=True)]
     made = []
-    for (foreign, unit), wish in zip(pairs, wishes, strict=True):
+    for (foreign, unit), wish, aim in zip(pairs, wishes, aims, strict=True):
         words = _words(foreign)
         own = foreign if ending_of(foreign) and re.fullmatch(r"[A-Za-z]\w*", foreign, re.ASCII) else ""
         twins = [other for (other, _), same in zip(pairs, wishes, strict=True) if wish and same == wish]
@@ -109,7 +116,7 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         name = (own or _slug(foreign, unit)) if plain else wish
         leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
         made.append(
-            Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), leaning - aside, -leaning - aside, wish)
+            Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), leaning - aside, -leaning - aside, aim)
         )
     return tuple(made)
 
@@ -153,14 +160,13 @@ def _tick(values: Array) -> str:
     whole = bool(np.all(values == np.round(values)))
     if not whole or float(np.ptp(values)) < _SECONDS_MOST:
         return "s"
-    return "us" if float(np.median(np.diff(values))) >= _MICROSECONDS else "ms"
+    since_1970 = next((unit for least, unit in _EPOCHS if least <= float(values[0]) < 4.0 * least), "")
+    return since_1970 or ("us" if float(np.median(np.diff(values))) >= _MICROSECONDS else "ms")
 
 
 def _quantity(foreign: str, unit: str) -> str:
     """Return the name that firmloop has for a column, empty where none fits."""
     words = _words(foreign)
-    if words & _REFERENCES:
-        return ""
     for called, names in _QUANTITIES:
         if not words & called:
             continue
@@ -173,9 +179,12 @@ def _quantity(foreign: str, unit: str) -> str:
 
 
 def _words(name: str) -> frozenset[str]:
-    """Return the words of a name without the unit at its end, which may be a word too: the V of tacho_V."""
+    """Return the words of a name without the unit at its end, which may be a word too: tacho_V, CH1 in V."""
     ending = ending_of(name)
     name = name.removesuffix(f"_{ending}") if ending else name
+    carried = carried_unit(name)
+    bare = re.sub(rf"(?:\bin\s+)?[\[(]?{re.escape(carried)}[\])]?\s*$", "", name) if carried else name
+    name = bare if re.search(r"[A-Za-z]", bare) else name
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
 

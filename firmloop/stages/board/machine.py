@@ -28,6 +28,7 @@ EXTRAS = (
     ("asammdf", "mdf4", "MDF recordings"),
     ("distributed", "dask", "a fleet on a Dask cluster"),
     ("h5py", "hdf5", "HDF5 and MATLAB 7.3 recordings"),
+    ("mcap", "mcap", "MCAP recordings"),
     ("nfoursid", "blackbox", "subspace models"),
     ("npTDMS", "tdms", "TDMS recordings"),
     ("numba", "mpc", "predictive control"),
@@ -35,6 +36,7 @@ EXTRAS = (
     ("pyarrow", "parquet", "Parquet recordings"),
     ("pyulog", "ulog", "ULog recordings"),
     ("ray", "ray", "a fleet on a Ray cluster"),
+    ("rosbags", "rosbag", "bags of ROS"),
 )
 
 NEEDED = (

@@ -64,6 +64,8 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
         )
     pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
+    if pushed.drives <= 0:  # nothing is named as a drive: what an inner loop is asked for moves the plant
+        pushed = next((each for each in columns if each.commands and each not in still), pushed)
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
     outputs = _outputs(drive, others)
     used = (*((time,) if time else ()), drive, *outputs)

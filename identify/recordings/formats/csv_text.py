@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.recordings.dialect import PLAIN, Dialect, find_dialect
+from firmloop.identify.recordings.calendar_stamps import with_seconds
+from firmloop.identify.recordings.dialect import PLAIN, Dialect, find_dialect, first_name
 from firmloop.identify.recordings.exports import read_export
 from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
+from firmloop.identify.recordings.words import without_words
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
 _SAMPLE = 200  # rows that say what a column holds
@@ -34,7 +36,7 @@ def read_csv(content: bytes) -> RawTable | Misread:
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)
     if not len(numbers):
         return Misread("", "is empty", "write one header line (time_s, then the signals) and one line per sample")
-    names = tuple(name.strip().strip('"') for name in lines[numbers[0] - 1].split(","))
+    names = tuple(name.strip().strip('"') for name in first_name(lines[numbers[0] - 1]).split(","))
     rows = [line for line in lines[numbers[0] :] if line]
     plain = _parsed(names, rows, numbers[1:], PLAIN) if rows else None
     if isinstance(plain, RawTable) and not all(map(_is_number, names)):
@@ -92,12 +94,24 @@ def _is_text(line: bytes) -> bool:
 
 def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
+    lines, stamps = with_seconds(lines)
+    lines, words, aside = without_words(lines)
     found = find_dialect(lines)
     if found is None or isinstance(found, Misread):
         return found
     numbers = np.array([k + 1 for k in range(found.first, len(lines)) if lines[k].strip()], dtype=np.int64)
     table = _parsed(found.names, found.plain_rows([lines[number - 1] for number in numbers]), numbers, found)
-    return replace(table, units=found.units, notes=found.notes) if isinstance(table, RawTable) else table
+    if isinstance(table, Misread):
+        return table
+    kept = [k for k in range(len(table.names)) if k not in words]
+    return RawTable(
+        tuple(table.names[k] for k in kept),
+        tuple(table.columns[k] for k in kept),
+        table.place,
+        table.places,
+        tuple(found.units[k] for k in kept) if found.units else (),
+        (*found.notes, *filter(None, (stamps, aside))),
+    )
 
 
 def _parsed(
@@ -155,4 +169,4 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-FORMAT = Format((".csv", ".tsv", ".txt", ".lvm"), read_csv)
+FORMAT = Format((".csv", ".tsv", ".txt", ".lvm", ".dat", ".log", ".asc", ".prn"), read_csv)

@@ -9,13 +9,15 @@ import numpy as np
 
 from firmloop.identify.extras import extra
 from firmloop.identify.recordings.formats import Format
-from firmloop.identify.recordings.table import Misread, RawTable, table_of_arrays
+from firmloop.identify.recordings.groups import Group, table_of_groups, vectors_of
+from firmloop.identify.recordings.table import Misread, RawTable
 
 _MICROSECOND = 1e-6  # s
+_REMEDY = "log fewer topics, or export as CSV"
 
 
 def read_ulog(content: bytes) -> RawTable | Misread:
-    """Put every topic on the instants of the quickest one: each message is held until the next, as they are sent."""
+    """Take the numbers of every topic that has two messages."""
     pyulog = extra("pyulog", "ulog", "a ULog file")
     try:
         topics = [each for each in pyulog.ULog(io.BytesIO(content)).data_list if len(each.data["timestamp"]) > 1]
@@ -24,27 +26,19 @@ def read_ulog(content: bytes) -> RawTable | Misread:
         return Misread("", f"is not a sound ULog file ({reason})", "copy it from the logger again")
     if not topics:
         return Misread("", "holds no topic with two messages", "record longer")
-    quickest = max(topics, key=lambda each: len(each.data["timestamp"]))
-    clock = np.asarray(quickest.data["timestamp"], dtype=np.int64)
-    first = max(int(each.data["timestamp"][0]) for each in topics)
-    kept = clock[clock >= first]
-    if len(kept) < 2:
-        return Misread("", "holds topics that were not logged at the same time", "log them together, or export as CSV")
-    columns: list[tuple[str, Any]] = [("time_s", (kept - kept[0]) * _MICROSECOND)]
-    for topic in topics:
-        last = np.searchsorted(np.asarray(topic.data["timestamp"], dtype=np.int64), kept, side="right") - 1
-        name = topic.name if not topic.multi_id else f"{topic.name}_{topic.multi_id}"
-        alone = len(topics) == 1
-        columns += [
-            (field if alone else f"{name}.{field}", np.asarray(values)[last])
-            for field, values in topic.data.items()
-            if field != "timestamp" and np.asarray(values).dtype.kind in "fiub"
-        ]
-    table = table_of_arrays(tuple(columns))
-    if isinstance(table, Misread) or len(topics) == 1:
-        return table
-    held = f"has {len(topics)} topics; each is held from message to message, on the instants of {quickest.name}"
-    return RawTable(table.names, table.columns, table.place, table.places, (), (held,))
+    begin = min(int(each.data["timestamp"][0]) for each in topics)
+    return table_of_groups([_group(each, begin, len(topics) == 1) for each in topics], _REMEDY)
+
+
+def _group(topic: Any, begin: int, alone: bool) -> Group:
+    name = topic.name if not topic.multi_id else f"{topic.name}_{topic.multi_id}"
+    time = (np.asarray(topic.data["timestamp"], dtype=np.int64) - begin) * _MICROSECOND
+    values = [
+        (field if alone else f"{name}.{field}", np.asarray(each), "")
+        for field, each in topic.data.items()
+        if field != "timestamp"
+    ]
+    return Group("" if alone else name, (("time_s", time, "s"), *vectors_of(values)))
 
 
 FORMAT = Format((".ulg",), read_ulog)

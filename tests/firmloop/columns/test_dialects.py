@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 from random import Random
 
@@ -43,6 +44,19 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
     "two commas at every end": (PLAIN.replace("\n", ",,\n"), "delimiters"),
     "semicolon at every end": (comma(PLAIN).replace("\n", ";\n"), "ends with a delimiter"),
     "tab at every end": (PLAIN.replace(",", "\t").replace("\n", "\t\n"), "ends with a delimiter"),
+    "spaces": (
+        "\n".join(" ".join(f"{cell:>15}" for cell in row.split(",")) for row in [HEADER, *ROWS]),
+        "spaces between columns",
+    ),
+    "spaces, the header a comment": ("\n".join([f"# {HEADER}", *ROWS]).replace(",", " "), "spaces between columns"),
+    "a column of words": (
+        "\n".join([f"mode,{HEADER}", *("RUN," + row for row in ROWS[:-1]), "STOP," + ROWS[-1]]),
+        "a column without numbers, left aside: 'STOP'",
+    ),
+    "an empty column and a column of words": (
+        "\n".join([f",{HEADER},state", *(f",{row},OK" for row in ROWS)]).replace(",", ";"),
+        "2 columns without numbers, left aside: empty, 'OK'",
+    ),
     "UTF-16": (PLAIN.encode("utf-16"), "UTF-16"),
     "UTF-16, big end first": (b"\xfe\xff" + PLAIN.encode("utf-16-be"), "UTF-16"),
     "UTF-16 without its mark": (PLAIN.encode("utf-16-le"), "UTF-16"),
@@ -54,6 +68,46 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
     ),
     "CRLF, tabs": (PLAIN.replace(",", "\t").replace("\n", "\r\n"), "tabs"),
 }
+
+
+def stamped(form: str, begin: str, zone: tuple[str, str] = ("", ""), header: str = HEADER, mark: str = ",") -> str:
+    """The same rows with dates and times of day, the second half of them in another zone."""
+    first, lines = datetime.fromisoformat(begin), [header.replace(",", mark)]
+    for k, (t, row) in enumerate(zip(TIME, ROWS, strict=True)):
+        at = first + timedelta(seconds=round(float(t), 2) + 3600.0 * (k >= 30) * bool(zone[0]))
+        stamp = at.strftime(form).replace("FF", f"{at.microsecond // 10000:02d}")
+        lines.append((f"{stamp}{zone[k >= 30]}" + row[row.index(",") :]).replace(",", mark))
+    return "\n".join(lines)
+
+
+NIGHT = "2024-12-31T23:59:58.5"  # the rows go past midnight, and into another year
+STAMPS = {
+    "ISO 8601": stamped("%Y-%m-%dT%H:%M:%S.FF", NIGHT),
+    "ISO 8601, a change of zone": stamped("%Y-%m-%d %H:%M:%S.FF", NIGHT, ("+01:00", "+02:00")),
+    "time of day": stamped("%H:%M:%S.FF", NIGHT),
+    "date of Excel, AM and PM": stamped("%m/%d/%Y %I:%M:%S.FF %p", NIGHT),
+    "day first, decimal commas": stamped("%d.%m.%Y %H:%M:%S.FF", NIGHT, mark=";").replace(".FF", ","),
+    "a column for the date": stamped("%d.%m.%Y,%H:%M:%S.FF", NIGHT, header=f"Date,{HEADER}"),
+    "quoted": stamped('"%Y-%m-%d %H:%M:%S.FF"', NIGHT),
+    "tabs": stamped("%Y/%m/%d %H:%M:%S.FF", NIGHT, mark="\t"),
+}
+
+
+@pytest.mark.parametrize("case", STAMPS)
+def test_dates_and_times_of_day_are_seconds_from_the_first(case: str, bench: Callable[..., tuple]) -> None:
+    status, columns, said = bench(STAMPS[case])
+    assert status == 0, said
+    assert "read as seconds from the first" in said
+    np.testing.assert_allclose(columns["time_s"], TIME, atol=1e-9)
+    np.testing.assert_allclose(columns["voltage_V"], VOLT, rtol=1e-12)
+
+
+def test_a_broken_row_among_words_or_stamps_loses_no_rows(bench: Callable[..., tuple]) -> None:
+    worded = [f"mode,{HEADER}", *("RUN," + row for row in ROWS)]
+    lines = stamped("%H:%M:%S.FF", NIGHT).splitlines()
+    for rows in (worded, lines):
+        status, _, said = bench("\n".join([*rows[:20], rows[20][:8], *rows[21:]]))
+        assert status == 2 and "line 21" in said, said
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -139,6 +193,22 @@ EXPORTS: dict[str, tuple[str, str, str]] = {  # file, [recordings.rename], what 
         'Volt = "voltage_V"',
         "LabVIEW",
     ),
+    "LabVIEW with an equal time each": (
+        LVM.format(decimal=".", columns="Multi").replace("Volt\tHeat", "Volt\tX_Value\tHeat")
+        + "\n".join(rows_of(TIME, VOLT, TIME, HEAT, mark="\t")),
+        'Volt = "voltage_V"',
+        "LabVIEW",
+    ),
+    "a serial plotter": (
+        "\n".join(f"t_ms:{t * 1e3:.0f},u:{u:.9g},heat:{y:.9g}" for t, u, y in zip(TIME, VOLT, HEAT, strict=True)),
+        't_ms = { name = "time_s", unit = "ms" }\nu = "voltage_V"',
+        "a name before each value",
+    ),
+    "Keysight": (
+        "x-axis,1,2\nsecond,Volt,Volt\n" + "\n".join(rows_of(TIME, VOLT, HEAT)),
+        'x-axis = "time_s"\n1 = "voltage_V"',
+        "line of units",
+    ),
     "LabVIEW without X": (
         LVM.format(decimal=".", columns="No").replace("X_Value\t", "") + "\n".join(rows_of(VOLT, HEAT, mark="\t")),
         'Volt = "voltage_V"',
@@ -179,7 +249,8 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     ),
     "foreign time": (PLAIN.replace("time_s", "Time (ms)"), ('"Time (ms)" = { name = "time_s", unit = "ms" }',)),
     "LabVIEW with a time each": (
-        LVM.format(decimal=".", columns="Multi") + "\n".join(ROWS),
+        LVM.format(decimal=".", columns="Multi").replace("Volt\tHeat", "Volt\tX_Value\tHeat")
+        + "\n".join(rows_of(TIME, VOLT, TIME + 0.01, HEAT, mark="\t")),
         ("a time column for each",),
     ),
     "a column of words": (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import io
+import json
 import struct
 import sys
 from collections.abc import Callable, Mapping
@@ -98,6 +100,63 @@ def flight(path: Path) -> None:
     path.write_bytes(ulog({"motor": (np.round(COLUMNS["time_s"] * 1e6), fields)}))
 
 
+def mcap_of(topics: Mapping[str, tuple[np.ndarray, Columns]]) -> bytes:
+    """Messages in JSON, in the order of time; `topics` holds stamps in s and fields."""
+    writer_of = pytest.importorskip("mcap.writer", reason="mcap is not installed (pip install 'firmloop[mcap]')")
+    buffer, sent = io.BytesIO(), []
+    writer = writer_of.Writer(buffer)
+    writer.start()
+    for topic, (stamps, fields) in topics.items():
+        schema = writer.register_schema(topic, "jsonschema", b"{}")
+        channel = writer.register_channel(topic, "json", schema)
+        for k, stamp in enumerate(stamps):
+            values = {"note": "x", **{name: float(each[k]) for name, each in fields.items()}}
+            sent.append((17 * 10**17 + round(stamp * 1e9), channel, json.dumps(values).encode()))
+    for moment, channel, content in sorted(sent):
+        writer.add_message(channel, log_time=moment, data=content, publish_time=moment)
+    writer.finish()
+    return buffer.getvalue()
+
+
+SIGNALS = {name: values for name, values in COLUMNS.items() if name != "time_s"}
+
+
+def slow_mcap(path: Path) -> None:
+    topics = {
+        f"/{name}": (COLUMNS["time_s"][::step], {"data": COLUMNS[name][::step]})
+        for name, step in (("voltage_V", 1), ("speed_rad_s", 5))
+    }
+    path.write_bytes(mcap_of(topics))
+
+
+def bag(path: Path) -> None:
+    """A bag of ROS 1, or of ROS 2 in either of its files; its stamps are of the measurement, its log is late."""
+    rosbags = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed (pip install 'firmloop[rosbag]')")
+    one = path.suffix == ".bag"
+    store = rosbags.get_typestore(rosbags.Stores.ROS1_NOETIC if one else rosbags.Stores.LATEST)
+    store.register(rosbags.get_types_from_msg(MOTOR, "bench/msg/Motor"))
+    motor, header, stamp = (
+        store.types[name] for name in ("bench/msg/Motor", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    )
+    written = importlib.import_module("rosbags.rosbag1" if one else "rosbags.rosbag2")
+    plain = {".mcap": "MCAP", ".db3": "SQLITE3"}.get(path.suffix, "")
+    kind = {"version": 9, "storage_plugin": getattr(written.StoragePlugin, plain)} if plain else {}
+    place = path if one else path.with_suffix("")
+    with written.Writer(place, **kind) as writer:
+        link = writer.add_connection("/motor", motor.__msgtype__, typestore=store)
+        for k, t in enumerate(COLUMNS["time_s"]):
+            first = {"seq": k} if one else {}
+            at = header(**first, stamp=stamp(sec=1_700_000_000, nanosec=round(t * 1e9)), frame_id="")
+            sent = motor(header=at, voltage_V=COLUMNS["voltage_V"][k], speed_rad_s=COLUMNS["speed_rad_s"][k])
+            packed = (store.serialize_ros1 if one else store.serialize_cdr)(sent, motor.__msgtype__)
+            writer.write(link, 1_700_000_001 * 10**9 + round(t * 1e9) + k % 3 * 10**6, packed)
+    if not one:
+        next(place.glob(f"*{path.suffix}")).rename(path)
+
+
+MOTOR = "std_msgs/Header header\nfloat64 voltage_V\nfloat64 speed_rad_s\n"
+
+
 def bytes_of(content: bytes) -> Callable[[Path], None]:
     return lambda path: path.write_bytes(content) and None
 
@@ -113,6 +172,9 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "waveform.tdms": lambda path: tdms(path, waveform=True),
     "r.mf4": mdf,
     "r.ulg": flight,
+    "r.bag": bag,
+    "r.db3": bag,
+    "ros2.mcap": bag,
 }
 
 
@@ -125,9 +187,9 @@ def test_every_file_gives_the_same_recording(name: str, tmp_path: Path) -> None:
     WRITERS[name](tmp_path / name)
     recording = read(tmp_path / name)
     np.testing.assert_allclose(recording.time, COLUMNS["time_s"], rtol=0.0, atol=1e-12)
-    assert set(recording.columns) == {"voltage_V", "speed_rad_s"}
-    for signal, values in recording.columns.items():
-        np.testing.assert_array_equal(values, COLUMNS[signal])
+    assert set(recording.columns) - {"header.seq"} == {"voltage_V", "speed_rad_s"}
+    for signal, values in SIGNALS.items():
+        np.testing.assert_array_equal(recording.columns[signal], values)
 
 
 def test_units_of_a_file_are_taken(tmp_path: Path) -> None:
@@ -149,14 +211,57 @@ def test_topics_of_a_flight_log_are_held_on_the_quickest(tmp_path: Path) -> None
     assert len(recording.time) == 100
     np.testing.assert_array_equal(recording.columns["command.voltage_V"], np.repeat(np.arange(10.0), 10))
     np.testing.assert_array_equal(recording.columns["motor.speed_rad_s"], np.arange(100.0))
-    assert "held from message to message" in recording.notes[0]
+    assert "held from sample to sample" in recording.notes[0] and "0.005 s at most" in recording.notes[0]
 
 
-def test_several_rates_are_named_with_the_cure(tmp_path: Path) -> None:
-    mdf(tmp_path / "r.mf4", slow=True)
-    with pytest.raises(
-        IdentifyError, match=r"2 tables.*50 rows of time_s, voltage_V.*10 rows.*resample\(raster=0\.001\)"
-    ):
+def slow_mdf(path: Path) -> None:
+    mdf(path, slow=True)
+
+
+def slow_tdms(path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed (pip install 'firmloop[tdms]')")
+    with nptdms.TdmsWriter(str(path)) as writer:
+        for name, step in (("voltage_V", 1), ("speed_rad_s", 5)):
+            clock = {"wf_increment": 0.01 * step, "wf_start_offset": 0.0}
+            writer.write_segment([nptdms.ChannelObject(f"every_{step}", name, COLUMNS[name][::step], clock)])
+
+
+@pytest.mark.parametrize(("name", "write"), [("r.mf4", slow_mdf), ("r.tdms", slow_tdms), ("r.mcap", slow_mcap)])
+def test_several_rates_are_held_on_the_quickest_and_told(
+    name: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    write(tmp_path / name)
+    recording = read(tmp_path / name)
+    np.testing.assert_allclose(recording.time, COLUMNS["time_s"], atol=1e-12)
+    np.testing.assert_array_equal(recording.columns["voltage_V"], COLUMNS["voltage_V"])
+    np.testing.assert_array_equal(recording.columns["speed_rad_s"], np.repeat(COLUMNS["speed_rad_s"][::5], 5))
+    assert "comes late by half its own step, 0.025 s at most" in recording.notes[0]
+
+
+def test_messages_in_messages_are_named_by_their_path(tmp_path: Path) -> None:
+    body = {"pose": {"x": 1.0, "covariance": [0.5] * 100}, "joints": [1, 2], "on": True, "name": "arm"}
+    writer_of = pytest.importorskip("mcap.writer")
+    with (tmp_path / "r.mcap").open("wb") as file:
+        writer = writer_of.Writer(file)
+        writer.start()
+        for topic in ("/arm", "/tool/state"):
+            channel = writer.register_channel(topic, "json", writer.register_schema(topic, "jsonschema", b"{}"))
+            for k in range(5):
+                writer.add_message(channel, k * 10**7, json.dumps(body).encode(), k * 10**7)
+        writer.finish()
+    fields = ("pose.x", "joints.0", "joints.1", "on")
+    assert list(read(tmp_path / "r.mcap").columns) == [
+        f"{at}.{each}" for at in ("arm", "tool/state") for each in fields
+    ]
+
+
+def test_groups_with_the_same_names_are_two_recordings(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        for step in (1, 5):
+            file.append(asammdf.Signal(COLUMNS["voltage_V"][::step], COLUMNS["time_s"][::step], name="voltage_V"))
+        file.save(tmp_path / "r.mf4")
+    with pytest.raises(IdentifyError, match=r"2 tables.*50 rows.*10 rows.*resample\(raster=0\.001\)"):
         read(tmp_path / "r.mf4")
 
 
@@ -183,6 +288,8 @@ EXTRAS = {
     "r.tdms": ("nptdms", "tdms"),
     "r.mf4": ("asammdf", "mdf4"),
     "r.ulg": ("pyulog", "ulog"),
+    "r.mcap": ("mcap", "mcap"),
+    "r.bag": ("rosbags", "rosbag"),
 }
 
 

@@ -1,0 +1,98 @@
+"""Read dates and times of day in a text as seconds from the first of them.
+
+Only differences count. A date that is written year first is counted in days; of another one, whose day and month may be
+either way round, nothing is taken but that it changes, and that is then midnight.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import date
+
+_DATE = r"\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.](?:\d{1,2}|[A-Za-z]{3})[-/.]\d{4}"
+_CLOCK = (
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:MARK\d+)?)"
+    r"(?: ?(?P<half>[AaPp])[Mm])?(?: ?(?P<zone>Z|UTC|[-+]\d\d:?\d\d))?"
+)
+_STAMP = rf'"?(?<![\d:.])(?:(?P<date>{_DATE})(?:T| +))?{_CLOCK}(?![\d:])"?'
+_ALONE = re.compile(rf'(?<![^,;\t"])"?(?:{_DATE})"?(?=[,;\t]|$)')  # a date in a column of its own
+_DAY = 86400.0  # s
+_FEWEST = 3  # rows that make a table
+
+
+@dataclass(slots=True)
+class _Calendar:
+    """Counts stamps in s from the first one, across midnight."""
+
+    first: tuple[int, float] | None = None  # day, s
+    last: float = 0.0
+    day: int = 0
+    date: str = ""
+
+    def seconds(self, found: re.Match[str], alone: str) -> float:
+        """Return how long after the first stamp this one is; `alone` is a date in a column of its own."""
+        written = found["date"] or alone
+        at, counted = _of_day(found), _counted_days(written)
+        if counted is not None:
+            self.day = counted
+        elif self.first is not None:
+            # Without a date only midnight takes a clock back by more than half a day.
+            self.day += int(written != self.date if written else at < self.last - _DAY / 2)
+        self.date, self.last = written, at
+        self.first = self.first or (self.day, at)
+        return _DAY * (self.day - self.first[0]) + (at - self.first[1])
+
+
+def with_seconds(lines: list[str]) -> tuple[list[str], str]:
+    """Return the lines with seconds in place of the first stamp of each row, and what is told of it.
+
+    Rows are the lines of the shape that the last one has; where that has no stamp, all is left as it is.
+    """
+    last = next((line for line in reversed(lines) if line.strip()), "")
+    mark = next((each for each in "\t;," if each in last), " ")
+    # Where a comma stands between columns it is no decimal mark.
+    stamp = re.compile(_STAMP.replace("MARK", r"\." if mark == "," else "[.,]"))
+    found = stamp.search(last)
+    if found is None:
+        return lines, ""
+    shape = _shape(last, found, mark)
+    rows = {
+        k: match for k, line in enumerate(lines) if (match := stamp.search(line)) and _shape(line, match, mark) == shape
+    }
+    if len(rows) < _FEWEST:
+        return lines, ""
+    calendar, out = _Calendar(), list(lines)
+    for k, match in rows.items():
+        before, after = lines[k][: match.start()], lines[k][match.end() :]
+        alone = _ALONE.search(before) or _ALONE.search(after)
+        seconds = f"{calendar.seconds(match, alone.group() if alone else ''):.9f}".rstrip("0").rstrip(".")
+        out[k] = f"{_ALONE.sub('0', before)}{seconds}{_ALONE.sub('0', after)}"
+    example = next(iter(rows.values())).group().strip('"')
+    return out, f"has stamps such as {example!r}, which are read as seconds from the first"
+
+
+def _shape(line: str, found: re.Match[str], mark: str) -> tuple[int, int]:
+    """Return how many columns stand before and after a stamp."""
+    before, after = line[: found.start()], line[found.end() :]
+    if mark == " ":
+        return len(before.split()), len(after.split())
+    return before.count(mark), after.count(mark)
+
+
+def _of_day(found: re.Match[str]) -> float:
+    """Return the time of day, s; a zone that is told is taken out, as it may change in a file."""
+    hour = int(found["hour"])
+    if found["half"]:
+        hour = hour % 12 + (12 if found["half"] in "Pp" else 0)
+    digits = re.sub(r"\D", "", found["zone"] or "")
+    zone = 3600.0 * int(digits[:2]) + 60.0 * int(digits[2:]) if digits else 0.0
+    zone = -zone if (found["zone"] or "").startswith("-") else zone
+    return 3600.0 * hour + 60.0 * int(found["minute"]) + float(found["second"].replace(",", ".")) - zone
+
+
+def _counted_days(text: str) -> int | None:
+    try:
+        return date.fromisoformat(re.sub("[/.]", "-", text.strip('"'))).toordinal()
+    except ValueError:
+        return None

@@ -1,0 +1,54 @@
+"""Set columns of a text aside that hold words in every row, such as a state or an empty column."""
+
+from __future__ import annotations
+
+_MARKS = ("\t", ";", ",")
+_FEWEST = 3  # rows that make a table
+_FEWEST_NUMBERS = 2  # in a row: a time and one signal
+_SHOWN = 20  # letters of a word
+ASIDE = "nan"  # stands in place of a word
+
+
+def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
+    """Return the lines with `nan` in those columns, which they are, and what is told of it.
+
+    Rows are the lines that have numbers and words where the last line has them.
+    """
+    last = next((line for line in reversed(lines) if line.strip()), "")
+    for mark in _MARKS:
+        cells = last.split(mark)
+        end = max((k + 1 for k, cell in enumerate(cells) if cell.strip()), default=0)
+        words = tuple(k for k, cell in enumerate(cells[:end]) if _is_word(cell))
+        numbers = tuple(k for k, cell in enumerate(cells[:end]) if _is_number(cell))
+        if not words or len(numbers) < _FEWEST_NUMBERS or len(words) + len(numbers) < end:
+            continue
+        rows = {}
+        for k, line in enumerate(lines):
+            row = line.split(mark)
+            alike = len(row) == len(cells) and all(_is_word(row[j]) for j in words)
+            if alike and all(_is_number(row[j]) for j in numbers):
+                rows[k] = mark.join(ASIDE if j in words else cell for j, cell in enumerate(row))
+        if len(rows) < _FEWEST:
+            continue
+        out = [rows.get(k, line) for k, line in enumerate(lines)]
+        shown = ", ".join(dict.fromkeys(repr(_bare(cells[j])[:_SHOWN]) if _bare(cells[j]) else "empty" for j in words))
+        held = "a column" if len(words) == 1 else f"{len(words)} columns"
+        return out, words, f"has {held} without numbers, left aside: {shown}"
+    return lines, (), ""
+
+
+def _bare(cell: str) -> str:
+    return cell.strip().strip('"').strip()
+
+
+def _is_word(cell: str) -> bool:
+    bare = _bare(cell)
+    return not bare or (any(sign.isalpha() for sign in bare) and not _is_number(cell))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace("_", "?").replace(",", "."))
+    except ValueError:
+        return False
+    return True
