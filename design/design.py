@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from firmloop.design.draft import Draft
@@ -44,6 +44,11 @@ class Bench:
 
     plant: Plant
     told: str
+
+    def read_by(self, inputs: Sequence[Signal]) -> tuple[tuple[str, int], ...]:
+        """Return the inputs that carry its outputs, each with the place of that output."""
+        names = [wire.name for wire in inputs]
+        return tuple((signal.name, k) for k, signal in enumerate(self.plant.outputs) if signal.name in names)
 
 
 @dataclass(frozen=True, slots=True)

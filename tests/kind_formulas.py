@@ -18,7 +18,7 @@ import scipy.signal
 
 from firmloop.design.design import Request
 from firmloop.design.kinds import cascade as cascade_kind
-from firmloop.design.kinds import foc
+from firmloop.design.kinds.foc.wires import INPUTS
 from firmloop.identify.signal import Signal
 from tests import motor_formulas
 from tests.pid_formula import pid_steps
@@ -257,7 +257,7 @@ def cascade(request: Request, rows: np.ndarray) -> np.ndarray:
     for k in reversed(range(len(loops))):
         own = {key: value for key, value in loops[k].items() if key not in cascade_kind.OWN}
         every, taken = loops[k].get("every", 1), loops[k].get("inputs", {})
-        names = ["reference", "measurement"] if loops[k]["kind"] == "pid" else list(foc.INPUTS)
+        names = ["reference", "measurement"] if loops[k]["kind"] == "pid" else list(INPUTS)
         read = [taken.get(name, name) for name in names]
         period = request.period * every
         inputs = tuple(replace(ranges[signal], name=name) for name, signal in zip(names, read, strict=True))

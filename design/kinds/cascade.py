@@ -27,6 +27,7 @@ import casadi as ca
 
 from firmloop.design.design import Bench, Design, Kind, Request
 from firmloop.design.kinds import foc, kind_of
+from firmloop.design.kinds.foc.wires import INPUTS, bench
 from firmloop.design.law import DesignError, Flag, Law, Scalar
 from firmloop.design.models.shaft import Shaft, shaft_of
 from firmloop.design.table import check_keys, real
@@ -185,7 +186,7 @@ def _command(loops: Sequence[RatedLoop], k: int, request: Request) -> Signal:
     if low >= high:
         raise DesignError(f"loop '{loop.name}' has u_min = {low:g} and u_max = {high:g}; u_min must be below u_max")
     units = {signal.name: signal.unit for signal in request.inputs}
-    unit = foc.INPUTS.get(loop.commands) if inner.kind is foc.KIND else units.get(inner.wires.get("measurement", ""))
+    unit = INPUTS.get(loop.commands) if inner.kind is foc.KIND else units.get(inner.wires.get("measurement", ""))
     return Signal(loop.commands, unit or "1", low, high)
 
 
@@ -291,7 +292,7 @@ def _bench(request: Request, loops: Sequence[RatedLoop]) -> Bench | None:
     if loops[0].kind is not foc.KIND or not told or not measured:
         return None
     signal = next(wire for wire in request.inputs if wire.name == measured)
-    return foc.bench(request, told, signal)
+    return bench(request, told, signal)
 
 
 PID = {"kind": "pid", "b": 1.0}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from firmloop.design.kinds import design as design_law
 from firmloop.design.models.feedforward import position_of
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.stepped import with_place
 from firmloop.project.project import Project
 from firmloop.project.project_text import settled
@@ -70,26 +71,30 @@ def tracking(project: Project, designed: Design, program: Program, plant: Plant 
     part, law = project.controller, designed.law
     if part is None or plant is None or "feedforward" not in part.settings or len(law.inputs) < 2:
         return None
-    reference, measurement = (law.inputs[k] for k in reference_and_measurement(law.inputs))
-    if not math.isfinite(reference.high - reference.low):
-        return None
-    table = {key: value for key, value in settled(part.settings, designed).items() if key != "feedforward"}
     position = position_of(part.settings)
+    table = {key: value for key, value in settled(part.settings, designed).items() if key != "feedforward"}
     inputs = tuple(wire for wire in law.inputs if wire.name != position)
     bare = design_law(part.kind, project.name, table, part.period, inputs, law.outputs, plant, optimum).law
-    turn = 2.0 * math.pi * np.arange(ROUND * ROUNDS) / ROUND
-    middle, reach = (reference.low + reference.high) / 2.0, (reference.high - reference.low) / SHARE
-    course = middle + reach * np.sin(turn)
-    driven, place = with_place(plant) if position is not None else (plant, -1)
-    others = ((position, place),) if position is not None else ()
-    roles = (reference.name, measurement.name)
-    runs = [
-        _run(built, PlantLoop(driven, course, roles, seen))
-        for built, seen in ((lower(bare, program.arithmetic), ()), (program, others))
-    ]
-    if any(len(run.reference) < len(course) for run in runs):
+    if designed.bench is not None:
+        told = next(wire for wire in law.inputs if wire.name == designed.bench.told)
+        loop = PlantLoop(designed.bench.plant, _wave(told), (told.name, ""), designed.bench.read_by(law.inputs))
+        loops = (loop, loop)
+    else:
+        told, measurement = (law.inputs[k] for k in reference_and_measurement(law.inputs))
+        driven, place = with_place(plant) if position is not None else (plant, -1)
+        loop = PlantLoop(driven, _wave(told), (told.name, measurement.name))
+        loops = loop, replace(loop, others=((position, place),) if position is not None else ())
+    if not math.isfinite(told.high - told.low):
         return None
-    return Tracking(law.period, reference.unit, course, *(_course(run) for run in runs))
+    runs = [_run(built, each) for built, each in zip((lower(bare, program.arithmetic), program), loops, strict=True)]
+    if any(len(run.reference) < len(loop.reference) for run in runs):
+        return None
+    return Tracking(law.period, told.unit, loop.reference, *(_course(run) for run in runs))
+
+
+def _wave(told: Signal) -> Array:
+    turn = 2.0 * math.pi * np.arange(ROUND * ROUNDS) / ROUND
+    return np.asarray((told.low + told.high) / 2.0 + (told.high - told.low) / SHARE * np.sin(turn))
 
 
 def _run(program: Program, loop: PlantLoop) -> LoopRun:

@@ -129,9 +129,8 @@ def _steps(told: Signal) -> Array:
 
 def _on_bench(law: Law, bench: Bench) -> PlantLoop | None:
     """Return the loop of a controller whose inputs carry what its bench shows by their names."""
-    wires = {wire.name: wire for wire in law.inputs}
-    others = tuple((signal.name, k) for k, signal in enumerate(bench.plant.outputs) if signal.name in wires)
-    return _stepped(law, PlantLoop(bench.plant, _steps(wires[bench.told]), (bench.told, ""), others))
+    told = next(wire for wire in law.inputs if wire.name == bench.told)
+    return _stepped(law, PlantLoop(bench.plant, _steps(told), (bench.told, ""), bench.read_by(law.inputs)))
 
 
 def _with_states(plant: Plant, course: Array, roles: tuple[str, str], names: Sequence[str]) -> PlantLoop:

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import casadi as ca
 
-from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.attach import values_of, with_effects
+from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.kind import equations
 from firmloop.identify.plants.kinds import find_kind
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import Balance, EffectUse, Inside, Plant
 from firmloop.identify.signal import Signal
 
 _SHOWN = {
@@ -22,14 +23,15 @@ _SHOWN = {
     "speed_rad_s": "rad/s",
     "supply_V": "V",
 }
+_KEPT = ("torque", "bridge")  # places of effects that stay: the others act on the wires of a log
 
 
 def on_bridges(plant: Plant, supply: float, shaft: Sequence[Signal] = (), first: str = "current_q_A") -> Plant:
-    """Return a pmsm without its effects, from three duties to two phase currents, electrical angle and speed.
+    """Return a pmsm from three duties to two phase currents, electrical angle and speed.
 
     `supply` in V; `shaft` are further signals, in rad/s the speed of the shaft and in rad its angle; the output `first`
     stands before the others. The bridges turn with nothing: their voltage, averaged over a period of the pulses,
-    stands in the stator, and the rotor turns on beneath it.
+    stands in the stator, and the rotor turns on beneath it. Of the effects stay those of the shaft and of the bridges.
     """
     bare = with_effects(plant, ())
     kind = find_kind("pmsm")
@@ -38,23 +40,50 @@ def on_bridges(plant: Plant, supply: float, shaft: Sequence[Signal] = (), first:
     phases = tuple(signal for signal in seen if signal.name in kind.outputs and signal.name != "speed_rad_s")
     whole = kind.build(tuple(wires), phases, bare.parameters)
     x, u, p = ca.SX.sym("x", len(whole.states)), ca.SX.sym("u", 3), ca.SX.sym("p", len(bare.parameters))
+    z = ca.SX.sym("z", len(whole.inside.neutral) if whole.inside is not None else 0)
     pairs = p[[parameter.name for parameter in bare.parameters].index("pole_pairs")]
     speed, position = x[2], x[3]
-    angle = pairs * position
-    drive = ca.vertcat(u, supply, angle)
-    readings: list[ca.SX | float] = [
-        *ca.vertsplit(whole.reading(x, drive, p)),
-        *(ca.atan2(ca.sin(angle), ca.cos(angle)), pairs * speed, supply),
-        *(speed if signal.unit == "rad/s" else position for signal in shaft),
-    ]
-    told = dict(zip((*seen, *shaft), readings, strict=True))
-    outputs = tuple(sorted(told, key=lambda signal: signal.name != first))
-    return replace(
+    drive = ca.vertcat(u, supply, pairs * position)
+
+    def read(phase_currents: ca.SX) -> dict[Signal, ca.SX]:
+        angle = pairs * position
+        readings = [
+            *ca.vertsplit(phase_currents),
+            *(ca.atan2(ca.sin(angle), ca.cos(angle)), pairs * speed, ca.SX(supply)),
+            *(speed if signal.unit == "rad/s" else position for signal in shaft),
+        ]
+        told = dict(zip((*seen, *shaft), readings, strict=True))
+        return dict(sorted(told.items(), key=lambda pair: pair[0].name != first))
+
+    assert whole.inside is not None, "a phase current is among the outputs"
+    inner, told = whole.inside, read(whole.reading(x, drive, p))
+    made = replace(
         whole,
         inputs=tuple(wires[:3]),
-        outputs=outputs,
+        outputs=tuple(told),
         rate=equations("rate", x, u, p, whole.rate(x, drive, p)),
-        reading=equations("reading", x, u, p, ca.vertcat(*(told[signal] for signal in outputs))),
-        balances=(),
-        inside=None,
+        reading=equations("reading", x, u, p, ca.vertcat(*told.values())),
+        balances=tuple(_rewired(balance, x, u, p, drive) for balance in whole.balances if balance.kind in _KEPT),
+        inside=Inside(
+            rate=ca.Function("rate", [x, u, p, z], [ca.densify(inner.rate(x, drive, p, z))]),
+            reading=ca.Function(
+                "reading", [x, u, p, z], [ca.densify(ca.vertcat(*read(inner.reading(x, drive, p, z)).values()))]
+            ),
+            effort=ca.Function("effort", [x, u, p, z], [inner.effort(x, drive, p, z)]),
+            neutral=inner.neutral,
+        ),
     )
+    return with_effects(made, _kept(plant)) if plant.effects else made
+
+
+def _kept(plant: Plant) -> list[EffectUse]:
+    """Return the effects that act on the shaft or in the bridges, with their values."""
+    kept = [use for use in plant.effects if find_effect(use.name).place in _KEPT]
+    return [replace(use, values=values_of(plant, use), free=()) for use in kept]
+
+
+def _rewired(balance: Balance, x: ca.SX, u: ca.SX, p: ca.SX, drive: ca.SX) -> Balance:
+    """Return a balance whose drive is the duties alone."""
+    if balance.effort is None:
+        return balance
+    return replace(balance, effort=equations("effort", x, u, p, balance.effort(x, drive, p)))

@@ -31,12 +31,11 @@ def designed() -> Design:
 
 
 def closed(made: Design, arithmetic: str, course: np.ndarray) -> LoopRun:
-    bench, names = made.bench, [wire.name for wire in made.law.inputs]
+    bench = made.bench
     assert bench is not None
-    others = tuple((signal.name, k) for k, signal in enumerate(bench.plant.outputs) if signal.name in names)
     program = lower(made.law, arithmetic)
     link = LibraryLink(build_host(emit(program, "firmloop generate test.toml"), load_target("host")), program)
-    return close_loop(program, PlantLoop(bench.plant, course, (bench.told, ""), others), link)
+    return close_loop(program, PlantLoop(bench.plant, course, (bench.told, ""), bench.read_by(made.law.inputs)), link)
 
 
 @pytest.mark.parametrize("arithmetic", ["float32", "fixed32"])

@@ -218,13 +218,13 @@ def test_its_bench_closes_the_loop_around_the_plant(arithmetic: str) -> None:
     plant = make_plant("pmsm", ("voltage_d_V", "voltage_q_V"), ["speed_rad_s"], values)
     made = kinds()["foc"].design(replace(request(bandwidth_rad_s=2 * math.pi * 2000.0), plant=plant))
     assert made.bench is not None
-    shown = [signal.name for signal in made.bench.plant.outputs]
-    others = tuple((name, k) for k, name in enumerate(shown) if name in RANGES)
     course = np.repeat([2.0, -1.0], 200)
     program = lower(made.law, arithmetic)
     link = LibraryLink(build_host(emit(program, "firmloop generate test.toml"), HOST), program)
-    run = close_loop(program, PlantLoop(made.bench.plant, course, (made.bench.told, ""), others), link)
-    assert shown[0] == "current_q_A"
+    run = close_loop(
+        program, PlantLoop(made.bench.plant, course, (made.bench.told, ""), made.bench.read_by(made.law.inputs)), link
+    )
+    assert made.bench.plant.outputs[0].name == "current_q_A"
     current = run.measurement
     assert np.argmax(current > 0.9 * 2.0) <= 3 and np.max(current) < 2.0 * 1.05
     assert np.argmax(current[200:] < 2.0 - 0.9 * 3.0) <= 3 and np.min(current) > -1.0 - 3.0 * 0.05
