@@ -9,7 +9,7 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weig
 from firmloop.diagnose.model.batch_means import with_lasting
 from firmloop.diagnose.model.candidate import Candidate, rated, without
 from firmloop.diagnose.model.continuation import met
-from firmloop.diagnose.model.fit import Fitted, ended, evidence, fit, noises_of, strength
+from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
@@ -99,12 +99,11 @@ def _resumed(found: Search) -> Search:
 def _alone(found: Search) -> Shape | None:
     """Return the one shape that says more than several names; None where there is none.
 
-    Or clearly more than one name, where unseen recordings speak against that, or far more where that says little.
+    Or far more than one name, where that says little.
     """
     best, nominal = found.best, found.nominal
     explained = nominal.score - best.score
-    told = evidence(nominal.fitted, nominal.noises) - evidence(best.fitted, best.noises)
-    least = 0.0 if len(best.fitted.terms) > 1 else LEFT_GAIN if explained < told else LEFT_GAIN + explained
+    least = 0.0 if len(best.fitted.terms) > 1 else LEFT_GAIN + explained
     if not best.fitted.terms or (least > LEFT_GAIN and explained > LITTLE_GAIN):
         return None
     shape = best_shape(found, nominal)

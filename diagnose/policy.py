@@ -30,11 +30,8 @@ IMPOSSIBLE = 1e9  # the score of what cannot be
 
 # What counts, as a share of what is explained.
 MINOR_SHARE = 0.015  # of what the others explain: less may be the trace of how a model simplifies them
-TOLD_ON_TRAIN = 0.05  # of what a further effect brings on all recordings, that it has to bring on train
 TRACE_SHARE = 0.05  # what an effect may owe to kinks, of all that is explained
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
-NEARER_SHAPE_SHARE = 0.05  # more left than this is not explained where simulations come far nearer by the shape
-MISSED_MOST = 0.5  # of residuals, train and test, that a shape leaves, from which an explanation has missed most
 PROMISED_SHARE = 0.08  # of the best screened drop: less is not tried in a round
 EXHAUSTIVE_SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
 HOPELESS_SHARE = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left
@@ -43,8 +40,7 @@ EXCHANGED_SHARE = 0.1  # of that drop, that may be missing where two effects are
 # What counts, as a ratio of residuals.
 SAME_RMS = 1.01  # closer ones differ by chance: 1 / sqrt(2 n) of an rms of 5,000 independent rows is 1 %
 WIDER_RMS = 1.1  # ratio of residual rms from which an explanation is none
-STRANGE_RMS = 2.0  # unseen residuals over white noise, from which an explanation does not hold there
-CLOSER_RMS = 0.7, 0.85  # ratios of residual rms, on train and on test, from which an effect is no trace of others
+CLOSER_RMS = 0.7  # ratio of residual rms, from which an effect is no trace of others
 HELD_SHARE = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
 ABSURD_COST = 1e3  # ratio of costs from which initial states are none
 FAINT_SHARE = 5e-7  # of what an output moves, rms: what simulations by other steps differ by

@@ -63,7 +63,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     elif shape is None or shape.beside:  # not believed: what is missing is what the plant alone misses
         shape = best_shape(seen, search.nominal)
     told = shape if shape is not None and _helps(seen, shape) else None
-    after = search.best.fitted.residuals if told is None else told.train
+    after = search.best.fitted.residuals if told is None else told.residuals
     noises = search.best.noises if told is None else noises_of(search.problem, after)
     noise = residual_sizes(after)
     train = _ratios(search, shown, told, noise, False)
@@ -129,7 +129,7 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candid
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR_SHARE * explained)
     near = [candidate for candidate in candidates_of(search) if candidate.score - search.best.score < bar]
-    tied = [candidate for candidate in near if not closer(search.problem, search.best, candidate)]
+    tied = [candidate for candidate in near if not closer(search.best, candidate)]
     tied += [
         candidate
         for candidate in richer_of(search)
@@ -202,7 +202,7 @@ def _ratios(search: Search, shown: Candidate, shape: Shape | None, noise: Sequen
         for each in (search.nominal, shown)
     )
     if shape is not None:
-        after = shape.test if unseen else shape.train
+        after = shape.residuals
     lefts = ([residual_of(problem, recording, before, k) for k, recording in enumerate(recordings)], refit, after)
     figures = [relative(parts, noise) for parts in lefts]
     return Ratio(*(figure if math.isfinite(figure) else None for figure in figures))
@@ -295,12 +295,8 @@ def _alternatives(search: Search, shown: Candidate, candidates: Sequence[Candida
 
 
 def _helps(search: Search, shape: Shape) -> bool:
-    """Tell whether simulations come nearer by a shape, on train and on unseen recordings."""
-    nominal = search.nominal.fitted
-    sides = [(shape.train, nominal.residuals)]
-    if shape.test:
-        sides.append((shape.test, unseen_residuals(search.problem, nominal, search.best.noises)))
-    return all(relative(one, residual_sizes(other)) < 1.0 for one, other in sides)
+    """Tell whether simulations come nearer by a shape."""
+    return relative(shape.residuals, residual_sizes(search.nominal.fitted.residuals)) < 1.0
 
 
 def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:

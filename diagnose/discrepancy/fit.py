@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 from firmloop.diagnose.data.quantization import coarse
 from firmloop.diagnose.discrepancy.disturbance_smoother import latent, nominal_plant
 from firmloop.diagnose.discrepancy.terms import SENSOR, NamelessTerm, nameless_terms
-from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
+from firmloop.diagnose.model.candidate import Candidate, unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
-from firmloop.diagnose.model.fit import fit_starts, noises_of
+from firmloop.diagnose.model.fit import noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, outputs_of
 from firmloop.diagnose.policy import (
     DETERMINED_SHAPE,
     LIVE_COLUMN,
     LONG_MEMORY,
-    MISSED_MOST,
-    NEARER_SHAPE_SHARE,
     SHAPE_GAIN,
     SHAPE_ROUNDS,
     SHAPE_SHARE,
@@ -43,11 +41,8 @@ Array = NDArray[np.float64]
 class Shape:
     """A term of one balance, or of one reading, that follows one coordinate.
 
-    `gain` is the drop of BIC by `unknowns` hats or waves, on train and test, or what it is on test alone where the term
-    makes those less likely: it then only follows a disturbance. `points` (b, 2) are the coordinate and the term there,
-    in SI units; `train` and `test` the residuals (n, r) left by it and by the terms `beside` which it was weighed, and
-    `left` the share of the rms of these terms' residuals that remains in the output that it explains best, on train or
-    test, where that is more; 1 without test recordings.
+    `gain` is the drop of BIC by `unknowns` hats or waves. `points` (b, 2) are the coordinate and the term there, in SI
+    units; `residuals` (n, r) what is left by it and by the terms `beside` which it was weighed.
     """
 
     balance: str
@@ -55,15 +50,13 @@ class Shape:
     unknowns: int
     gain: float
     points: Array
-    train: tuple[Array, ...]
-    test: tuple[Array, ...]
+    residuals: tuple[Array, ...]
     beside: tuple[LibraryTerm, ...]
-    left: float
 
 
 @dataclass(frozen=True, slots=True)
 class _Base:
-    """An explanation that terms are added to, on the recordings of train and then of test.
+    """An explanation that terms are added to, on the recordings.
 
     `own` are the slopes (n, r, k + s) of what may move along: its parameters, and the recording's initial state.
     """
@@ -76,23 +69,17 @@ class _Base:
     residuals: tuple[Array, ...]
     own: tuple[Array, ...]
 
-    @property
-    def train(self) -> int:
-        """How many recordings are of train."""
-        return len(self.search.problem.train)
-
 
 def outweighs(shape: Shape | None, noises: Sequence[Noise], explained: float) -> bool:
     """Tell whether a shape is too much beside the drop of BIC that named effects have brought, 0 of none.
 
-    `noises` are what those leave. Where these foretell a drift, what is far off costs little: a shape by which
-    simulations come twice as near, on unseen recordings too, is too much at a smaller share.
+    `noises` are what those leave.
     """
     if shape is None:
         return False
     slow = all(len(noise.coefficients) >= LONG_MEMORY for noise in noises)
     some = shape.gain > (SLOW_SHAPE_GAIN if slow else SHAPE_GAIN)
-    return some and shape.gain > (NEARER_SHAPE_SHARE if shape.left < MISSED_MOST else SHAPE_SHARE) * explained
+    return some and shape.gain > SHAPE_SHARE * explained
 
 
 def best_shape(search: Search, candidate: Candidate) -> Shape | None:
@@ -117,8 +104,8 @@ def best_shape(search: Search, candidate: Candidate) -> Shape | None:
     ):  # else noise may hold most of what is missing, and no promise tells what it would give back
         choices = _promising(base, choices)
     bare = _weighed(base, ())
-    without = min(bare[0], candidate.score), unlikely(base.search.problem, bare[2][base.train :])
-    shapes = [_shape(base, term, *without) for term in choices]
+    without = min(bare[0], candidate.score)
+    shapes = [_shape(base, term, without) for term in choices]
     return max(shapes, key=lambda each: each.gain, default=None)
 
 
@@ -141,19 +128,17 @@ def weighed(search: Search) -> tuple[Screened, ...]:
 
 def _base(search: Search, candidate: Candidate) -> _Base:
     problem, fitted = search.problem, candidate.fitted
-    unseen = fit_starts(problem, problem.test, fitted.point.values, candidate.noises)
-    point = Point(fitted.point.values, (*fitted.point.starts, *unseen.starts))
-    recordings = (*problem.train, *problem.test)
+    recordings, point = problem.train, fitted.point
     left = tuple(residual_of(problem, recording, point, k) for k, recording in enumerate(recordings))
     own = [slopes_of(problem, each, fitted.coordinates, point, k, left[k]) for k, each in enumerate(recordings)]
     return _Base(search, candidate, nominal_plant(search, candidate), recordings, point, left, tuple(own))
 
 
-def _moved(base: _Base, term: NamelessTerm, count: int) -> tuple[Array, ...]:
-    """Return what a term does (n, r, b) to the first recordings."""
+def _moved(base: _Base, term: NamelessTerm) -> tuple[Array, ...]:
+    """Return what a term does (n, r, b) to the recordings."""
     found = []
-    for k, recording in enumerate(base.recordings[:count]):
-        each = np.nan_to_num(term.moved(base.plant, recording, k, base.train), posinf=0.0, neginf=0.0)
+    for k, recording in enumerate(base.recordings):
+        each = np.nan_to_num(term.moved(base.plant, recording, k), posinf=0.0, neginf=0.0)
         if term.coordinate.pitch:  # of each recording's own size and phase
             wide = np.zeros((*each.shape[:2], each.shape[2] * len(base.recordings)))
             wide[..., k * each.shape[2] : (k + 1) * each.shape[2]] = each
@@ -164,7 +149,7 @@ def _moved(base: _Base, term: NamelessTerm, count: int) -> tuple[Array, ...]:
 
 def _promising(base: _Base, choices: Sequence[NamelessTerm]) -> list[NamelessTerm]:
     """Pick the terms that promise most by the noise that is left, and those that do by white noise."""
-    moved = [_moved(base, term, base.train) for term in choices]
+    moved = [_moved(base, term) for term in choices]
     picked: list[int] = []
     for noises in (base.candidate.noises, flat(base.candidate.noises)):
         gains = _promised(base, moved, noises)
@@ -174,8 +159,8 @@ def _promising(base: _Base, choices: Sequence[NamelessTerm]) -> list[NamelessTer
 
 def _promised(base: _Base, moved: Sequence[Sequence[Array]], noises: Sequence[Noise]) -> Array:
     """Return the drop (t,) of the whitened sum of squares by each term that nothing of the base can imitate."""
-    basis = orthogonal(_stacked([_wide(base, k) for k in range(base.train)], noises))
-    left = _stacked([each[..., None] for each in base.residuals[: base.train]], noises)[:, 0]
+    basis = orthogonal(_stacked([_wide(base, k) for k in range(len(base.recordings))], noises))
+    left = _stacked([each[..., None] for each in base.residuals], noises)[:, 0]
     left = outside(basis, left)
     gains = []
     for parts in moved:
@@ -192,32 +177,23 @@ def _stacked(parts: Sequence[Array], noises: Sequence[Noise]) -> Array:
 
 
 def _wide(base: _Base, index: int) -> Array:
-    """Return the slopes of one recording of train, with a place for the initial state of each."""
-    return with_starts(base.own[index], len(base.candidate.fitted.coordinates), index, base.train)
+    """Return the slopes of one recording, with a place for the initial state of each."""
+    return with_starts(base.own[index], len(base.candidate.fitted.coordinates), index, len(base.recordings))
 
 
-def _weighed(base: _Base, moved: Sequence[Array], free: bool = False) -> tuple[float, Array, tuple[Array, ...]]:
-    """Return BIC with a term (none where `moved` is empty), its unknowns (b,), and what it leaves of each recording.
-
-    Its unknowns and the base's are fitted to train; on test only the initial states are, and what is `free`.
-    """
-    count = len(base.candidate.fitted.coordinates)
+def _weighed(base: _Base, moved: Sequence[Array]) -> tuple[float, Array, tuple[Array, ...]]:
+    """Return BIC with a term (none where `moved` is empty), its unknowns (b,), and what it leaves of each recording."""
     terms = list(moved) or [np.zeros((*each.shape, 0)) for each in base.residuals]
     size = terms[0].shape[2]
-    tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(base.train)]
+    tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(len(base.recordings))]
     best = (np.inf, np.zeros(0), base.residuals)
     # A noise model may hold what the term would explain, and then hides it from the fit: so begin without one, too.
     begins = (base.candidate.noises, flat(base.candidate.noises))
     for noises in begins if moved else begins[:1]:
         for _ in range(SHAPE_ROUNDS):
-            answer = _solved(tall, base.residuals[: base.train], noises)
-            left = [residual - part @ answer for part, residual in zip(tall, base.residuals, strict=False)]
-            shared = answer[: size + count]
+            answer = _solved(tall, base.residuals, noises)
+            left = [residual - part @ answer for part, residual in zip(tall, base.residuals, strict=True)]
             noises = noises_of(base.search.problem, left)
-            for k in range(base.train, len(base.recordings)):
-                rest = base.residuals[k] - np.concatenate([terms[k], base.own[k][..., :count]], axis=2) @ shared
-                start = np.concatenate([base.own[k][..., count:], terms[k][..., : size if free else 0]], axis=2)
-                left.append(rest - start @ _solved([start], [rest], noises))
             score = _score(base, left, size)
             if score < best[0]:
                 best = (score, answer[:size], tuple(left))
@@ -234,30 +210,20 @@ def _solved(tall: Sequence[Array], residuals: Sequence[Array], noises: Sequence[
 
 
 def _score(base: _Base, left: Sequence[Array], unknowns: int) -> float:
-    """Return BIC on train, and -2 log likelihood on test, as a candidate's score is made."""
-    total = unlikely(base.search.problem, left[: base.train]) + unlikely(base.search.problem, left[base.train :])
-    rows = sum(part.size for part in left[: base.train])
-    return total + (len(base.candidate.fitted.coordinates) + unknowns) * float(np.log(rows))
+    """Return BIC, as a candidate's score is made."""
+    rows = sum(part.size for part in left)
+    return unlikely(base.search.problem, left) + (len(base.candidate.fitted.coordinates) + unknowns) * float(
+        np.log(rows)
+    )
 
 
-def _shape(base: _Base, term: NamelessTerm, without: float, unseen: float) -> Shape:
-    """Weigh a term by the score `without` it, and by -2 log likelihood of the test recordings without it, `unseen`."""
-    moved = _moved(base, term, len(base.recordings))
-    score, answer, left = _weighed(base, moved, term.coordinate.pitch > 0.0)
-    centres = term.coordinate.centres(base.train)
+def _shape(base: _Base, term: NamelessTerm, without: float) -> Shape:
+    """Weigh a term by the score `without` it."""
+    moved = _moved(base, term)
+    score, answer, left = _weighed(base, moved)
+    centres = term.coordinate.centres()
     points = np.column_stack([centres, np.zeros(len(centres))])
     if not (term.coordinate.memory or term.coordinate.pitch):
-        points[:, 1] = term.coordinate.shapes(centres, base.train) @ answer
-    train, test = left[: base.train], left[base.train :]
-    gain, seen = without - score, unseen - unlikely(base.search.problem, test)
-    gain = min(gain, seen) if test and seen <= 0.0 else gain
+        points[:, 1] = term.coordinate.shapes(centres) @ answer
     name, beside = term.coordinate.name, base.candidate.fitted.terms
-    return Shape(term.kind, name, len(answer), gain, points, train, test, beside, _share_left(base, left))
-
-
-def _share_left(base: _Base, left: Sequence[Array]) -> float:
-    sides = (slice(None, base.train), slice(base.train, None))
-    if not base.search.problem.test:
-        return 1.0
-    before, after = (np.array([rms_of(parts[side]) for side in sides]) for parts in (base.residuals, left))
-    return float(np.min(np.max(after / np.maximum(before, 1e-300), axis=0)))
+    return Shape(term.kind, name, len(answer), without - score, points, left, beside)

@@ -54,35 +54,35 @@ class Covariate:
         """Tell whether the term is no function of where its coordinate is, but of how it came there."""
         return self.step > 0.0
 
-    def columns(self, index: int, train: int) -> Array:
-        """Return hats, waves or springs (n, b) of one recording; the first `train` ones set the hats."""
+    def columns(self, index: int) -> Array:
+        """Return hats, waves or springs (n, b) of one recording."""
         values = self.values[index]
         if self.pitch:
             return np.stack([np.sin(self.pitch * values), np.cos(self.pitch * values)], axis=1)
         if self.memory:
-            return _relaxing(values, self.step) if self.relaxes else _yielding(values, self._reaches(train))
-        found = self.shapes(values, train)
+            return _relaxing(values, self.step) if self.relaxes else _yielding(values, self._reaches())
+        found = self.shapes(values)
         return found if self.factor is None else found * self.factor[index][:, None]
 
-    def shapes(self, at: Array, train: int) -> Array:
+    def shapes(self, at: Array) -> Array:
         """Return hats or waves (n, b) at `at` (n,)."""
         if self.periodic:
             waves = [wave(order * at) for order in range(1, HARMONICS + 1) for wave in (np.sin, np.cos)]
             return np.stack(waves, axis=1)
-        knots = self.centres(train)
+        knots = self.centres()
         return np.stack([np.interp(at, knots, row) for row in np.eye(len(knots))], axis=1)
 
-    def centres(self, train: int) -> Array:
+    def centres(self) -> Array:
         """Return where the shape is drawn: the tops of the hats, or points around a turn."""
         if self.periodic:
             return np.linspace(0.0, 2.0 * np.pi, 25)
         if self.bent:
-            every = np.concatenate(self.values[:train])
+            every = np.concatenate(self.values)
             return np.array([every.min(), 0.0, every.max()])
-        return np.unique(np.quantile(np.concatenate(self.values[:train]), np.linspace(0.0, 1.0, HATS)))
+        return np.unique(np.quantile(np.concatenate(self.values), np.linspace(0.0, 1.0, HATS)))
 
-    def _reaches(self, train: int) -> Array:
-        steps = np.concatenate([np.diff(values) for values in self.values[:train]])
+    def _reaches(self) -> Array:
+        steps = np.concatenate([np.diff(values) for values in self.values])
         return float(np.sqrt(np.mean(steps**2))) / self.step * np.array(SPRING_MEMORIES_S)
 
 
@@ -94,9 +94,9 @@ class NamelessTerm:
     place: int
     coordinate: Covariate
 
-    def moved(self, plant: Plant, recording: Recording, index: int, train: int) -> Array:
+    def moved(self, plant: Plant, recording: Recording, index: int) -> Array:
         """Return what its unknowns do to the outputs (n, r, b) of the linear plant."""
-        columns = self.coordinate.columns(index, train)
+        columns = self.coordinate.columns(index)
         if self.kind != SENSOR:
             return disturbed(plant, {}, recording, columns, self.place)
         found = np.zeros((len(recording.time), len(plant.outputs), columns.shape[1]))
@@ -118,7 +118,7 @@ def nameless_terms(
     turning = {name for name in shared if name.endswith(_TURNING)}
     plain = [Covariate(name, name in turning, values) for name, values in places.items()]
     # What differs between two directions has few unknowns: it shows where hats are too many.
-    plain += [replace(each, bent=True) for each in plain if not each.periodic and _two_sided(each, len(recordings))]
+    plain += [replace(each, bent=True) for each in plain if not each.periodic and _two_sided(each)]
     position = next((each for each in plain if each.periodic or each.name in _POSITIONS), None)
     speed = next((places[name] for name in _SPEEDS if name in places), None)
     pitch = loudest(recordings, residuals)
@@ -143,9 +143,9 @@ def nameless_terms(
     return found
 
 
-def _two_sided(coordinate: Covariate, count: int) -> bool:
+def _two_sided(coordinate: Covariate) -> bool:
     """Tell whether a coordinate goes far to both sides of zero."""
-    low, high = np.quantile(np.concatenate(coordinate.values[:count]), [FAR_TO_ONE_SIDE, 1.0 - FAR_TO_ONE_SIDE])
+    low, high = np.quantile(np.concatenate(coordinate.values), [FAR_TO_ONE_SIDE, 1.0 - FAR_TO_ONE_SIDE])
     return bool(low < 0.0 < high and min(-low, high) > FAR_TO_ONE_SIDE * max(-low, high))
 
 

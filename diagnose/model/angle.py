@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
-from firmloop.diagnose.model.fit import evidence, fit, fit_starts, own_evidence
+from firmloop.diagnose.model.fit import evidence, fit, own_evidence
 from firmloop.diagnose.model.hypothesis import Problem, turning
 from firmloop.diagnose.policy import STEPS_OF_A_FIT
 
@@ -54,9 +54,8 @@ def strayed(problem: Problem, candidate: Candidate) -> Mapping[int, Array]:
     if told not in names or not wrong:
         return {}
     bare = {key: value for key, value in point.values.items() if key not in wrong}
-    starts = (*point.starts, *fit_starts(problem, problem.test, point.values, candidate.noises).starts)
     found = {}
-    for recording, start in zip((*problem.train, *problem.test), starts, strict=True):
+    for recording, start in zip(problem.train, point.starts, strict=True):
         seen, true = (
             problem.engine.simulate(recording, each, start)[:, names.index(told)] for each in (point.values, bare)
         )

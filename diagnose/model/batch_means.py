@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import elsewhere, without
+from firmloop.diagnose.model.candidate import without
 from firmloop.diagnose.model.fit import Fitted, deviations, widened
-from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem, searched
+from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem
 from firmloop.diagnose.model.sandwich_covariance import batches, pushed, sizes_of
 from firmloop.diagnose.policy import BATCHES, CHANCE_GAIN, LOAD_BY_CHANCE, PULL_BY_CHANCE, WITHIN_BATCHES
 from firmloop.identify.fitting.noise import Noise, colored
@@ -36,20 +36,10 @@ def deviation(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: L
 
 
 def times_chance(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
-    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told.
-
-    What stays the same is there on unseen recordings, too.
-    """
+    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told."""
     if term.effect.slow and not term.effect.lasting and term.effect.place == "torque" and colored(noises):
         return _times_pull(problem, fitted, noises, term)
     value, spread = fitted.point.values[term.keys[0]], deviation(problem, fitted, noises, term)
-    if spread > 0.0 and problem.test and not searched(term):
-        means = _means(*elsewhere(problem, fitted, noises), noises, term)
-        if means is not None:
-            count, more = BATCHES * len(problem.train), np.concatenate(means)
-            share = len(more) / (count + len(more))
-            value = value + share * float(np.mean(more))
-            spread = float(np.hypot((1.0 - share) * spread, share * np.std(more, ddof=1) / np.sqrt(len(more))))
     return abs(value) / spread if spread > 0.0 else np.inf
 
 

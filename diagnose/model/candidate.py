@@ -15,7 +15,6 @@ from firmloop.diagnose.policy import (
     ABSURD_COST,
     CLOSER_RMS,
     FAINT_SHARE,
-    HELD_SHARE,
     IMPOSSIBLE,
     MINOR_SHARE,
     ON_BOUND,
@@ -25,8 +24,6 @@ from firmloop.diagnose.policy import (
     SAME_RMS,
     SLOW_WAVE_PERIODS,
     STEPS_OF_A_FIT,
-    STRANGE_RMS,
-    TOLD_ON_TRAIN,
     WIDER_RMS,
 )
 from firmloop.identify.fitting.noise import Noise, colored, memory, white
@@ -41,18 +38,18 @@ class Candidate:
 
     fitted: Fitted
     noises: tuple[Noise, ...]
-    score: float  # BIC on train, and -2 log likelihood on test
+    score: float  # BIC
 
 
 def rated(problem: Problem, fitted: Fitted) -> Candidate:
-    """Score by each output's own innovations on train and, with that noise, on test.
+    """Score by each output's own innovations.
 
     Where an effect has values that are not its own, that is no explanation.
     """
     noises = noises_of(problem, fitted.residuals)
     if not believable(fitted):
         return Candidate(fitted, noises, IMPOSSIBLE)
-    return Candidate(fitted, noises, evidence(fitted, noises) + unseen(problem, fitted, noises))
+    return Candidate(fitted, noises, evidence(fitted, noises))
 
 
 def believable(fitted: Fitted) -> bool:
@@ -71,20 +68,6 @@ def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:
         if value <= each.low or (np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high)):
             return True
     return False
-
-
-def unseen(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> float:
-    """Return -2 log likelihood of the test recordings but for a constant; only initial states and noise are fitted.
-
-    The noise is estimated anew, as on train: where a plant sums up disturbances, the noise of one recording is too
-    sharp a model for another, and the better an explanation the sharper.
-    """
-    if not problem.test:
-        return 0.0
-    residuals = unseen_residuals(problem, fitted, noises)
-    if any(np.any(np.isnan(residual)) for residual in residuals):
-        return IMPOSSIBLE
-    return unlikely(problem, residuals)
 
 
 def unlikely(problem: Problem, residuals: Sequence[Array]) -> float:
@@ -165,15 +148,6 @@ def farther(candidate: Candidate, base: Candidate) -> bool:
     return any(mine.rms > WIDER_RMS * theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
 
 
-def tells(candidate: Candidate, base: Candidate) -> bool:
-    """Tell whether an explanation is better on train alone, where it was fitted: unseen recordings only confirm.
-
-    Beside other effects by a share of the whole gain at least: where those are chaotic, any change helps somewhere.
-    """
-    gain = evidence(base.fitted, base.noises) - evidence(candidate.fitted, candidate.noises)
-    return gain > (TOLD_ON_TRAIN * (base.score - candidate.score) if base.fitted.terms else 0.0)
-
-
 def faint(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
     """Tell whether all that a candidate changes is so little of what each output moves that it may be rounding."""
     measured = np.concatenate([outputs_of(problem, recording) for recording in problem.train])
@@ -204,30 +178,9 @@ def relative(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
     return float(np.sqrt(np.mean((np.concatenate(residuals) / np.asarray(sizes)) ** 2)))
 
 
-def contradicted(problem: Problem, candidate: Candidate, nominal: Candidate) -> bool:
-    """Tell whether unseen recordings are missed by far more than the white noise that train leaves.
-
-    Not where nearly all that the nominal plant misses of them is explained.
-    """
-    if not problem.test or colored(candidate.noises):
-        return False
-    sizes = [noise.rms for noise in candidate.noises]
-    after, refit = (
-        relative(unseen_residuals(problem, each.fitted, candidate.noises), sizes) for each in (candidate, nominal)
-    )
-    return not (after < STRANGE_RMS or after < HELD_SHARE * refit)
-
-
-def closer(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
-    """Tell whether simulations come far closer to some output, the unseen ones too: that is no trace."""
-    train = [one.rms / other.rms for one, other in zip(candidate.noises, base.noises, strict=True)]
-    if not min(train) < CLOSER_RMS[0] or not problem.test:
-        return False
-    powers = [
-        np.mean(np.concatenate(unseen_residuals(problem, each.fitted, each.noises)) ** 2, axis=0)
-        for each in (candidate, base)
-    ]
-    return bool(np.any((np.array(train) < CLOSER_RMS[0]) & (powers[0] < CLOSER_RMS[1] ** 2 * powers[1])))
+def closer(candidate: Candidate, base: Candidate) -> bool:
+    """Tell whether simulations come far closer to some output: that is no trace."""
+    return any(one.rms < CLOSER_RMS * other.rms for one, other in zip(candidate.noises, base.noises, strict=True))
 
 
 def joined(base: Fitted, term: LibraryTerm) -> tuple[tuple[LibraryTerm, ...], Mapping[str, float]]:
@@ -297,8 +250,5 @@ def simplest(candidates: Sequence[Candidate], without: float, least: float = RIC
 
 
 def richer(candidate: Candidate, simpler: Candidate, gain: float, least: float = RICHER_PRICE) -> bool:
-    """Tell whether an effect wins enough over the simpler one that it contains, which had won `gain`.
-
-    Also on train alone: its further parameters have to tell there, where they were fitted.
-    """
-    return tells(candidate, simpler) and simpler.score - candidate.score >= max(least, MINOR_SHARE * gain)
+    """Tell whether an effect wins enough over the simpler one that it contains, which had won `gain`."""
+    return simpler.score - candidate.score >= max(least, MINOR_SHARE * gain)

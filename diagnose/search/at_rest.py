@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.model.descent import SumOfSquares
-from firmloop.diagnose.model.fit import fit_starts, inverse
+from firmloop.diagnose.model.fit import inverse
 from firmloop.diagnose.model.hypothesis import Point, Problem
 from firmloop.diagnose.policy import AT_REST, IN_MOTION, TIE
 from firmloop.diagnose.search.found import Search, candidates_of
@@ -30,7 +30,7 @@ def rested(found: Search) -> Search:
     begun = {frozenset(each.fitted.terms): _begins(found.problem, each) for each in (*reversed(tied), best)}
     if not any(np.all(away < AT_REST) for away in begun.values()):
         return found
-    behind = TIE * (len(found.problem.train) + len(found.problem.test))
+    behind = TIE * len(found.problem.train)
     moving = {terms for terms, away in begun.items() if np.all(away > IN_MOTION)}
 
     def put_back(candidate: Candidate) -> Candidate:
@@ -48,10 +48,8 @@ def rested(found: Search) -> Search:
 def _begins(problem: Problem, candidate: Candidate) -> Array:
     """Return how far from rest all recordings begin, in deviations of the states but for positions."""
     kept = [k for k, name in enumerate(problem.engine.states) if not name.startswith("position")]
-    unseen = fit_starts(problem, problem.test, candidate.fitted.point.values, candidate.noises)
-    starts = (*candidate.fitted.point.starts, *unseen.starts)
     found = []
-    for recording, start in zip((*problem.train, *problem.test), starts, strict=True):
+    for recording, start in zip(problem.train, candidate.fitted.point.starts, strict=True):
         squares = SumOfSquares(problem, [recording], (), candidate.noises, np.zeros((0, 1)))
         place = squares.at(Point(candidate.fitted.point.values, (start,)))
         spread = inverse(squares.normal(squares.slopes(place)))[np.ix_(kept, kept)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import product
 
-from firmloop.diagnose.model.candidate import extended, larger, rated, tells
+from firmloop.diagnose.model.candidate import extended, larger, rated
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
 from firmloop.diagnose.model.hypothesis import first_point
 from firmloop.diagnose.policy import (
@@ -56,7 +56,7 @@ def exhausted(found: Search) -> Search | None:
         )
         candidates.append(rated(problem, ended))
     best = min(candidates, key=lambda each: each.score, default=base)
-    if found.best.score - best.score < TIE or larger(best, base) or not tells(best, base):
+    if found.best.score - best.score < TIE or larger(best, base):
         return None
     rounds = (*found.rounds, tuple(sorted(candidates, key=lambda each: each.score)))
     best = accepted(problem, best)

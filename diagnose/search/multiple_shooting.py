@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from firmloop.diagnose.model.candidate import Candidate, larger, rated, tells
+from firmloop.diagnose.model.candidate import Candidate, larger, rated
 from firmloop.diagnose.model.fit import fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
 from firmloop.diagnose.policy import CLEAR_GAIN, PIECES, ROWS_OF_A_PIECE, STEPS_OF_A_FIT
@@ -25,13 +25,13 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
     problem = found.problem
     if not strays(found) or any(term.effect.place == "timing" for term in found.best.fitted.terms):
         return None  # a clock that runs slow is late from the beginning of a piece
-    train, test = _cut(problem.train), _cut(problem.test)
+    train = _cut(problem.train)
     if len(train) == len(problem.train):
         return None
     engine = problem.engine
     followed, off, longest = engine.recorded, engine.strayed, engine.longest_change
     engine.amend({})
-    best = search(replace(problem, train=train, test=test, memory={}), progress).best.fitted
+    best = search(replace(problem, train=train, memory={}), progress).best.fitted
     engine.hasten(longest)
     candidate = None
     if best.terms:
@@ -39,12 +39,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
         begin = Point(best.point.values, tuple(best.point.starts[k] for k in firsts))
         candidate = _whole(problem, best.terms, begin, best.noises)
     base = found.nominal
-    if (
-        candidate is None
-        or found.best.score - candidate.score < CLEAR_GAIN
-        or larger(candidate, base)
-        or not tells(candidate, base)
-    ):
+    if candidate is None or found.best.score - candidate.score < CLEAR_GAIN or larger(candidate, base):
         engine.follow(followed)
         engine.amend(off)
         return None

@@ -23,7 +23,6 @@ from firmloop.diagnose.model.candidate import (
     rated,
     relieved,
     simplest,
-    tells,
 )
 from firmloop.diagnose.model.continuation import past_contacts
 from firmloop.diagnose.model.descent import whitened
@@ -111,7 +110,7 @@ def search(problem: Problem, progress: Progress) -> Search:
         if larger(chosen, base):
             chosen = _accompanied(problem, chosen, base, worth)
         gain = base.score - chosen.score
-        trace = gain < MINOR_SHARE * sum(gains) and not closer(problem, chosen, base)
+        trace = gain < MINOR_SHARE * sum(gains) and not closer(chosen, base)
         if trace or not _earned(problem, chosen, base) or lost_count(problem, chosen, base):
             best = base
             break
@@ -282,9 +281,7 @@ def _earned(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
 def _pays(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
     """Tell whether the newest effect brings what it must, on train too."""
     gain = base.score - candidate.score
-    return (
-        gain >= _bar(problem, candidate, base, gain) and tells(candidate, base) and not faint(problem, candidate, base)
-    )
+    return gain >= _bar(problem, candidate, base, gain) and not faint(problem, candidate, base)
 
 
 def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -> float:
@@ -301,7 +298,7 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
             return np.inf
         nearer = any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
         if nearer and NEVER_BY_CHANCE < times < np.inf:  # what lasts hardly shows in innovations
-            least = 0.0 if closer(problem, candidate, base) else THRESHOLD
+            least = 0.0 if closer(candidate, base) else THRESHOLD
     sizes = [noise.rms for noise in candidate.noises]
     if newest.effect.limits and newest.output in {each.output for each in coarse(problem.plant, problem.train, sizes)}:
         least = STEPPED_LIMIT_THRESHOLD

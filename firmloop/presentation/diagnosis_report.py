@@ -107,7 +107,7 @@ def _courses(made: Diagnosis) -> list[str]:
                 point = fit_starts(problem, [recording], values, made.search.best.noises)
                 runs.append(measured - residual_of(problem, recording, point, 0))
             if made.shape is not None and role == "train":
-                runs[-1] = measured - made.shape.train[0]
+                runs[-1] = measured - made.shape.residuals[0]
             for index, signal in enumerate(problem.plant.outputs):
                 title = f"{role}: {Path(recording.source).name}, {signal.name}"
                 course = [run[:, index] for run in runs]
