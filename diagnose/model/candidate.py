@@ -129,18 +129,14 @@ def clearly_nearer(one: Fitted, other: Fitted) -> bool:
 
 
 def nearest(problem: Problem, candidate: Candidate) -> Candidate:
-    """Return an explanation with values of plain simulation error where those simulate clearly nearer than its own.
+    """Return an explanation with values of plain simulation error where those are likelier than its own.
 
-    To a noise model with a memory a smooth misfit is next to nothing, so that it leads away from what moves. The score
-    stays that of the likelier values: a part of an explanation leaves edges that no noise model likes.
+    A noise model with a memory makes noise of a smooth misfit, so that a fit by it may lead away from what moves.
     """
     if not colored(candidate.noises):
         return candidate
-    plain = by_simulation_error(problem, candidate.fitted)
-    if not clearly_nearer(plain, candidate.fitted):
-        return candidate
-    nearer = rated(problem, plain)
-    return replace(nearer, score=min(nearer.score, candidate.score)) if nearer.score < IMPOSSIBLE else candidate
+    plain = rated(problem, by_simulation_error(problem, candidate.fitted))
+    return min(candidate, plain, key=lambda each: each.score)
 
 
 def farther(candidate: Candidate, base: Candidate) -> bool:

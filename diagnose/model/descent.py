@@ -240,8 +240,9 @@ def residual_of(problem: Problem, recording: Recording, point: Point, index: int
 
 
 def whitened(values: Array, noises: Sequence[Noise]) -> Array:
-    """Whiten (n, r, ...) output by output and stack to (n r, ...)."""
+    """Whiten (n, r, ...) output by output and stack to (n r, ...), below it what is larger than noise may be."""
     parts = [noise.whiten(values[:, index]) for index, noise in enumerate(noises)]
+    parts += [noise.weight * values[:, index] for index, noise in enumerate(noises) if noise.weight > 0.0]
     return np.concatenate(parts, axis=0)
 
 

@@ -21,7 +21,7 @@ from firmloop.diagnose.policy import (
     SAME_CONSTANT,
     SETTLED_START,
 )
-from firmloop.identify.fitting.noise import Noise, fit_noise
+from firmloop.identify.fitting.noise import Noise, bounded, fit_noise
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -51,11 +51,10 @@ class Fitted:
 
 
 def noises_of(problem: Problem, residuals: Sequence[Array]) -> tuple[Noise, ...]:
-    """Estimate every output's noise from what a fit left over."""
-    return tuple(
-        fit_noise([part[:, index] for part in residuals], float(problem.floors[index]))
-        for index in range(residuals[0].shape[1])
-    )
+    """Estimate every output's noise from what a fit left over; it costs what it is larger than noise may be."""
+    columns = [[part[:, index] for part in residuals] for index in range(residuals[0].shape[1])]
+    sizes = zip(columns, problem.floors, problem.drifts, strict=True)
+    return tuple(bounded(fit_noise(each, float(floor)), each, float(most)) for each, floor, most in sizes)
 
 
 def fit(

@@ -18,6 +18,7 @@ from firmloop.diagnose.policy import (
     FINE_DIFFERENCE_STEP,
     LEAST_INERTIA,
     ROUGH_DIFFERENCE_STEP,
+    SLOW_NOISE,
 )
 from firmloop.identify.plants.attach import EffectUse, all_uses, label_of, parameters_of, site_of
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
@@ -77,6 +78,7 @@ class Problem:
     terms: tuple[LibraryTerm, ...]
     starts: Mapping[str, tuple[Mapping[str, float], ...]]  # by LibraryTerm.label: points a fit begins from
     floors: Array  # (r,) smallest noise rms the resolution of each output allows
+    drifts: Array  # (r,) largest rms that slow noise of each output may have
     memory: dict[tuple[object, ...], Array]  # what an initial state does to the outputs, see refit.start_slopes
     direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
 
@@ -128,7 +130,8 @@ def make_problem(plant: Plant, train: Sequence[Recording], test: Sequence[Record
     engine.hasten(COARSE_CHANGE)
     engine.follow(True)
     terms = _terms(plant, train)
-    return Problem(plant, engine, tuple(train), tuple(test), terms, _grids(plant, terms), floors, {}, direct)
+    drifts = SLOW_NOISE * np.std(np.concatenate([measured(plant, each) for each in train]), axis=0)
+    return Problem(plant, engine, tuple(train), tuple(test), terms, _grids(plant, terms), floors, drifts, {}, direct)
 
 
 def rescaled(problem: Problem, values: Mapping[str, float]) -> Problem:

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.model.candidate import unlikely
 from firmloop.diagnose.model.descent import slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, entered, outputs_of
 from firmloop.diagnose.policy import PARALLEL, SCREEN_PATIENCE
-from firmloop.identify.fitting.noise import Noise, fit_noise
+from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts
 from firmloop.identify.recordings.recording import Recording
 
@@ -43,7 +44,7 @@ class Ground:
     within: Array  # (k,) what the basis has of the whitened residuals
     slopes: tuple[Array, ...]  # (n, r, k) of every recording, not whitened, in the order of the basis
     residuals: tuple[Array, ...]  # (n, r) of every recording
-    floors: Array  # (r,)
+    problem: Problem
     evidence: float  # -2 log likelihood of the residuals, at best after a last step of the base's unknowns
 
 
@@ -63,17 +64,8 @@ def ground(problem: Problem, recordings: Sequence[Recording], base: Fitted, nois
     own = tuple(part @ turned for part in raw)
     within = basis.T @ left
     refined = [part - slopes @ within for part, slopes in zip(base.residuals, own, strict=True)]
-    said = min(_likelihood(residuals, problem.floors) for residuals in (base.residuals, refined))
-    return Ground(tuple(noises), basis, outside(basis, left), within, own, base.residuals, problem.floors, said)
-
-
-def _likelihood(residuals: Sequence[Array], floors: Array) -> float:
-    """Return -2 log likelihood of residuals (n, r) under the noise that fits them best, but for a constant."""
-    total = 0.0
-    for index, floor in enumerate(floors):
-        columns = [part[:, index] for part in residuals]
-        total += fit_noise(columns, float(floor)).unlikely(sum(len(each) for each in columns))
-    return total
+    said = min(unlikely(problem, residuals) for residuals in (base.residuals, refined))
+    return Ground(tuple(noises), basis, outside(basis, left), within, own, base.residuals, problem, said)
 
 
 def screen(
@@ -149,7 +141,7 @@ def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
     for k, residual in enumerate(under.residuals):
         moved = np.stack([parts[k] for parts in secants], axis=2) @ shares
         rest.append(residual - moved - under.slopes[k] @ own)
-    return under.evidence - _likelihood(rest, under.floors)
+    return under.evidence - unlikely(under.problem, rest)
 
 
 def _judge(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import erfc
 
 import numpy as np
@@ -23,6 +23,8 @@ class Noise:
     coefficients: Array  # (order,)
     scale: float  # output's unit
     rms: float  # output's unit
+    surplus: float = 0.0  # by how much -2 log likelihood is worse for more than the noise may be, see `bounded`
+    weight: float = 0.0  # per unit of the output: what a value counts itself, beside its innovation, see `bounded`
 
     def whiten(self, values: Array) -> Array:
         """Return values (q, ...) along the first axis in units of the innovation; the first rows start from rest."""
@@ -34,7 +36,8 @@ class Noise:
 
     def unlikely(self, rows: int) -> float:
         """Return -2 log likelihood of `rows` rows that it was fitted to, but for a constant, and its price by BIC."""
-        return 2.0 * rows * float(np.log(self.scale)) + len(self.coefficients) * float(np.log(max(rows, 2)))
+        price = len(self.coefficients) * float(np.log(max(rows, 2)))
+        return 2.0 * rows * float(np.log(self.scale)) + price + self.surplus
 
     def color(self, innovations: Array) -> Array:
         """Return the noise (q, ...) along the first axis that innovations in the output's unit make, from rest."""
@@ -98,6 +101,22 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
             best, least, best_score = order, power, score
     taps = np.asarray(-np.linalg.solve(past[:best, :best], moments[0, 1 : best + 1]), dtype=np.float64)
     return Noise(taps, max(float(np.sqrt(least)), floor), max(rms, abs(mean)))
+
+
+def bounded(noise: Noise, residuals: Sequence[Array], most: float) -> Noise:
+    """Let a noise cost what it is larger than it may be: `most` is the rms that its slow part may have.
+
+    What moves slowly is foretold row by row, so that to a free noise model a smooth misfit of any size is next to
+    nothing. Its power is that of the residuals (q,) less that of the innovations; with the power held at `most` squared
+    its n independent samples are less likely by n (x - 1 - log x) in -2 log likelihood, x the ratio of the two.
+    `weight` squared is what a square adds to that, so that a fit sees it.
+    """
+    power = noise.rms**2 - noise.scale**2
+    if not power > most**2 or not np.isfinite(power):
+        return noise
+    ratio, count = power / most**2, memory(residuals)
+    surplus = sum(map(len, residuals)) / count * (ratio - 1.0 - float(np.log(ratio)))
+    return replace(noise, surplus=surplus, weight=float(np.sqrt((1.0 - 1.0 / ratio) / count)) / most)
 
 
 def lagged_products(values: Array, most: int) -> Array:
