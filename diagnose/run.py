@@ -12,7 +12,7 @@ from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.model.candidate import Candidate, believable, by_simulation_error, clearly_nearer, rated
-from firmloop.diagnose.model.fit import ended, with_other_answer
+from firmloop.diagnose.model.fit import with_other_answer
 from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.found import Progress, Search
@@ -24,7 +24,7 @@ from firmloop.diagnose.search.harmless import (
     simulated_figures,
 )
 from firmloop.diagnose.search.improved import improved_plant
-from firmloop.diagnose.search.simulation_error import independent
+from firmloop.diagnose.search.simulation_error import certain, independent
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.verdict import judge, spoiled, withheld
@@ -112,7 +112,7 @@ def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> S
         doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
         if harmless(improved_plant(found, found.best), refit, recordings):
             return doubted
-    fitted = ended(problem, fitted, independent(fitted.residuals))
+    fitted = certain(problem, fitted)
     best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
     other = replace(found, best=best)
     if not believable(fitted) or not harmless(improved_plant(other, best), refit, recordings):

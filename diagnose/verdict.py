@@ -221,7 +221,8 @@ def _named(search: Search, shown: Candidate, verdict: Verdict, candidates: Seque
                 share = sum(w for w, each in zip(weights, fits, strict=True) if term in each.fitted.terms)
                 if not candidates:
                     share = _certainty(search, shown)
-                found[term.label] = _one(search.problem, candidate, term, min(share, 1.0))
+                certain = math.erf(strength(candidate.fitted, term) / math.sqrt(2.0))  # that it is not nothing
+                found[term.label] = _one(search.problem, candidate, term, min(share, certain))
     return tuple(found.values())
 
 

@@ -62,10 +62,12 @@ def believable(fitted: Fitted) -> bool:
 
 
 def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:
-    """Tell whether a value of an effect ended where its range does."""
+    """Tell whether a value of an effect ended where its range does, unless that is what it is where none is given."""
     for key, each in zip(term.keys, term.parameters, strict=True):
         value = fitted.point.values[key]
-        if value <= each.low or (np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high)):
+        if value <= each.low != each.default:
+            return True
+        if np.isfinite(each.high) and each.high != each.default and value > each.high - ON_BOUND * abs(each.high):
             return True
     return False
 
@@ -175,8 +177,10 @@ def relative(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
 
 
 def closer(candidate: Candidate, base: Candidate) -> bool:
-    """Tell whether simulations come far closer to some output: that is no trace."""
-    return any(one.rms < CLOSER_RMS * other.rms for one, other in zip(candidate.noises, base.noises, strict=True))
+    """Tell whether simulations come far closer to some output, and by more than by chance: that is no trace."""
+    lucky = np.maximum(by_luck(candidate.fitted.residuals), 1.0 / CLOSER_RMS)
+    pairs = zip(lucky, candidate.noises, base.noises, strict=True)
+    return any(luck * mine.rms < theirs.rms for luck, mine, theirs in pairs)
 
 
 def joined(base: Fitted, term: LibraryTerm) -> tuple[tuple[LibraryTerm, ...], Mapping[str, float]]:

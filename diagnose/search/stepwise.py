@@ -297,8 +297,8 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
         if accidental(newest, times, gain):
             return np.inf
         nearer = any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
-        if nearer and NEVER_BY_CHANCE < times < np.inf:  # what lasts hardly shows in innovations
-            least = 0.0 if closer(candidate, base) else THRESHOLD
+        if closer(candidate, base) or (nearer and NEVER_BY_CHANCE < times < np.inf):
+            least = THRESHOLD  # what lasts hardly shows in innovations
     sizes = [noise.rms for noise in candidate.noises]
     if newest.effect.limits and newest.output in {each.output for each in coarse(problem.plant, problem.train, sizes)}:
         least = STEPPED_LIMIT_THRESHOLD
