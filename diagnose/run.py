@@ -12,7 +12,7 @@ from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.model.candidate import Candidate, believable, by_simulation_error, clearly_nearer, rated
-from firmloop.diagnose.model.fit import with_other_answer
+from firmloop.diagnose.model.fit import strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.found import Progress, Search
@@ -28,6 +28,7 @@ from firmloop.diagnose.search.simulation_error import certain, independent
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.verdict import judge, spoiled, withheld
+from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
@@ -110,7 +111,8 @@ def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> S
     fitted = by_simulation_error(problem, before)
     if not clearly_nearer(fitted, before):
         doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
-        if harmless(improved_plant(found, found.best), refit, recordings):
+        sure = all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms)
+        if sure and harmless(improved_plant(found, found.best), refit, recordings):
             return doubted
     fitted = certain(problem, fitted)
     best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
