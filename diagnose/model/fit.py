@@ -203,7 +203,7 @@ def fit_starts(
     for recording in recordings:
         squares = SumOfSquares(problem, [recording], (), noises, np.zeros((0, 1)))
         place = squares.at(Point(values, (full_start(problem, recording),)))
-        for exact in (False, True, True, True):
+        for exact in (False, True, True, True) if problem.engine.states else ():
             slopes = squares.slopes(place, squares.start_slopes(place.point, exact=True) if exact else None)
             normal, pulled = squares.normal(slopes), squares.descent(slopes, place)
             trial = squares.at(squares.moved(place.point, solved(normal, pulled, 1e-9)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -93,7 +94,8 @@ def remainders(evidence: Evidence) -> tuple[Remainder, ...]:
         each = [misfit(made, engine, constants, start, free) for made, start in zip(parts, score.starts, strict=True)]
         residual = _joined([one for one, _ in each])
         slopes = _joined([slope[..., : len(free)] for _, slope in each])
-        own = _block_diagonal([slope[..., len(free) :].reshape(-1, len(plant.states)) for _, slope in each])
+        states = [slope[..., len(free) :] for _, slope in each]
+        own = _block_diagonal([each.reshape(math.prod(each.shape[:-1]), len(plant.states)) for each in states])
         found.append(Remainder(score.source, _joined([_times(made) for made in parts]), residual, slopes, own))
     return tuple(found)
 
