@@ -26,7 +26,7 @@ from firmloop.diagnose.policy import (
     STEPS_OF_A_FIT,
     WIDER_RMS,
 )
-from firmloop.identify.fitting.noise import Noise, colored, memory, white
+from firmloop.identify.fitting.noise import Noise, memory, white
 from firmloop.identify.plants.effects import effects, find_effect
 
 Array = NDArray[np.float64]
@@ -128,17 +128,6 @@ def clearly_nearer(one: Fitted, other: Fitted) -> bool:
     ours, theirs = (np.nan_to_num(rms_of(each.residuals), nan=np.inf) for each in (one, other))
     lucky = np.maximum(by_luck(one.residuals), SAME_RMS)
     return bool(np.all(ours <= SAME_RMS * theirs) and np.any(lucky * ours < theirs))
-
-
-def nearest(problem: Problem, candidate: Candidate) -> Candidate:
-    """Return an explanation with values of plain simulation error where those are likelier than its own.
-
-    A noise model with a memory makes noise of a smooth misfit, so that a fit by it may lead away from what moves.
-    """
-    if not colored(candidate.noises):
-        return candidate
-    plain = rated(problem, by_simulation_error(problem, candidate.fitted))
-    return min(candidate, plain, key=lambda each: each.score)
 
 
 def farther(candidate: Candidate, base: Candidate) -> bool:

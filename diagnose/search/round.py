@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from firmloop.diagnose.model.candidate import Candidate, extended, larger, nearest, rated, related
+from firmloop.diagnose.model.candidate import Candidate, extended, larger, rated, related
 from firmloop.diagnose.model.continuation import met, past_contacts
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
 from firmloop.diagnose.model.hypothesis import Problem
@@ -87,7 +87,7 @@ def tried_beside(
     ]
     noises = noises_of(problem, min(longer, key=lambda each: each.cost).residuals)
     ended = [fit(problem, problem.train, each.terms, each.point, noises, STEPS_OF_A_LAST_FIT) for each in longer]
-    candidates = [nearest(problem, rated(problem, each)) for each in ended if not _too_large(each)]
+    candidates = [rated(problem, each) for each in ended if not _too_large(each)]
     if not candidates:
         return ()
     candidates = [each for each in candidates if not larger(each, best)] or candidates

@@ -19,7 +19,6 @@ from firmloop.diagnose.model.candidate import (
     faint,
     farther,
     larger,
-    nearest,
     rated,
     relieved,
     simplest,
@@ -148,7 +147,7 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
 
 def accepted(problem: Problem, chosen: Candidate) -> Candidate:
     """Lead an explanation out of traps, let it follow the better angle, and take finer steps where it asks for them."""
-    return nearest(problem, _refined(problem, _refollowed(problem, _unwhitened(problem, chosen))))
+    return _refined(problem, _refollowed(problem, _unwhitened(problem, chosen)))
 
 
 def settled(found: Search) -> Search:
