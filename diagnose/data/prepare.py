@@ -231,6 +231,8 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
         if far and abs(moved[far]) > np.log(OTHER_MACHINE):
             first_one = [abs(each.get(far, 0.0)) < abs(each.get(far, 0.0) - moved[far]) for each in shifts]
             groups = [[k for k, mine in enumerate(first_one) if mine == which] for which in (True, False)]
+            if not all(groups):
+                continue  # no recording is like the other
             both = 0.0
             for group in groups:
                 parts = [columns[k] for k in group]
