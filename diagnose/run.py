@@ -111,7 +111,8 @@ def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> S
     fitted = by_simulation_error(problem, before)
     if not clearly_nearer(fitted, before):
         doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
-        sure = all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms)
+        noisy = not any(noise.weight for noise in found.best.noises)  # else intervals are those of a misfit
+        sure = noisy or all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms)
         if sure and harmless(improved_plant(found, found.best), refit, recordings):
             return doubted
     fitted = certain(problem, fitted)

@@ -15,7 +15,7 @@ from firmloop.diagnose.data.quantization import Direct
 from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
-from firmloop.diagnose.model.candidate import Candidate, closer, relative, residual_sizes, unseen_residuals, without
+from firmloop.diagnose.model.candidate import Candidate, relative, residual_sizes, unseen_residuals, without
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
@@ -128,8 +128,7 @@ def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candid
         return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR_SHARE * explained)
-    near = [candidate for candidate in candidates_of(search) if candidate.score - search.best.score < bar]
-    tied = [candidate for candidate in near if not closer(search.best, candidate)]
+    tied = [candidate for candidate in candidates_of(search) if candidate.score - search.best.score < bar]
     tied += [
         candidate
         for candidate in richer_of(search)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.data.quantization import coarse
 from firmloop.diagnose.discrepancy.disturbance_smoother import latent, nominal_plant
 from firmloop.diagnose.discrepancy.terms import SENSOR, NamelessTerm, nameless_terms
-from firmloop.diagnose.model.candidate import Candidate, unlikely
+from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, outputs_of
@@ -106,7 +106,9 @@ def best_shape(search: Search, candidate: Candidate) -> Shape | None:
     bare = _weighed(base, ())
     without = min(bare[0], candidate.score)
     shapes = [_shape(base, term, without) for term in choices]
-    return max(shapes, key=lambda each: each.gain, default=None)
+    # What only whitens what is left is no law of a machine.
+    nearer = [each for each in shapes if np.any(rms_of(each.residuals) < rms_of(base.residuals))]
+    return max(nearer, key=lambda each: each.gain, default=None)
 
 
 def weighed(search: Search) -> tuple[Screened, ...]:

@@ -109,8 +109,7 @@ def larger(candidate: Candidate, base: Candidate) -> bool:
     pairs = list(zip(candidate.noises, base.noises, strict=True))
     if any(mine.rms <= theirs.rms for mine, theirs in pairs):
         return False
-    lucky = by_luck(candidate.fitted.residuals)
-    return any(mine.rms > max(WIDER_RMS, luck) * theirs.rms for (mine, theirs), luck in zip(pairs, lucky, strict=True))
+    return any(mine.rms > WIDER_RMS * theirs.rms for mine, theirs in pairs)
 
 
 def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:

@@ -126,11 +126,8 @@ SLOW = (
     (660026, "unknown_physics", "", "a shape that says four times what a name does"),
     (190031, "explained", "hardening_spring input_saturation", "what a polished simulation does without"),
 )
-# Told only with what a test recording shows, which chooses nothing: a search by train alone has yet to tell them.
-MISSED = {570013}
-MISS = pytest.mark.xfail(strict=True, reason="train alone does not tell it yet")
 CASES = [
-    *(pytest.param(*case[:3], id=case[3], marks=[MISS] if case[0] in MISSED else []) for case in QUICK),
+    *(pytest.param(*case[:3], id=case[3]) for case in QUICK),
     *(pytest.param(*case[:3], id=case[3], marks=pytest.mark.slow) for case in SLOW),
 ]
 
