@@ -145,10 +145,10 @@ def simulated_rms(project: Path, recordings: Sequence[Path], start: Start) -> Ma
     It is infinite where the project does not simulate.
     """
     made = read_project(project)
-    assert made.plant is not None
+    assert made.plant is not None and made.recordings is not None
     lefts: dict[str, list[Any]] = {name: [] for name in made.plant.outputs}
     for path in recordings:
-        real = read_recording(path, {})
+        real = read_recording(path, {}, made.recordings.hold)
         try:
             ours = predicted(made, real, start)
         except (IdentifyError, ProjectError):
