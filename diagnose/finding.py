@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
+
+from firmloop.identify.fitting.own_values import OwnValue
 
 Verdict = Literal["no_mismatch", "explained", "ambiguous", "unknown_physics"]
 Half = Literal["plant", "controller", "none"]
@@ -91,6 +94,7 @@ class Finding:
     notes: tuple[str, ...]
     says: tuple[str, ...]  # the paragraph
     simulation_rms: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    per_recording: tuple[OwnValue, ...] = ()  # what each recording has of what differs between them
     law: tuple[tuple[float, float], ...] = ()  # coordinate and missing term, in SI units, of what has no name
 
     def as_dict(self) -> dict[str, object]:
@@ -124,11 +128,24 @@ class Finding:
                 }
                 for each in self.shifts
             },
+            **({"per_recording": _own(self.per_recording)} if self.per_recording else {}),
             "untestable": dict(self.untestable),
             "notes": list(self.notes),
             "says": list(self.says),
             **({"law": [list(point) for point in self.law]} if self.law else {}),
         }
+
+
+def _own(values: Sequence[OwnValue]) -> dict[str, dict[str, object]]:
+    found: dict[str, dict[str, object]] = {}
+    for one in values:
+        known, interval = one.parameter, one.parameter.interval_95
+        found.setdefault(known.name, {})[Path(one.source).name] = {
+            "value": _figure(known.value),
+            "ci95": None if interval is None else [_figure(end) for end in interval],
+            "unit": known.unit,
+        }
+    return found
 
 
 def _location(place: Location) -> dict[str, object]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding, Shift
 from firmloop.diagnose.policy import FAILED_RATIO, FAILED_RMS, HELD_SHARE, THRESHOLD
 from firmloop.diagnose.search.found import Search
+from firmloop.identify.fitting.own_values import OwnValue
+from firmloop.identify.normal import NORMAL_95
 
 
 def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[str, ...]:
@@ -44,6 +47,9 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
                 f"A refit without it would put {shift.name} at {shift.refit / shift.after:.2f} times its value "
                 f"({shift.refit:.4g} instead of {shift.after:.4g} {shift.unit})."
             )
+    for name in dict.fromkeys(one.parameter.name for one in finding.per_recording):
+        own = [one for one in finding.per_recording if one.parameter.name == name]
+        said.append(f"Each recording has its own {name}: {', '.join(map(_own, own))} {own[0].parameter.unit or '1'}.")
     figures = [("train", train)] + ([("test", finding.test)] if finding.test else [])
     for role, ratio in figures:
         steps = [
@@ -62,6 +68,12 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
     if finding.untestable:
         said.append(f"Cannot be tested with these recordings: {', '.join(sorted(finding.untestable))}.")
     return tuple(said)
+
+
+def _own(one: OwnValue) -> str:
+    known = one.parameter
+    reach = "" if known.deviation is None else f" ± {NORMAL_95 * known.deviation:.2g}"
+    return f"{Path(one.source).name} {known.value:.4g}{reach}"
 
 
 def with_doubt(finding: Finding) -> Finding:

@@ -19,6 +19,7 @@ from firmloop.diagnose.model.candidate import Candidate, relative, residual_size
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
+from firmloop.diagnose.model.own_values import own_of_all
 from firmloop.diagnose.model.sandwich_covariance import doubtful
 from firmloop.diagnose.policy import (
     COUNTED_SAMPLES,
@@ -91,6 +92,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         untestable={name: why for name, why in untestable.items() if name not in {each.name for each in effects}},
         notes=(*checks.notes, *_far_from_given(shifts, deviations(shown.fitted), verdict)),
         says=(),
+        per_recording=own_of_all(search.problem, shown.fitted),
         law=_law(told),
     )
     return replace(finding, says=paragraph(finding, search, shape)), told

@@ -55,6 +55,9 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
         "hold": '`"zero_order"` (default: the input of a row is held until the next row), `"linear"`, `"band_limited"`',
         "period_s": "time between two rows, s, where the file has no time column or its stamps are rounded",
         "start_s": "time of the first row, s, with `period_s` (default 0)",
+        "per_recording": "values of the plant that may differ from file to file: `load_torque_N_m` or `load_force_N`, "
+        "`zero.OUTPUT`, `gain.OUTPUT`, or a parameter by its full name; each file gets its own, with an interval, and "
+        "the project that is written holds the mean of train",
     },
     "[recordings.rename] COLUMN = { ... }": {
         "name": "the name firmloop uses; it ends in the unit of the values",

@@ -40,7 +40,7 @@ def one_of(words: Iterable[str]) -> Schema:
 
 TYPES: Mapping[str, Mapping[str, Schema]] = {
     "Top level": {"schema": {"const": 1}, "name": TEXT, "datasheet": TABLE, "standard_tests": TABLE},
-    "[recordings]": {"train": TEXTS, "test": TEXTS, "hold": one_of(HOLDS)},
+    "[recordings]": {"train": TEXTS, "test": TEXTS, "hold": one_of(HOLDS), "per_recording": TEXTS},
     "[recordings.rename] COLUMN = { ... }": {"name": TEXT, "unit": TEXT},
     "[recordings.conditioning]": {
         **{key: TEXTS for key in ("remove_offset", "detrend", "align")},

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from firmloop.diagnose.data.checks import check_rows
 from firmloop.diagnose.policy import DEAD_SHARE, MOTION_MEANWHILE, WILD_SHARE, WILD_SPANS
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.own_values import own_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
+from firmloop.identify.simulation.simulate import course_of, measured, simulator
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ def _check_dead(plant: Plant, recording: Recording, values: Array) -> None:
     if np.any(np.isnan(constants)):
         return
     engine = simulator(plant, recording.hold)
-    simulated = engine.run(course_of(plant, recording), constants, rest_start(plant, recording))
+    simulated = engine.run(course_of(plant, recording), constants, own_start(plant, recording, constants))
     if not np.all(np.isfinite(simulated)):
         return
     for k, signal in enumerate(plant.outputs):

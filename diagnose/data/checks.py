@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.own_values import own_start
+from firmloop.identify.fitting.sufficiency import moves
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
+from firmloop.identify.simulation.simulate import course_of, measured, simulator
 
 Array = NDArray[np.float64]
 
@@ -50,8 +52,13 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
             )
     for recording in (*train, *test):
         check_rows(plant, recording)
-        notes += _clock(recording)
+        notes += [*_held(plant, recording), *_clock(recording)]
         notes += _kinematics(recording)
+    if not any(np.ptp(course_of(plant, each).drive) > 0.0 or moves(measured(plant, each)) for each in train):
+        raise IdentifyError(
+            f"{train[0].source}: column {plant.inputs[0].name} never changes, and nothing moves but for noise; physics "
+            "shows in motion, so record steps or a sweep in both directions, or a decay from where the machine was held"
+        )
     every = (*train, *test)
     models = [_nominal(plant, recording) for recording in every]
     folded = _folded(plant, every, models)
@@ -70,12 +77,7 @@ def check_rows(plant: Plant, recording: Recording) -> None:
             f"{recording.source}: has {rows} rows; a diagnosis needs at least {FEWEST_ROWS}, "
             f"better a thousand: record longer"
         )
-    drive, values = course_of(plant, recording).drive, measured(plant, recording)
-    if np.ptp(drive) == 0.0:
-        raise IdentifyError(
-            f"{recording.source}: column {plant.inputs[0].name} never changes; "
-            f"physics shows when the input moves, so record steps or a sweep in both directions"
-        )
+    values = measured(plant, recording)
     for signal, column in zip(plant.outputs, values.T, strict=True):
         if np.ptp(column) == 0.0:
             raise IdentifyError(
@@ -90,6 +92,15 @@ def check_rows(plant: Plant, recording: Recording) -> None:
             f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s "
             f"(usual step {step:.4g} s); cut the recording there into two files"
         )
+
+
+def _held(plant: Plant, recording: Recording) -> list[str]:
+    """Tell inputs that never change: fine for a decay or a constant speed, and else a column that is not the input."""
+    drive = course_of(plant, recording).drive
+    if np.ptp(drive) > 0.0:
+        return []
+    said = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))
+    return [f"{recording.source}: {said} in every row; what moves there is taken to move by itself"]
 
 
 def _clock(recording: Recording) -> list[str]:
@@ -128,9 +139,8 @@ def _nominal(plant: Plant, recording: Recording) -> Array | None:
     constants = np.array([p.value for p in plant.parameters])
     if np.any(np.isnan(constants)):
         return None
-    simulated = simulator(plant, recording.hold).run(
-        course_of(plant, recording), constants, rest_start(plant, recording)
-    )
+    start = own_start(plant, recording, constants)
+    simulated = simulator(plant, recording.hold).run(course_of(plant, recording), constants, start)
     return simulated if np.all(np.isfinite(simulated)) else None
 
 

@@ -34,9 +34,9 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.linear_forms import form_writer
+from firmloop.identify.plants.per_recording import ways_to_differ, with_varying, without_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clipping import gathering
-from firmloop.identify.recordings.conditioning import Conditioning, check_conditioning, condition_input
 from firmloop.identify.recordings.hold import FINER, HOLDS
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.linear_response import disturbed
@@ -243,8 +243,30 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
             raise IdentifyError(
                 f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
                 f"{far} = {first[far]:.3g} and {first[far] * np.exp(moved[far]):.3g}, together "
-                f"{together.power / sum(powers):.2g} times as much is left; diagnose one machine at a time"
+                f"{together.power / sum(powers):.2g} times as much is left. {_question(plant, short, both, far)}; else "
+                "diagnose one machine at a time"
             )
+
+
+def _question(plant: Plant, train: Sequence[Recording], power: float, far: str) -> str:
+    """Ask whether it is one machine of which something differs from file to file: what makes them one if it does."""
+    bare, listed = without_varying(plant), [one.name for one in plant.varying]
+    names = next(
+        (each for each in ways_to_differ(plant) if _as_one(bare, train, (*listed, *each)) < APART_POWER * power), [far]
+    )
+    told = ", ".join(f'"{name}"' for name in dict.fromkeys((*listed, *names)))
+    return (
+        f"Is it one machine, of which {' and '.join(names)} may differ from file to file? Then write [recordings] "
+        f"per_recording = [{told}]"
+    )
+
+
+def _as_one(plant: Plant, train: Sequence[Recording], names: Sequence[str]) -> float:
+    """Return what is left of all recordings where these values differ between them."""
+    try:
+        return _trial(with_varying(plant, list(dict.fromkeys(names))), train).power
+    except IdentifyError:
+        return np.inf
 
 
 def _scaled(trial: _Trial, columns: Sequence[Array], whole: Array) -> float:
@@ -329,49 +351,6 @@ def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:
         move, *_ = np.linalg.lstsq(weight @ unseen, aim - weight @ shift, rcond=None)
         shift = shift + unseen @ move
     return {name: float(each) for name, each, yes in zip(names, shift, judged, strict=True) if yes}
-
-
-def as_conditioned(
-    plant: Plant, recordings: Sequence[Recording], conditioning: Conditioning
-) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
-    """Do to the recordings what the project asks for and a search can take; return what it does not need, in words.
-
-    An input loses its offset, as in a fit. Windows, smoothing and a coarser grid are ways to fit in noise of which the
-    search has a model of its own. What would take a mismatch out of sight, or hide one in a clock, is refused.
-    """
-    where = "recordings.conditioning"
-    inputs = [signal.name for signal in plant.inputs]
-    for recording in recordings:
-        check_conditioning(
-            conditioning, (*inputs, *(signal.name for signal in plant.outputs)), recording.source, recording.time
-        )
-    offsets = [name for name in conditioning.remove_offset if name not in inputs]
-    refused = (
-        ("remove_offset", offsets, "an offset of a sensor is one of the effects that are looked for"),
-        ("detrend", conditioning.detrend, "a trend is part of what physics does"),
-        ("align", conditioning.align, "a late or skewed clock is one of the effects that are looked for"),
-        ("line_Hz", conditioning.line_Hz, "the notch would take a part of the motion out"),
-    )
-    for key, value, why in refused:
-        if value:
-            shown = list(value) if isinstance(value, list | tuple) else value
-            raise IdentifyError(
-                f"{where}.{key} = {shown}: diagnose compares the outputs as they were recorded, because {why}; "
-                "remove it, or record without the disturbance"
-            )
-    unused = [key for key in ("window_s", "savgol_window", "resample_s") if getattr(conditioning, key)]
-    made = [
-        replace(
-            each,
-            columns={
-                name: condition_input(conditioning, name, values) if name in inputs else values
-                for name, values in each.columns.items()
-            },
-        )
-        for each in recordings
-    ]
-    notes = [f"{where}.{', '.join(unused)} not used: the search has a noise model of its own"] if unused else []
-    return tuple(made), tuple(notes)
 
 
 def shortened(plant: Plant, recordings: Sequence[Recording], rows: int) -> tuple[Recording, ...]:

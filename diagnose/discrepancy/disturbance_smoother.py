@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, SHORTEST_SPAN_S, WORST_SPANS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.plants.per_recording import without_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linearize import linearize
@@ -38,7 +39,19 @@ def nominal_plant(search: Search, candidate: Candidate) -> Plant:
     """Return the plant without effects, with the nominal parameters of an explanation."""
     values = candidate.fitted.point.values
     parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in search.problem.plant.parameters)
-    return replace(search.problem.plant, parameters=parameters)
+    return without_varying(replace(search.problem.plant, parameters=parameters))
+
+
+def as_others(search: Search, recording: Recording, values: Mapping[str, float], start: Array) -> Recording:
+    """Return the recording without what its own load, zero and the like, which its initial state holds, do to it."""
+    plant, engine = search.problem.plant, search.problem.engine
+    if not plant.varying:
+        return recording
+    common = start.copy()
+    common[[one.state for one in plant.varying]] = 0.0
+    own = np.nan_to_num(engine.simulate(recording, values, start) - engine.simulate(recording, values, common))
+    outputs = {signal.name: recording.columns[signal.name] - own[:, k] for k, signal in enumerate(plant.outputs)}
+    return replace(recording, columns={**recording.columns, **outputs})
 
 
 def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import coarse
-from firmloop.diagnose.discrepancy.disturbance_smoother import latent, nominal_plant
+from firmloop.diagnose.discrepancy.disturbance_smoother import as_others, latent, nominal_plant
 from firmloop.diagnose.discrepancy.terms import SENSOR, NamelessTerm, nameless_terms
 from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
@@ -86,7 +86,11 @@ def best_shape(search: Search, candidate: Candidate) -> Shape | None:
     """Return the term that makes the recordings most likely beside an explanation; None where none can be tested."""
     base = _base(search, candidate)
     sizes = [noise.rms for noise in candidate.noises]
-    seen = [latent(base.plant, recording, sizes) for recording in base.recordings]
+    point = base.point
+    shared = [
+        as_others(search, each, point.values, start) for each, start in zip(base.recordings, point.starts, strict=True)
+    ]
+    seen = [latent(base.plant, recording, sizes) for recording in shared]
     found = [each for each in seen if each is not None]
     if len(found) < len(seen) or not all(np.all(np.isfinite(left)) for left in base.residuals):
         return None

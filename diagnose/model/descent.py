@@ -294,6 +294,11 @@ def start_slopes(problem: Problem, recording: Recording, point: Point, index: in
             problem.memory.pop(next(iter(problem.memory)))
         found = problem.engine.slopes(recording, values, names, start)
         problem.memory[key] = found = _anchored(problem, recording, found)
+    own = [one.state for one in problem.plant.varying]
+    if own and linear:  # these do not die out
+        found = found.copy()
+        chosen = [names[state] for state in own]
+        found[..., own] = problem.engine.slopes(recording, point.values, chosen, point.starts[index])
     return found
 
 

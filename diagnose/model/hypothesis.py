@@ -20,9 +20,10 @@ from firmloop.diagnose.policy import (
     ROUGH_DIFFERENCE_STEP,
     SLOW_NOISE,
 )
-from firmloop.identify.plants.attach import EffectUse, all_uses, label_of, parameters_of, site_of
+from firmloop.identify.plants.attach import EffectUse, all_uses, label_of, parameters_of, site_of, values_of
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
 from firmloop.identify.plants.effects import find_effect
+from firmloop.identify.plants.per_recording import named_effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import measured, rest_start
@@ -148,10 +149,10 @@ def rescaled(problem: Problem, values: Mapping[str, float]) -> Problem:
 def _terms(plant: Plant, train: Sequence[Recording]) -> tuple[LibraryTerm, ...]:
     """List every term that recordings of the plant can have, by label: nothing depends on the order of a project."""
     sizes = cache(partial(scales_of, plant, train))
-    terms = []
+    terms, own = [], named_effects(plant)
     for use in all_uses(plant):
         effect = find_effect(use.name)
-        if effect.seen_by in DIRECT:
+        if effect.seen_by in DIRECT or label_of(plant, use) in own:
             continue
         site = site_of(plant, effect, use.output, use.at)
         scales = sizes(site.output, site.balance)
@@ -190,6 +191,16 @@ def entered(values: Mapping[str, float], term: LibraryTerm, start: Mapping[str, 
         load, held = term.taken
         whole[held] = max(values[held] - whole[load], LEAST_INERTIA * values[held])
     return whole
+
+
+def declared(plant: Plant, terms: Iterable[LibraryTerm]) -> list[EffectUse]:
+    """Return the effects that a plant has and none of the terms is, with the values they have there."""
+    named = {(term.effect.name, term.output, term.at) for term in terms}
+    return [
+        replace(use, values=values_of(plant, use))
+        for use in plant.effects
+        if not {(use.name, use.output, use.at), (use.name, None, use.at)} & named
+    ]
 
 
 def searched(term: LibraryTerm) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from firmloop.diagnose.model.fit import Fitted, fit
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, declared
 from firmloop.diagnose.policy import (
     LEAST_KINK_DECREASE,
     LIMIT_NUDGES,
@@ -35,9 +35,9 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     After `most` solves of a few steps each it stays where it is.
     """
     values = fitted.point.values
-    uses = [term.use(values) for term in fitted.terms]
     nominal = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
-    plant = with_effects(replace(problem.plant, parameters=nominal), uses)
+    plant = replace(problem.plant, parameters=nominal)
+    plant = with_effects(plant, [*declared(plant, fitted.terms), *(term.use(values) for term in fitted.terms)])
     engine = simulator(plant, problem.train[0].hold)
     fit_problem = make_problem(plant, engine, [experiments(plant, recording, NONE) for recording in problem.train])
     fit_problem = replace(fit_problem, weights=np.array([1.0 / noise.rms for noise in noises]))

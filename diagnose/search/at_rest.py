@@ -47,7 +47,8 @@ def rested(found: Search) -> Search:
 
 def _begins(problem: Problem, candidate: Candidate) -> Array:
     """Return how far from rest all recordings begin, in deviations of the states but for positions."""
-    kept = [k for k, name in enumerate(problem.engine.states) if not name.startswith("position")]
+    own = {one.state for one in problem.plant.varying}
+    kept = [k for k, name in enumerate(problem.engine.states) if not name.startswith("position") and k not in own]
     found = []
     for recording, start in zip(problem.train, candidate.fitted.point.starts, strict=True):
         squares = SumOfSquares(problem, [recording], (), candidate.noises, np.zeros((0, 1)))

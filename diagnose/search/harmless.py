@@ -16,10 +16,11 @@ from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
 from firmloop.identify.fitting.noise import white
+from firmloop.identify.fitting.own_values import own_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import measured, simulate
+from firmloop.identify.simulation.simulate import constants_of, measured, simulate
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,8 @@ def simulation_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
     found = np.full((len(recordings), len(plant.outputs)), np.inf)
     for k, recording in enumerate(recordings):
         try:
-            left = measured(plant, recording) - simulate(plant, recording, None)
+            start = own_start(plant, recording, constants_of(plant))
+            left = measured(plant, recording) - simulate(plant, recording, start)
         except IdentifyError:
             continue
         found[k] = np.sqrt(np.mean(left**2, axis=0))

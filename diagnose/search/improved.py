@@ -6,11 +6,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from firmloop.diagnose.data.quantization import Direct, coarse
 from firmloop.diagnose.model.candidate import Candidate, residual_sizes
 from firmloop.diagnose.model.fit import deviations
+from firmloop.diagnose.model.hypothesis import declared
 from firmloop.diagnose.search.found import Search
-from firmloop.identify.plants.attach import label_of, parameters_of, values_of, with_effects
+from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
+from firmloop.identify.plants.per_recording import centred
 from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 
 
@@ -25,12 +29,8 @@ def improved_plant(search: Search, shown: Candidate) -> Plant:
     values, spread = shown.fitted.point.values, deviations(shown.fitted)
     bare = tuple(_improved(p, values, spread) for p in search.problem.plant.parameters)
     given = replace(search.problem.plant, parameters=bare)
-    named = {(term.effect.name, term.output, term.at) for term in shown.fitted.terms}
-    uses = [
-        replace(use, values=values_of(given, use))
-        for use in given.effects
-        if not {(use.name, use.output, use.at), (use.name, None, use.at)} & named
-    ]
+    given = _centred(given, shown)
+    uses = declared(given, shown.fitted.terms)
     uses += [term.use(values) for term in shown.fitted.terms]
     known_spread = dict(spread)
     for each in directs(search):
@@ -45,6 +45,15 @@ def improved_plant(search: Search, shown: Candidate) -> Plant:
     count = given.rate.numel_in(2)
     own = [replace(p, deviation=_finite(known_spread.get(p.name, math.nan))) for p in made.parameters[count:]]
     return replace(made, parameters=(*made.parameters[:count], *own))
+
+
+def _centred(plant: Plant, shown: Candidate) -> Plant:
+    """Return the plant with the mean of what its recordings have each of their own."""
+    starts = np.stack([start[: len(plant.states)] for start in shown.fitted.point.starts])
+    values = shown.fitted.point.values
+    constants, _ = centred(plant, np.array([values.get(p.name, p.value) for p in plant.parameters]), starts)
+    own = [replace(p, value=float(value)) for p, value in zip(plant.parameters, constants, strict=True)]
+    return replace(plant, parameters=tuple(own))
 
 
 def _improved(parameter: Parameter, values: Mapping[str, float], spread: Mapping[str, float]) -> Parameter:

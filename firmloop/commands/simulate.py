@@ -33,6 +33,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     start = as_recorded if arguments.fit_initial else at_rest
     made = simulate(project, arguments.recording, start=start, stage=progress)
     made.save(out)
-    console.lines([f"note: {note}" for note in made.measured.notes])
+    console.lines([f"note: {note}" for note in (*made.measured.notes, *made.predicted.notes)])
     written(console, out.parent, [out.name])
     return 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from firmloop.identify.fitting.fit import Fit, RecordingScore
+from firmloop.identify.fitting.own_values import OwnValue
 
 if TYPE_CHECKING:
     from firmloop.design.design import Design
@@ -34,7 +35,17 @@ def fit_document(fit: Fit) -> Mapping[str, object]:
         "train": scores_document(fit.train),
         "test": scores_document(fit.test),
         "noise": {output: finite(rms) for output, rms in fit.noise.items()},
+        "per_recording": own_document(fit.per_recording),
         "warnings": list(fit.warnings),
+    }
+
+
+def own_document(values: Sequence[OwnValue]) -> Mapping[str, Mapping[str, object]]:
+    """Return what each recording has of its own, by name and recording."""
+    names = dict.fromkeys(one.parameter.name for one in values)
+    return {
+        name: {Path(one.source).name: parameter_document(one.parameter) for one in values if one.parameter.name == name}
+        for name in names
     }
 
 

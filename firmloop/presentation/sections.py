@@ -82,7 +82,12 @@ def plant_section(fit: Fit, data: Data) -> list[str]:
         f"<h2>Plant: {html.escape(fit.plant.kind)}</h2>",
         page_table(
             ("parameter", "value", "95 % interval", "unit"),
-            [(p.name, *words.estimate(p)) for p in fit.plant.parameters],
+            words.parameter_rows(fit.plant),
+        ),
+        *(
+            [page_table(("recording", "value of its own", "value", "95 % interval", "unit"), own)]
+            if (own := words.own_rows(fit.per_recording))
+            else []
         ),
         *[f"<p>Note: {html.escape(warning)}</p>" for warning in fit.warnings],
         page_table(("", "recording", "output", "fit, %", "rmse", "mae", "unit", "R2"), scores),

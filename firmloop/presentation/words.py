@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
     from firmloop.design.analysis.loop import Margins, StepMetrics
     from firmloop.design.design import Design
     from firmloop.identify.fitting.fit import Fit
-    from firmloop.identify.plants.plant import Parameter
+    from firmloop.identify.fitting.own_values import OwnValue
+    from firmloop.identify.plants.plant import Parameter, Plant
     from firmloop.stages.analysis import Loop
     from firmloop.stages.tracking import Tracking
     from firmloop.stages.verification import Outcome
@@ -40,7 +42,7 @@ __all__ = ["in_unit", "quantity"]  # besides what is defined here
 
 def about_fit(fit: Fit) -> list[str]:
     """Parameters with their 95 % intervals, and how well each recording is predicted."""
-    rows = [(parameter.name, *estimate(parameter)) for parameter in fit.plant.parameters]
+    rows = parameter_rows(fit.plant)
     scores = [
         (
             f"{role} {Path(score.source).name}",
@@ -53,7 +55,24 @@ def about_fit(fit: Fit) -> list[str]:
         for output, figures in score.scores.items()
     ]
     warnings = [f"  note: {warning}" for warning in fit.warnings]
-    return [f"plant: {fit.plant.kind}, 95 % intervals", *table(rows), *table(scores), *warnings]
+    own = table(own_rows(fit.per_recording))
+    told = ["  of each recording:", *own] if own else []
+    return [f"plant: {fit.plant.kind}, 95 % intervals", *table(rows), *told, *table(scores), *warnings]
+
+
+def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
+    """Tell every parameter: name, value, 95 % interval, unit."""
+    means = {one.parameter for one in plant.varying}
+    return [(p.name, *(_mean(p) if p.name in means else estimate(p))) for p in plant.parameters]
+
+
+def _mean(parameter: Parameter) -> tuple[str, str, str]:
+    return figure(parameter.value, ".4g"), "mean of train", parameter.unit
+
+
+def own_rows(values: Sequence[OwnValue]) -> list[tuple[str, str, str, str, str]]:
+    """Tell what each recording has of its own: recording, name, value, 95 % interval, unit."""
+    return [(Path(one.source).name, one.parameter.name, *estimate(replace(one.parameter, free=True))) for one in values]
 
 
 def estimate(parameter: Parameter) -> tuple[str, str, str]:

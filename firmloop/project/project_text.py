@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from firmloop.design.design import Design
+from firmloop.identify.plants.per_recording import without_varying
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.plants.plant_table import effects_table
 from firmloop.project.project import Project
@@ -26,7 +27,7 @@ def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
     Everything else is as it was; recordings are named relative to `folder`, so that the file can be used as it is.
     """
     document = _moved(project, folder)
-    table = dict(_table(document["plant"]))
+    table, plant = dict(_table(document["plant"])), without_varying(plant)
     given = project.document.table("plant").table("parameters").values
     table["parameters"] = {
         parameter.name: _entry(parameter, given.get(parameter.name))
@@ -52,7 +53,7 @@ def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> s
     document = _moved(project, folder)
     if project.recordings and hold != project.recordings.hold:
         document["recordings"] = {**_table(document["recordings"]), "hold": hold}
-    table = dict(_table(document["plant"]))
+    table, plant = dict(_table(document["plant"])), without_varying(plant)
     given = project.document.table("plant").table("parameters").values
     own = [parameter for parameter in plant.parameters if "." not in parameter.name]
     table["parameters"] = {parameter.name: _entry(parameter, given.get(parameter.name)) for parameter in own}

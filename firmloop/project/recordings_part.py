@@ -27,6 +27,7 @@ class Recordings:
     conditioning: ProjectTable
     hold: str = HOLDS[0]  # what an input does between rows
     clock: RowClock | None = None  # in place of a time column
+    per_recording: tuple[str, ...] = ()  # values of the plant that may differ from file to file
 
 
 def read_recordings_part(table: ProjectTable) -> Recordings:
@@ -37,7 +38,7 @@ def read_recordings_part(table: ProjectTable) -> Recordings:
     ProjectError
         on the first thing that is wrong, with file and line.
     """
-    table.only(("train", "test", "rename", "conditioning", "hold", "period_s", "start_s"))
+    table.only(("train", "test", "rename", "conditioning", "hold", "period_s", "start_s", "per_recording"))
     folder = table.file.parent
     train = tuple(folder / name for name in table.texts("train", 'train = ["steps.csv"]'))
     test = tuple(folder / name for name in table.texts("test", 'test = ["ramp.csv"]'))
@@ -47,7 +48,9 @@ def read_recordings_part(table: ProjectTable) -> Recordings:
     hold = str(table.values.get("hold", HOLDS[0]))
     if hold not in HOLDS:
         raise table.wrong("hold", f"is {hold!r}; it must be one of {', '.join(HOLDS)}")
-    return Recordings(train, test, _rename(table.table("rename")), table.table("conditioning"), hold, _clock(table))
+    own = table.texts("per_recording", 'per_recording = ["load_torque_N_m"]')
+    rename, conditioning = _rename(table.table("rename")), table.table("conditioning")
+    return Recordings(train, test, rename, conditioning, hold, _clock(table), tuple(own))
 
 
 def _rename(table: ProjectTable) -> Mapping[str, Column]:

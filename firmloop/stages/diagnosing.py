@@ -9,13 +9,13 @@ from threadpoolctl import threadpool_limits
 
 from firmloop.diagnose.controller.replay import Cut, cut
 from firmloop.diagnose.controller.report import with_controller
-from firmloop.diagnose.data.prepare import as_conditioned
+from firmloop.diagnose.data.conditioned import as_conditioned
 from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.diagnose.sentences import with_doubt
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.fitting import identify
-from firmloop.stages.plant import located, plant_of
+from firmloop.stages.plant import located, recorded_plant_of
 from firmloop.stages.progress import Report
 from firmloop.stages.recorded_controller import controller_of
 
@@ -31,7 +31,7 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
     A plant without values is identified first.
     """
     with located(project):
-        plant = plant_of(project)
+        plant = recorded_plant_of(project)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
         conditioning = conditioning_of(project)

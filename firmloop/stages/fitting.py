@@ -9,7 +9,7 @@ from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate, judge
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
-from firmloop.stages.plant import located, plant_of
+from firmloop.stages.plant import located, recorded_plant_of
 from firmloop.stages.progress import Report
 from firmloop.stages.saturation import cut_input, cut_output, saturated
 
@@ -18,7 +18,7 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     assert project.recordings is not None, "require() has seen to it"
     with located(project):
-        plant, conditioning = plant_of(project), conditioning_of(project)
+        plant, conditioning = recorded_plant_of(project), conditioning_of(project)
         fitted = estimate(plant, data.train, data.test, conditioning, report)
         report(0.95, "checking units, signs, levels and residuals")
         remarks = told(Evidence(plant, data.train, conditioning, fitted))

@@ -10,6 +10,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import CodegenError
 from firmloop.design.law import DesignError
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.project.project import Project, check_units
@@ -25,6 +26,15 @@ def plant_of(project: Project) -> Plant:
         plant = plant_from_table(part.table.values)
     check_units(project, plant.inputs, plant.outputs[0])
     return plant
+
+
+def recorded_plant_of(project: Project) -> Plant:
+    """Build the plant with what each recording has of its own, as `[recordings]` says."""
+    plant = plant_of(project)
+    if project.recordings is None:
+        return plant
+    with located(project):
+        return with_varying(plant, project.recordings.per_recording)
 
 
 def command_of(verb: str, path: Path) -> str:

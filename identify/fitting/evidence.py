@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.experiment import Experiment, conditioned, experiments, misfit
 from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.fitting.least_squares import triangle, triangle_of
+from firmloop.identify.fitting.own_values import own_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import course_of, measured, rest_start, simulator
+from firmloop.identify.simulation.simulate import course_of, measured, simulator
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,8 @@ def run_as_given(plant: Plant, recording: Recording) -> Array | None:
     constants = np.array([parameter.value for parameter in plant.parameters])
     if np.any(np.isnan(constants)):
         return None
-    outputs = simulator(plant, recording.hold).run(course_of(plant, recording), constants, rest_start(plant, recording))
+    start = own_start(plant, recording, constants)
+    outputs = simulator(plant, recording.hold).run(course_of(plant, recording), constants, start)
     return outputs if np.all(np.isfinite(outputs)) else None
 
 

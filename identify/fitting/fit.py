@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.alignment import lag_slopes, lag_steps
-from firmloop.identify.fitting.covariance import Uncertainty, uncertainty
+from firmloop.identify.fitting.covariance import uncertainty
 from firmloop.identify.fitting.experiment import (
     Experiment,
     aligned,
@@ -22,14 +22,18 @@ from firmloop.identify.fitting.experiment import (
     conditioned,
     delayed,
     experiments,
+    misfit,
     plainly_conditioned,
 )
+from firmloop.identify.fitting.hardly_told import hardly_told
+from firmloop.identify.fitting.own_values import OwnValue, own_values
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, weighted
 from firmloop.identify.fitting.residual_tests import unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
 from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
+from firmloop.identify.plants.per_recording import centred, in_common
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
@@ -69,7 +73,7 @@ class Fit:
     `covariance` is that of the `free` parameters, in their units; rows of parameters the data cannot tell are NaN and
     their deviation is None. `noise` is the residual rms per output on the training recordings. `starts` are the costs
     (half the mean squared weighted residual of the trial runs, which see stretches of long recordings) of every start,
-    in the order tried.
+    in the order tried. `per_recording` is what each recording has of what differs between them.
     """
 
     plant: Plant
@@ -80,6 +84,7 @@ class Fit:
     noise: Mapping[str, float]  # output's unit
     starts: tuple[float, ...]
     warnings: tuple[str, ...]
+    per_recording: tuple[OwnValue, ...] = ()
 
 
 def fit(
@@ -123,6 +128,7 @@ def estimate(
     report = progress if progress is not None else _silent
     if not train:
         raise IdentifyError("recordings.train is empty; name at least one recording to fit to")
+    plant = _begun(plant, train, conditioning)
     engine = simulator(plant, train[0].hold)
     seen = [experiments(plant, recording, conditioning) for recording in train]
     unseen = [experiments(plant, recording, conditioning) for recording in test]
@@ -145,7 +151,32 @@ def estimate(
     if conditioning.align:
         best, problem = _align(problem, best, report)
     report(0.9, "covariance and scores")
-    return _result(plant, problem, best, tuple(_unseen_score(problem, best, parts) for parts in unseen), costs)
+    best = FitPoint(*centred(plant, best.constants, best.starts))
+    scored = tuple(_unseen_score(problem, best, parts) for parts in unseen)
+    found = _result(plant, problem, best, scored, costs)
+    own = [
+        one for parts, score in zip(unseen, scored, strict=True) for one in _unseen_own(found, problem, parts, score)
+    ]
+    return replace(found, per_recording=(*found.per_recording, *own))
+
+
+def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning) -> Plant:
+    """Return the plant with a value for what each recording has its own of: that of a fit in which all share it."""
+    open_ = [
+        one.parameter
+        for one in plant.varying
+        if any(p.name == one.parameter and math.isnan(p.value) for p in plant.parameters)
+    ]
+    if plant.varying and conditioning.window_s > 0.0:
+        raise IdentifyError(
+            "recordings.per_recording: a value of one recording is fitted over the whole of it; remove "
+            "recordings.conditioning.window_s"
+        )
+    if not open_:
+        return plant
+    shared = estimate(in_common(plant, open_), train, (), conditioning).plant
+    values = {p.name: p.value for p in shared.parameters}
+    return replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
 
 
 def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) -> Array:
@@ -274,6 +305,19 @@ def _unseen_score(problem: FitProblem, point: FitPoint, parts: Sequence[Experime
     return _score(problem.engine, point.constants, parts, list(starts))
 
 
+def _unseen_own(
+    found: Fit, problem: FitProblem, parts: Sequence[Experiment], score: RecordingScore
+) -> tuple[OwnValue, ...]:
+    """Return what a recording that was not fitted has of its own, beside the parameters as they were found."""
+    if not found.plant.varying:
+        return ()
+    made = replace(parts[0], lags=score.lags)
+    residual, slopes = misfit(made, problem.engine, constants_of(found.plant), score.starts[0], ())
+    weights = problem.weights
+    pair = [residual * weights], [slopes * weights[:, None]]
+    return own_values(found.plant, [score.source], score.starts, *pair, 0)
+
+
 def _result(
     plant: Plant,
     problem: FitProblem,
@@ -327,7 +371,8 @@ def _result(
         test=test,
         noise={signal.name: float(size) for signal, size in zip(plant.outputs, noise, strict=True)},
         starts=costs,
-        warnings=(*_warnings(fitted, problem.free, found), *poor),
+        warnings=(*hardly_told(fitted, problem.free, found), *poor),
+        per_recording=own_values(fitted, [one.source for one in train], best.starts, residuals, whole, count),
     )
 
 
@@ -357,33 +402,3 @@ def _score(engine: Engine, constants: Array, parts: Sequence[Experiment], starts
     target = np.concatenate([made.target for made in parts])
     each = {name: scores(target[:, k], shown[:, k]) for k, name in enumerate(parts[0].names)}
     return RecordingScore(parts[0].source, each, np.concatenate(outputs), np.stack(starts), parts[0].lags)
-
-
-def _warnings(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[str, ...]:
-    said = []
-    names = [plant.parameters[free[k]].name for k in found.blind]
-    if len(names) == 1:
-        said.append(
-            f"{names[0]} leaves no trace in these recordings, so that its value means nothing; fix it with free = false"
-        )
-    elif names:
-        said.append(
-            f"{', '.join(names)} cannot be told apart from these recordings: {found.combinations} combination(s) of "
-            f"them change no output, and no intervals are given; fix {found.combinations} of them with free = false, "
-            f"record another output, or choose a simpler kind"
-        )
-    for index in free:
-        parameter = plant.parameters[index]
-        interval, unit = parameter.interval_95, f" {parameter.unit}" if parameter.unit else ""
-        if interval is not None and parameter.low == 0.0 == interval[0]:
-            said.append(
-                f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); "
-                f"excite the plant more, or fix it with free = false"
-            )
-        elif interval is not None and parameter.low < 0.0 and interval[0] <= 0.0 <= interval[1]:
-            said.append(
-                f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
-                f"{parameter.unit}".rstrip()
-                + "); excite the plant more, or fix it with free = false"
-            )
-    return tuple(said)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import linearize
+
+Array = NDArray[np.float64]
 
 _BY_PARAMETER = 5  # readings: fewer, and an interval rests on a guess of the noise
 _BY_STATE = 2  # readings for each initial state, of which every window has its own
@@ -68,26 +71,30 @@ def check_span(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
 
 
 def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
-    """Raise IdentifyError where one input stands still in every row, and with it every output but for white noise.
-
-    Successive differences of white noise have twice its variance (J. von Neumann, Annals of Mathematical Statistics 12
-    (1941) 367-395); those of anything that moves have less.
-    """
+    """Raise IdentifyError where one input stands still in every row, and with it every output but for white noise."""
     parts = [made for windows in recordings for made in windows]
     drive = np.concatenate([made.course.drive for made in parts])
     if np.any(np.ptp(drive, axis=0) > 0.0):
         return
-    for made in parts:
-        away = made.target - made.target.mean(axis=0)
-        power, rows = np.sum(away**2, axis=0), len(away)
-        ratio = np.sum(np.diff(away, axis=0) ** 2, axis=0) / np.where(power > 0.0, power, 1.0)
-        if np.any((power > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))):
-            return
+    if any(moves(made.target) for made in parts):
+        return
     held = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))
     raise IdentifyError(
         f"{parts[0].source}: the step never comes: {held} in every row, and {', '.join(parts[0].names)} "
         f"show{'s' if len(parts[0].names) == 1 else ''} nothing but noise; record the plant while its input changes"
     )
+
+
+def moves(values: Array) -> bool:
+    """Tell whether one of several readings (n, r) does more than white noise.
+
+    Successive differences of white noise have twice its variance (J. von Neumann, Annals of Mathematical Statistics 12
+    (1941) 367-395); those of anything that moves have less.
+    """
+    away = values - values.mean(axis=0)
+    power, rows = np.sum(away**2, axis=0), len(away)
+    ratio = np.sum(np.diff(away, axis=0) ** 2, axis=0) / np.where(power > 0.0, power, 1.0)
+    return bool(np.any((power > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))))
 
 
 def check_answer(plant: Plant, interval: tuple[float, float] | None, sources: Sequence[str]) -> None:

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-import casadi as ca
-
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effect import Effect, EffectParameter, Site
 from firmloop.identify.plants.effects import applies, candidates, find_effect
-from firmloop.identify.plants.plant import Balance, EffectUse, Inside, Parameter, Plant
+from firmloop.identify.plants.further_states import with_states
+from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import ending_of, unit_of
 
@@ -231,45 +230,14 @@ def with_position(plant: Plant, balance: int | None = None) -> Plant:
     if index < 0 or plant.balances[index].position >= 0:
         return plant
     speed = plant.states[plant.balances[index].state]
-    rotary = plant.balances[index].kind == "torque"
-    n = len(plant.states)
-    x, u, p = ca.SX.sym("x", n + 1), ca.SX.sym("u", len(plant.inputs)), ca.SX.sym("p", plant.rate.numel_in(2))
-
-    def wider(function: ca.Function) -> ca.Function:
-        return ca.Function(function.name(), [x, u, p], [ca.densify(function(x[:n], u, p))], ["x", "u", "p"], ["result"])
-
-    inside = plant.inside
-    if inside is not None:
-        z = ca.SX.sym("z", len(inside.neutral))
-        turning = ca.vertcat(inside.rate(x[:n], u, p, z), x[plant.balances[index].state])
-        inside = Inside(
-            ca.Function("rate", [x, u, p, z], [ca.densify(turning)]),
-            ca.Function("reading", [x, u, p, z], [ca.densify(inside.reading(x[:n], u, p, z))]),
-            ca.Function("effort", [x, u, p, z], [inside.effort(x[:n], u, p, z)]),
-            inside.neutral,
-        )
-    rate = ca.vertcat(plant.rate(x[:n], u, p), x[plant.balances[index].state])
-    unit = "rad" if rotary else "m"
+    unit = "rad" if plant.balances[index].kind == "torque" else "m"
     name = speed.name.replace("speed", "position").removesuffix("_s") if "speed" in speed.name else f"position_{unit}"
     if index != first:
         name = f"{speed.name}_integral"  # no column is called so
-    return replace(
-        plant,
-        states=(*plant.states, Signal(name, unit_of(name) or unit, -math.inf, math.inf)),
-        rate=ca.Function("rate", [x, u, p], [ca.densify(rate)], ["x", "u", "p"], ["result"]),
-        reading=wider(plant.reading),
-        balances=tuple(
-            _placed_balance(b, n if k == index else b.position, wider) for k, b in enumerate(plant.balances)
-        ),
-        inside=inside,
-    )
-
-
-def _placed_balance(balance: Balance, position: int, wider: object) -> Balance:
-    assert callable(wider)
-    effort = wider(balance.effort) if balance.effort is not None else None
-    current = wider(balance.current) if balance.current is not None else None
-    return replace(balance, position=position, effort=effort, current=current)
+    place = Signal(name, unit_of(name) or unit, -math.inf, math.inf)
+    made = with_states(plant, [place], lambda x: x[plant.balances[index].state])
+    balances = [replace(b, position=len(plant.states)) if k == index else b for k, b in enumerate(made.balances)]
+    return replace(made, balances=tuple(balances))
 
 
 def values_of(plant: Plant, use: EffectUse) -> Mapping[str, float]:

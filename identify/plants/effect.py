@@ -161,7 +161,8 @@ class Effect:
     hold to show it: `reversal` (both directions of motion) or `quick input`, blank for nothing in particular. `seen_by`
     is what finds it before any fit, blank for nothing: `wraps`, `steps` or `folds` of a reading; `moment`, at which a
     torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or in proportion to the
-    drive's.
+    drive's. `per_recording` is what a project calls its parameter where each recording has its own, before the
+    place; blank where it is called by its full name.
     """
 
     name: str
@@ -201,6 +202,7 @@ class Effect:
     remembers: str = ""
     regime: str = ""
     seen_by: str = ""
+    per_recording: str = ""
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

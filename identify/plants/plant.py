@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -10,6 +11,8 @@ import casadi as ca
 
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.signal import Signal
+
+_FARTHEST = 50.0  # powers of e that a value is away from the one of all recordings
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +91,30 @@ class EffectUse:
 
 
 @dataclass(frozen=True, slots=True)
+class Varying:
+    """A value that differs from recording to recording, and does not change during one.
+
+    What one recording has of it is an initial state, number `state`, that never moves: the parameter is its value plus
+    that state, or, where `factor` says so, its value times e^state. `free`: whether a fit might change it for all.
+    """
+
+    name: str  # as a project lists it
+    parameter: str  # full name
+    state: int
+    factor: bool
+    free: bool
+
+    def at(self, value: float, state: float) -> float:
+        """Return what a recording has, where the parameter has that value."""
+        return value * math.exp(min(max(state, -_FARTHEST), _FARTHEST)) if self.factor else value + state
+
+
+@dataclass(frozen=True, slots=True)
 class Plant:
     """Equations x' = rate(x, u, p), y = reading(x, u, p); the input acts `delay` later where a parameter says so.
 
     Effects come on top: their parameters stand behind the nominal ones and are no arguments of `rate` and `reading`.
+    What is `varying` has states that stand still.
     """
 
     kind: str
@@ -105,4 +128,5 @@ class Plant:
     balances: tuple[Balance, ...] = ()
     effects: tuple[EffectUse, ...] = ()
     inside: Inside | None = None
+    varying: tuple[Varying, ...] = ()
     input_at_rest: str | None = None  # name of the parameter that the input is at before the first row; None: zero

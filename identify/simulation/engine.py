@@ -13,7 +13,7 @@ from firmloop.identify.plants.assembly import OUTPUT, Assembly
 from firmloop.identify.plants.attach import inside_of, placed
 from firmloop.identify.plants.effect import Effect, Site
 from firmloop.identify.plants.linear_forms import Forms, FormWriter, form_writer
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import Plant, Varying
 from firmloop.identify.simulation.course import Course
 from firmloop.identify.simulation.marshal import Equations, Job, equations_of, job, library, run_job
 from firmloop.identify.simulation.segments import Segments, segments, slew_function
@@ -21,6 +21,9 @@ from firmloop.identify.simulation.segments import Segments, segments, slew_funct
 Array = NDArray[np.float64]
 
 _STEP = 1e-6  # of a parameter, for its difference quotient
+_SHOWN = (1e-8, 1e-3)  # of the largest reading: changes that tell the slope of what never moves
+_STEP_FACTOR = 30.0
+_STEP_TRIALS = 6
 _KEPT = 64
 
 
@@ -41,6 +44,7 @@ class EffectSimulator:
     still: Array  # their neutral values
     owner: NDArray[np.intp]  # the number of the effect of each
     sizes: Array  # (k,) typical size of each constant, where its value is 0
+    varying: tuple[tuple[Varying, int], ...]  # which constants the start state moves
     jobs: dict[bytes, Job] = field(default_factory=dict)
     written: dict[bytes, Forms] = field(default_factory=dict)  # by the nominal constants
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
@@ -64,7 +68,7 @@ class EffectSimulator:
 
     def run(self, course: Course, constants: Array, start: Array) -> Array:
         """Return the outputs (q, r) from state `start` in the first row; rows after a divergence are NaN."""
-        made = self._job(constants)
+        made = self._job(self._own(constants, start))
         made.problem.taken = self.taken.ctypes.data
         return run_job(made, self._segments(course, made), np.asarray(start, dtype=np.float64), course)
 
@@ -93,11 +97,33 @@ class EffectSimulator:
             moved[index] += self._step(constants, index, share)
             slopes[..., place] = (self.run(course, moved, start) - base) / (moved[index] - constants[index])
         for place, index in enumerate(states):
-            shifted = np.array(start, dtype=np.float64)
-            step = _STEP * max(abs(shifted[index]), 1.0)
-            shifted[index] += step
-            slopes[..., len(which) + place] = (self.run(course, constants, shifted) - base) / step
+            slopes[..., len(which) + place] = self._start_slope(course, constants, start, index, base)
         return base, slopes
+
+    def _start_slope(self, course: Course, constants: Array, start: Array, index: int, base: Array) -> Array:
+        """Return the slope (q, r) for one initial state; a load or a zero takes a step that shows, and no more."""
+        step = _STEP * max(abs(float(start[index])), 1.0)
+        own = any(one.state == index for one, _ in self.varying)
+        for _ in range(_STEP_TRIALS if own else 1):
+            shifted = np.array(start, dtype=np.float64)
+            shifted[index] += step
+            moved = self.run(course, constants, shifted) - base
+            slope = np.asarray(moved / step)
+            shown = _largest(moved) / max(_largest(base), 1e-300)
+            if _SHOWN[0] < shown < _SHOWN[1]:
+                break
+            step *= _STEP_FACTOR if shown <= _SHOWN[0] else 1.0 / _STEP_FACTOR
+        return slope
+
+    def _own(self, constants: Array, start: Array) -> Array:
+        """Return the constants as the recording that begins there has them."""
+        if not self.varying:
+            return constants
+        moved = np.array(constants, dtype=np.float64)
+        for one, index in self.varying:
+            known = self.plant.parameters[index]
+            moved[index] = min(max(one.at(float(moved[index]), float(start[one.state])), known.low), known.high)
+        return moved
 
     def _step(self, constants: Array, index: int, share: float) -> float:
         step = share * (abs(float(constants[index])) or 1e-3 * float(self.sizes[index]))
@@ -105,6 +131,7 @@ class EffectSimulator:
 
     def run_states(self, course: Course, constants: Array, start: Array) -> Array:
         """Return every state (q, n), those that effects have added behind the plant's own."""
+        constants = self._own(constants, start)
         assembly = self.assemble(constants)
         n = len(assembly.a)
         assembly.read_x, assembly.read_u = np.eye(n), np.zeros((n, assembly.inputs))
@@ -189,6 +216,11 @@ class EffectSimulator:
         return cut
 
 
+def _largest(values: Array) -> float:
+    """Return the largest magnitude; a simulation that has diverged has none."""
+    return float(np.max(np.abs(np.nan_to_num(values)), initial=0.0))
+
+
 _SIMULATORS: dict[tuple[object, ...], EffectSimulator] = {}
 
 
@@ -203,6 +235,7 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         plant.states,
         tuple((use.name, use.output, use.at) for use in plant.effects),
         tuple((p.name, p.low, p.high) for p in plant.parameters),
+        plant.varying,
     )
     found = _SIMULATORS.get(key)
     if found is None:
@@ -220,7 +253,9 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         ]
         watched, owner = (np.array([each[k] for each in neutral], dtype=np.intp) for k in (0, 2))
         still = np.array([value for _, value, _ in neutral], dtype=np.float64)
-        found = EffectSimulator(plant, writer, equations, inner, effects, watched, still, owner, sizes)
+        places = {p.name: index for index, p in enumerate(plant.parameters)}
+        varying = tuple((one, places[one.parameter]) for one in plant.varying if one.parameter in places)
+        found = EffectSimulator(plant, writer, equations, inner, effects, watched, still, owner, sizes, varying)
         while len(_SIMULATORS) >= _KEPT:
             _SIMULATORS.pop(next(iter(_SIMULATORS)))
         _SIMULATORS[key] = found

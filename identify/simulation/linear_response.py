@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.per_recording import without_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.engine import effect_simulator
@@ -36,6 +37,7 @@ class Response:
 
 def response(plant: Plant, values: Mapping[str, float], recording: Recording, number: int = 0) -> Response:
     """Return the response to a torque in the balance `number` (of those with a state)."""
+    plant = without_varying(plant)
     parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in plant.parameters)
     bare = linearize(replace(plant, parameters=parameters))
     balance = [each for each in plant.balances if each.state >= 0][number]

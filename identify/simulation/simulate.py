@@ -189,7 +189,7 @@ def constants_of(plant: Plant) -> Array:
 
 def simulator(plant: Plant, hold: str = "zero_order") -> Engine:
     """Return the compiled equations of a plant; built once per set of equations, whatever the parameter values."""
-    if plant.effects or hold != "zero_order" or not plant.states or plant.input_at_rest is not None:
+    if plant.effects or plant.varying or hold != "zero_order" or not plant.states or plant.input_at_rest is not None:
         return effect_simulator(plant)
     if plant.kind in _QUICKER_MOVING:
         engine = effect_simulator(plant)

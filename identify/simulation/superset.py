@@ -27,6 +27,7 @@ from firmloop.identify.simulation.simulate import course_of, rest_start
 Array = NDArray[np.float64]
 
 _STRETCH = "clock_skew.ratio"  # by which a slow clock stretches the time between readings
+_PIECES = 100  # of a recording, over which an acceleration is seen
 _MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
 
 
@@ -204,6 +205,8 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
+        if not np.any(course.drive):  # what moves by itself is driven by what slows it down
+            see("freely", _accelerations(recording, states, assembly.speed, assembly.position, known))
         flowing = bare.balances[balance].current if balance >= 0 and bare.balances[balance].inside else None
         if flowing is not None:
             see("current", _along(flowing, states, course.drive, constants))
@@ -218,6 +221,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     inertia = next(
         (1.0 / f.per for f, b in zip(forms.balances, bare.balances, strict=True) if b.kind in ("torque", "force")), 1.0
     )
+    peaks["effort"] = peaks.get("effort", 0.0) or inertia * peaks.get("freely", 0.0)
     sizes = {key: value if value > 0.0 else 1.0 for key, value in peaks.items()}
     travel = max(places) - min(places)
     largest = max(abs(low), abs(high)) or 1.0
@@ -245,6 +249,18 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         slew=sizes.get("slew", 1.0),
         level=sizes.get("level", 1.0),
     )
+
+
+def _accelerations(recording: Recording, states: Array, speed: int, position: int, known: Sequence[bool]) -> Array:
+    """Return the accelerations (n,) of a body, by recorded speed or position; smoothed, for noise has larger ones."""
+    width = max(len(recording.time) // _PIECES, 3)
+    if speed >= 0 and known[speed]:
+        moved = states[:, speed]
+    elif position >= 0 and known[position]:
+        moved = np.gradient(scipy.ndimage.uniform_filter1d(states[:, position], width), recording.time)
+    else:
+        return np.zeros(1)
+    return np.asarray(np.gradient(scipy.ndimage.uniform_filter1d(moved, width), recording.time))
 
 
 def efforts(

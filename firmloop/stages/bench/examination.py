@@ -17,7 +17,7 @@ from firmloop.identify.recordings.recording import column
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.fitting import identify as identify_stage
-from firmloop.stages.plant import located, plant_of
+from firmloop.stages.plant import located, recorded_plant_of
 
 MOST_BOOTSTRAPS = 2000  # more change the third digit of an interval's end only
 
@@ -46,7 +46,8 @@ def examination(project: Project, data: Data, draws: int, seed: int, report: obj
         again = redraw(fitted, data.train, conditioning, blocks, fewer, seed, lambda s, d: report(0.7 + 0.1 * s, d))
         bare = None
         if conditioning != NONE:
-            bare = fit(plant_of(project), data.train, (), NONE, lambda share, doing: report(0.8 + 0.1 * share, doing))
+            plant = recorded_plant_of(project)
+            bare = fit(plant, data.train, (), NONE, lambda share, doing: report(0.8 + 0.1 * share, doing))
         varied, why = None, ""
         level = float(max((column(one, fitted.plant.inputs[0].name) for one in data.train), key=np.ptp).max())
         try:

@@ -22,7 +22,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     drives = [recording.columns[name] for recording in evidence.recordings]
     if not any(parameter.free for parameter in plant.parameters):
         return ()
-    if all(np.ptp(drive) == 0.0 for drive in drives):
+    still = all(np.ptp(drive) == 0.0 for drive in drives)
+    if still and any(parameter.name == "gain" and parameter.free for parameter in plant.parameters):
         return (
             f"{name} is {drives[0][0]:g} in every row, so that a gain cannot be told from a level of rest: record the "
             "plant while its input changes, or fix one of the two with free = false",
@@ -30,7 +31,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     lines = max(frequencies(drive) for drive in drives)
     free = sum(parameter.free for parameter in plant.parameters)
     needed = -(-free // (2 * len(plant.outputs)))
-    if lines < needed:
+    if lines < needed and not still:  # what moves by itself, as a decay does, is judged by its intervals
         return (
             f"{name} holds {lines} frequenc{'y' if lines == 1 else 'ies'}, and {free} free parameters of "
             f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "

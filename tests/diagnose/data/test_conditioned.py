@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmloop.diagnose.data.prepare import as_conditioned
+from firmloop.diagnose.data.conditioned import as_conditioned
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording, make_recording

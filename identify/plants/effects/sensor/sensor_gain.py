@@ -45,4 +45,5 @@ EFFECT = Effect(
     switches=(0,),
     stage=5,
     straight=True,
+    per_recording="gain",
 )

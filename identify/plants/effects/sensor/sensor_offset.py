@@ -44,4 +44,5 @@ EFFECT = Effect(
     slow=True,
     lasting=True,
     stage=6,
+    per_recording="zero",
 )

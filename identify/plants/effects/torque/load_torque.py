@@ -46,4 +46,5 @@ EFFECT = Effect(
     slow=True,
     lasting=True,
     regime="reversal",
+    per_recording="load",
 )

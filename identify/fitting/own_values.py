@@ -1,0 +1,95 @@
+"""Tell what each recording has of what differs between them, and where the rest of a recording begins at rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.covariance import uncertainty
+from firmloop.identify.fitting.experiment import experiments, misfit
+from firmloop.identify.fitting.least_squares import descend, triangle
+from firmloop.identify.plants.plant import Parameter, Plant, Varying
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.simulate import rest_start, simulator
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnValue:
+    """What one recording has of a value that differs from recording to recording, by the name a project lists."""
+
+    source: str
+    parameter: Parameter
+
+
+def own_values(
+    plant: Plant,
+    sources: Sequence[str],
+    starts: Array,
+    residuals: Sequence[Array],
+    slopes: Sequence[Array],
+    shared: int,
+) -> tuple[OwnValue, ...]:
+    """Return the values of all recordings, recording after recording.
+
+    `starts` (w, n) are their initial states, `residuals` (q, r) what a fit leaves in units of the noise, `slopes`
+    (q, r, k + n) those for the `shared` parameters and for the initial state. The doubt of the shared ones is in the
+    intervals.
+    """
+    places = [shared + one.state for one in plant.varying]
+    if not places:
+        return ()
+    count, blocks = len(places), []
+    for k, block in enumerate(slopes):
+        own = np.zeros((*block.shape[:2], count * len(slopes)))
+        own[..., count * k : count * (k + 1)] = block[..., places]
+        rest = [index for index in range(shared, block.shape[2]) if index not in places]
+        blocks.append(np.concatenate([block[..., :shared], own, block[..., rest]], axis=2))
+    found = uncertainty([1] * len(slopes), residuals, blocks, np.zeros(shared + count * len(slopes)))
+    deviations = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    deviations[list(found.blind)] = math.nan
+    return tuple(
+        OwnValue(source, own_value(plant, one, start, float(deviations[shared + count * index + k])))
+        for index, (source, start) in enumerate(zip(sources, starts, strict=True))
+        for k, one in enumerate(plant.varying)
+    )
+
+
+def own_value(plant: Plant, one: Varying, start: Array, deviation: float) -> Parameter:
+    """Return what the recording that begins there has of a value; `deviation` is that of its state."""
+    common = next(p for p in plant.parameters if p.name == one.parameter)
+    value = one.at(common.value, float(start[one.state]))
+    size = deviation * (abs(value) if one.factor else 1.0)
+    return replace(common, name=one.name, value=value, deviation=size if math.isfinite(size) else None)
+
+
+def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
+    """Return the initial state (n,) at rest, with what the recording has of its own; its readings tell that alone."""
+    start = rest_start(plant, recording)
+    states = [one.state for one in plant.varying]
+    names = {signal.name for signal in (*plant.inputs, *plant.outputs)}
+    if not states or not names <= set(recording.columns):
+        return start
+    (made,) = experiments(plant, recording, NONE)
+    engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
+    weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
+
+    def with_own(own: Array) -> Array:
+        moved = start.copy()
+        moved[states] = own
+        return moved
+
+    def reduced_at(own: Array) -> Array | None:
+        residual, slopes = misfit(made, engine, constants, with_own(own), ())
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+            return None
+        tall = (slopes[..., states] * weights[:, None]).reshape(-1, len(states))
+        return triangle(tall, (residual * weights).reshape(-1, 1))
+
+    return with_own(descend(reduced_at, start[states])[1])
