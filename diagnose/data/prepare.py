@@ -251,9 +251,14 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
 def _question(plant: Plant, train: Sequence[Recording], power: float, far: str) -> str:
     """Ask whether it is one machine of which something differs from file to file: what makes them one if it does."""
     bare, listed = without_varying(plant), [one.name for one in plant.varying]
-    names = next(
-        (each for each in ways_to_differ(plant) if _as_one(bare, train, (*listed, *each)) < APART_POWER * power), [far]
-    )
+    ways = [each for each in ways_to_differ(bare) if not set(each) & set(listed)]
+    names: tuple[str, ...] = (far,)
+    for tried in ([(far,), *(each for each in ways if len(each) == 1)], [each for each in ways if len(each) > 1]):
+        left = {each: _as_one(bare, train, (*listed, *each)) for each in tried}
+        best = min(left, key=lambda each: left[each], default=(far,))
+        if left.get(best, np.inf) < APART_POWER * power:
+            names = best
+            break
     told = ", ".join(f'"{name}"' for name in dict.fromkeys((*listed, *names)))
     return (
         f"Is it one machine, of which {' and '.join(names)} may differ from file to file? Then write [recordings] "

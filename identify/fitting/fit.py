@@ -33,7 +33,7 @@ from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
 from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
-from firmloop.identify.plants.per_recording import centred, in_common
+from firmloop.identify.plants.per_recording import centred, in_common, without_value
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
@@ -162,19 +162,15 @@ def estimate(
 
 def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning) -> Plant:
     """Return the plant with a value for what each recording has its own of: that of a fit in which all share it."""
-    open_ = [
-        one.parameter
-        for one in plant.varying
-        if any(p.name == one.parameter and math.isnan(p.value) for p in plant.parameters)
-    ]
     if plant.varying and conditioning.window_s > 0.0:
         raise IdentifyError(
             "recordings.per_recording: a value of one recording is fitted over the whole of it; remove "
             "recordings.conditioning.window_s"
         )
-    if not open_:
+    named = without_value(plant)
+    if not named:
         return plant
-    shared = estimate(in_common(plant, open_), train, (), conditioning).plant
+    shared = estimate(in_common(plant, named), train, (), conditioning).plant
     values = {p.name: p.value for p in shared.parameters}
     return replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
 
@@ -311,11 +307,10 @@ def _unseen_own(
     """Return what a recording that was not fitted has of its own, beside the parameters as they were found."""
     if not found.plant.varying:
         return ()
-    made = replace(parts[0], lags=score.lags)
+    made, weights = replace(parts[0], lags=score.lags), problem.weights
     residual, slopes = misfit(made, problem.engine, constants_of(found.plant), score.starts[0], ())
-    weights = problem.weights
-    pair = [residual * weights], [slopes * weights[:, None]]
-    return own_values(found.plant, [score.source], score.starts, *pair, 0)
+    left = [residual * weights], [slopes * weights[:, None]]
+    return own_values(found.plant, [score.source], score.starts, *left, 0)
 
 
 def _result(

@@ -71,11 +71,16 @@ def check_span(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
 
 
 def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
-    """Raise IdentifyError where one input stands still in every row, and with it every output but for white noise."""
+    """Raise IdentifyError where no input ever changes, and a gain is asked for, or nothing but white noise is read."""
     parts = [made for windows in recordings for made in windows]
     drive = np.concatenate([made.course.drive for made in parts])
     if np.any(np.ptp(drive, axis=0) > 0.0):
         return
+    if not np.any(drive) and any(parameter.name == "gain" and parameter.free for parameter in plant.parameters):
+        raise IdentifyError(
+            f"{parts[0].source}: the input is zero in every row, which tells no gain; record the plant while it is "
+            "driven, or fix gain with free = false"
+        )
     if any(moves(made.target) for made in parts):
         return
     held = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))

@@ -86,6 +86,12 @@ def in_common(plant: Plant, names: Sequence[str]) -> Plant:
     return replace(plant, parameters=parameters, varying=varying)
 
 
+def without_value(plant: Plant) -> tuple[str, ...]:
+    """Return the full names of what differs between recordings and has no value yet."""
+    own = {one.parameter for one in plant.varying}
+    return tuple(p.name for p in plant.parameters if p.name in own and math.isnan(p.value))
+
+
 def centred(plant: Plant, constants: Array, starts: Array) -> tuple[Array, Array]:
     """Make what all recordings have the mean of what each has; `starts` (w, n) are their initial states."""
     constants, starts = constants.copy(), starts.copy()
