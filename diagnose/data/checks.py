@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.own_values import own_start
+from firmloop.identify.fitting.own_values import by_itself, own_start
 from firmloop.identify.fitting.sufficiency import moves
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
@@ -54,7 +54,7 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
         check_rows(plant, recording)
         notes += [*_held(plant, recording), *_clock(recording)]
         notes += _kinematics(recording)
-    if not any(np.ptp(course_of(plant, each).drive) > 0.0 or moves(measured(plant, each)) for each in train):
+    if all(by_itself(plant, each) and not moves(measured(plant, each)) for each in train):
         raise IdentifyError(
             f"{train[0].source}: column {plant.inputs[0].name} never changes, and nothing moves but for noise; physics "
             "shows in motion, so record steps or a sweep in both directions, or a decay from where the machine was held"
@@ -96,10 +96,10 @@ def check_rows(plant: Plant, recording: Recording) -> None:
 
 def _held(plant: Plant, recording: Recording) -> list[str]:
     """Tell inputs that never change: fine for a decay or a constant speed, and else a column that is not the input."""
-    drive = course_of(plant, recording).drive
-    if np.ptp(drive) > 0.0:
+    if not by_itself(plant, recording):
         return []
-    said = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))
+    first = course_of(plant, recording).drive[0]
+    said = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, first, strict=True))
     return [f"{recording.source}: {said} in every row; what moves there is taken to move by itself"]
 
 
@@ -229,7 +229,7 @@ def _untestable(plant: Plant, train: Sequence[Recording]) -> Mapping[str, str]:
             for effect in effects().values():
                 if effect.regime == "reversal":
                     found[effect.name] = "the speed never reverses, so friction and a constant load look alike"
-    if float(np.max(np.abs(np.diff(drives)))) < 0.02 * float(np.ptp(drives)):
+    if float(np.max(np.abs(np.diff(drives)))) <= 0.02 * float(np.ptp(drives)):
         for effect in effects().values():
             if effect.regime == "quick input":
                 found[effect.name] = "the input never changes fast"

@@ -47,8 +47,11 @@ def _own(plant: Plant, start: Array) -> tuple[str, ...]:
 
 
 def at_rest(project: Project, plant: Plant, recording: Recording) -> Array | None:
-    """Start at rest, at the first recorded position, with what the recording has of its own."""
-    return own_start(plant, recording, constants_of(plant)) if plant.varying else None
+    """Start at rest, at the first recorded position, with what the recording has of its own.
+
+    Where no input ever changes, start where the readings say.
+    """
+    return own_start(plant, recording, constants_of(plant))
 
 
 def as_recorded(project: Project, plant: Plant, recording: Recording) -> Array | None:

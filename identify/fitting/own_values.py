@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.covariance import uncertainty
-from firmloop.identify.fitting.experiment import experiments, misfit
+from firmloop.identify.fitting.experiment import best_start, experiments, misfit
 from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import rest_start, simulator
+from firmloop.identify.simulation.simulate import course_of, rest_start, simulator
 
 Array = NDArray[np.float64]
 
@@ -69,16 +69,27 @@ def own_value(plant: Plant, one: Varying, start: Array, deviation: float) -> Par
     return replace(common, name=one.name, value=value, deviation=size if math.isfinite(size) else None)
 
 
+def by_itself(plant: Plant, recording: Recording) -> bool:
+    """Tell whether no input ever changes, so that what moves moves by itself: a decay, or a constant speed."""
+    return not np.any(np.ptp(course_of(plant, recording).drive, axis=0))
+
+
 def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
-    """Return the initial state (n,) at rest, with what the recording has of its own; its readings tell that alone."""
+    """Return the initial state (n,) at rest, with what the recording has of its own; its readings tell that alone.
+
+    Where no input ever changes, what moves moves by itself: a decay begins where its readings say.
+    """
     start = rest_start(plant, recording)
     states = [one.state for one in plant.varying]
-    names = {signal.name for signal in (*plant.inputs, *plant.outputs)}
-    if not states or not names <= set(recording.columns):
+    coasts = by_itself(plant, recording)
+    names = {signal.name for signal in plant.outputs}
+    if not (states or coasts) or not names <= set(recording.columns):
         return start
     (made,) = experiments(plant, recording, NONE)
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
     weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
+    if coasts:
+        return best_start(made, engine, constants, start, weights)
 
     def with_own(own: Array) -> Array:
         moved = start.copy()

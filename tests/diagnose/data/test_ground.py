@@ -15,6 +15,7 @@ from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate
@@ -111,8 +112,11 @@ def test_recordings_of_two_machines_are_told(machine: str) -> None:
     )
     friction = [use_of(plant, "coulomb_friction")]
     second = recorded(with_effects(other, friction), 10.0, seed=3)
-    with pytest.raises(IdentifyError, match=r"1\.csv and 3\.csv are not of one plant"):
+    with pytest.raises(IdentifyError, match=r"1\.csv and 3\.csv are not of one plant") as caught:
         check_same(plant, [SEEN[machine], second])
+    listed = "J_kg_m2" if machine == "motor" else "mass_kg"
+    assert f'per_recording = ["{listed}"]' in str(caught.value)
+    check_same(with_varying(plant, [listed]), [SEEN[machine], second])
     check_same(plant, [SEEN[machine], recorded(with_effects(plant, friction), 4.0, seed=3)])
 
 
