@@ -77,6 +77,32 @@ class Shift:
 
 
 @dataclass(frozen=True, slots=True)
+class Disturbance:
+    """What would have to disturb a balance so that its outputs differ as they do; rms in `unit`.
+
+    `share` is that of the rms of what the input gives the balance; None where it gives none.
+    """
+
+    rms: float
+    unit: str
+    share: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Gained:
+    """By how much the deciding criterion drops, and how often chance alone would make it drop as much.
+
+    `p_value` is that of the largest of all drops, None where it cannot be told; `library` counts the terms, each at
+    each of its places.
+    """
+
+    criterion: str
+    gain: float
+    p_value: float | None
+    library: int
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
     """The whole diagnosis."""
 
@@ -95,6 +121,8 @@ class Finding:
     says: tuple[str, ...]  # the paragraph
     simulation_rms: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
     per_recording: tuple[OwnValue, ...] = ()  # what each recording has of what differs between them
+    disturbance: Mapping[str, Disturbance] = field(default_factory=dict)  # by balance
+    evidence: Gained | None = None
     law: tuple[tuple[float, float], ...] = ()  # coordinate and missing term, in SI units, of what has no name
 
     def as_dict(self) -> dict[str, object]:
@@ -119,6 +147,11 @@ class Finding:
             },
             "whiteness": {"before": _figure(self.whiteness[0]), "after": _figure(self.whiteness[1])},
             "noise": {name: _figure(size) for name, size in self.noise.items()},
+            "disturbance": {
+                name: {"rms": _figure(each.rms), "unit": each.unit, "share_of_drive": _figure(each.share)}
+                for name, each in self.disturbance.items()
+            },
+            **({} if self.evidence is None else {"evidence": _evidence(self.evidence)}),
             "shifts": {
                 each.name: {
                     "given": _figure(each.given),
@@ -155,6 +188,15 @@ def _location(place: Location) -> dict[str, object]:
         "output": place.output,
         "spans_s": [list(span) for span in place.spans],
         "evidence": place.evidence,
+    }
+
+
+def _evidence(each: Gained) -> dict[str, object]:
+    return {
+        "criterion": each.criterion,
+        "gain": _figure(each.gain),
+        "p_value": _figure(each.p_value),
+        "library": each.library,
     }
 
 

@@ -53,8 +53,9 @@ SLOW_NOISE = 0.05  # of an output's spread, rms: more than that is no noise, how
 NEARER_RMS = 0.9  # ratio of residual rms from which simulations come nearer
 LOST_SHARE = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 SHOWN_RMS = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
-FAILED_RMS = 20.0  # residual over noise on unseen recordings from which nothing that was fitted holds there
-FAILED_RATIO = 10.0  # and times the residual on those that were fitted
+FAILED_RMS = (
+    20.0  # times the residual of train, or its noise, on unseen recordings: nothing that was fitted holds there
+)
 HOLD_RMS = 0.98  # ratio of residual rms that another hold has to bring
 
 # Slow disturbances: what they may do, and how it is told from a load.
@@ -200,6 +201,12 @@ MOST_KINK_SOLVES = 100  # solves of a few steps each
 WORST_SPANS = 3  # of a recording that a finding names
 SHORTEST_SPAN_S = 0.05  # s; spans shorter than that are not told apart
 MOST_SMOOTHED_ROWS = 20_000  # a longer recording is smoothed up to here
+MOST_WEIGHED_ROWS = 4000  # of all recordings, by which it is weighed how quickly disturbances move
+QUICK_WALK = 0.3  # of the noise, that a step of a disturbance does to an output: it shows within a few rows
+WALKS = tuple(float(walk) for walk in np.geomspace(1.0, 1e-4, 7))  # the same, as may be likeliest
+RIVALS_DRIVE = 0.5  # of the drive's rms, from which a disturbance is no noise
+MOTION_MISSED = 0.05  # of what an output moves: noise of a sensor is rarely more
+STILL_MISSING = 1.2  # residual over sensor noise, from which it is said how much is missing: estimates differ by less
 LIVE_COLUMN = 1e-4  # of a column, which the base's own unknowns cannot imitate
 DETERMINED_SHAPE = 1e-3  # least singular value of what a fit may move, of the largest
 HATS = 10  # over the values of a coordinate
@@ -211,6 +218,25 @@ DRIFT_CYCLES = 5  # in a recording: a slower wave is a drift
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)  # hum, and what rectifiers make of it
 GRID_HZ = 0.2  # by which a grid may be off: EN 50160 asks for less than 0.5
 FAR_TO_ONE_SIDE = 0.1  # of the rows, and of the way to the other side, that are far to one side
+
+# Noise of the sensors: the flat upper end of a spectrum.
+SENSOR_BANDS = 16  # of frequency, at the most
+SENSOR_BAND_BINS = 12  # of a spectrum, that a band needs
+FLAT_BY_CHANCE = 2.6  # deviations by which two parts of a flat spectrum differ; 1 % exceed that
+MEDIAN_POWER = math.log(2.0)  # of a flat spectrum's powers, whose mean is 1
+HANN_BINS = 35.0 / 18.0  # that count as one under a Hann taper: the sum of their squared correlations
+LEAST_NOISE = 1e-30  # in the output's unit: that of nothing at all
+LINE_POWER = 12.0  # times the power beside it: a line; of flat noise exp(-12) exceed that
+
+# Evidence: how often chance would say as much, and what was left out of a fit.
+CHANCE_DRAWS = 1999  # of the noise: the least chance that is told is 1 in 2000
+CHANCE_PATIENCE = 20.0  # million steps of simulation for the traces of all terms, after which no further one is counted
+MOST_DIRECTION_VALUES = 20_000_000  # of the traces of all terms together: more would take over half a gigabyte
+SLOWEST_BINS = 6  # of a spectrum, the slowest, that are averaged: each alone is all chance
+DETERMINED_DIRECTION = 1e-8  # least power of a combination of traces, of the largest
+CROSS_FOLDS = 3  # parts that are left out in turn
+CROSS_PATIENCE = 20.0  # million steps of simulation, after which no further part is left out
+CROSS_FIT_PATIENCE = 3.0  # of one fit to the rest
 
 # Recordings: what is refused, and what is cut.
 FEWEST_ROWS = 60  # a shorter recording, or stretch without a missing row, tells nothing

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from firmloop.diagnose.completion import completed
 from firmloop.diagnose.data.channels import check_sound
 from firmloop.diagnose.data.checks import Preflight, preflight
 from firmloop.diagnose.data.prepare import prepared
+from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
-from firmloop.diagnose.model.candidate import Candidate, believable, by_simulation_error, clearly_nearer, rated
-from firmloop.diagnose.model.fit import strength, with_other_answer
-from firmloop.diagnose.model.hypothesis import make_problem
+from firmloop.diagnose.model.candidate import (
+    Candidate,
+    believable,
+    by_simulation_error,
+    clearly_nearer,
+    rated,
+    residual_sizes,
+    rms_of,
+)
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import fit_starts, strength, with_other_answer
+from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
+from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import (
     harmless,
@@ -24,13 +37,18 @@ from firmloop.diagnose.search.harmless import (
     simulated_figures,
 )
 from firmloop.diagnose.search.improved import improved_plant
+from firmloop.diagnose.search.left_out import Contender, left_out_rms
 from firmloop.diagnose.search.simulation_error import certain, independent
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
+from firmloop.diagnose.sentences import measured_too
 from firmloop.diagnose.verdict import judge, spoiled, withheld
+from firmloop.identify.fitting.noise import white
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
+
+SimulationRms = Mapping[str, Mapping[str, Mapping[str, float]]]  # by role, output, plant
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +113,46 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         finding, written = withheld(finding), refit
     plants = {"before": plant, "refit": refit, "after": written}
     figures = simulated_figures(plants, {"train": whole, "test": later})
-    finding = replace(finding, simulation_rms=figures)
+    progress(0.95, "simulating what is left out of the fit")
+    finding = _measured(finding, found, refit if not explained else None, made.shape, figures)
     return Diagnosis(finding, found, unnamed if not explained else None, written)
+
+
+def _measured(
+    finding: Finding, found: Search, refit: Plant | None, shape: Shape | None, figures: SimulationRms
+) -> Finding:
+    """Return the finding with how large is what is still missing, how sure it is, and how it does where left out.
+
+    `refit` is the plant that stands for the finding where no explanation does, `shape` what has no name beside it;
+    `figures` are those of free simulations.
+    """
+    problem, sizes = found.problem, residual_sizes(found.best.fitted.residuals)
+    plain = Contender((), _values(found.nominal, refit))
+    shown = plain if refit is not None else Contender(found.best.fitted.terms, _values(found.best, None))
+    crossed = left_out_rms(problem, {"refit": plain, "after": shown}, sizes)
+    point = fit_starts(problem, problem.train, shown.values, [white(size) for size in sizes])
+    residuals = [residual_of(problem, recording, point, k) for k, recording in enumerate(problem.train)]
+    moved = tuple(replace(p, value=shown.values.get(p.name, p.value)) for p in problem.plant.parameters)
+    plant = replace(problem.plant, parameters=moved)
+    moves = np.std(np.concatenate([outputs_of(problem, recording) for recording in problem.train]), axis=0)
+    missed = float(np.max(rms_of(residuals) / np.maximum(moves, 1e-300)))
+    evidence = evidence_of(found)
+    if finding.verdict == "unknown_physics" and shape is not None:  # whose chance nobody has drawn
+        evidence = replace(evidence, gain=evidence.gain + shape.gain, p_value=None)
+    return measured_too(
+        replace(
+            finding,
+            simulation_rms={**figures, "cross": crossed} if crossed else figures,
+            disturbance=disturbances(plant, problem.train, residuals, list(finding.noise.values())),
+            evidence=evidence,
+        ),
+        missed,
+    )
+
+
+def _values(candidate: Candidate, refit: Plant | None) -> Mapping[str, float]:
+    known = {} if refit is None else {p.name: p.value for p in refit.parameters}
+    return {**candidate.fitted.point.values, **known}
 
 
 def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Search | None:

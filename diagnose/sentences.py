@@ -8,7 +8,15 @@ from pathlib import Path
 
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding, Shift
-from firmloop.diagnose.policy import FAILED_RATIO, FAILED_RMS, HELD_SHARE, THRESHOLD
+from firmloop.diagnose.policy import (
+    CHANCE_DRAWS,
+    FAILED_RMS,
+    HELD_SHARE,
+    MOTION_MISSED,
+    RIVALS_DRIVE,
+    STILL_MISSING,
+    THRESHOLD,
+)
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.own_values import OwnValue
 from firmloop.identify.normal import NORMAL_95
@@ -76,12 +84,66 @@ def _own(one: OwnValue) -> str:
     return f"{Path(one.source).name} {known.value:.4g}{reach}"
 
 
+def measured_too(finding: Finding, missed: float) -> Finding:
+    """Return the finding with what it says of chance, of what is still missing, and of what was left out of the fit.
+
+    `missed` is what simulations miss, as a share of what the output moves that they follow worst.
+    """
+    said = [*_about_chance(finding), *_about_disturbance(finding, missed), *_about_left_out(finding)]
+    return replace(finding, says=(*finding.says, *said))
+
+
+def _about_chance(finding: Finding) -> list[str]:
+    found = finding.evidence
+    if found is None or found.p_value is None or not finding.effects:
+        return []
+    least = "at most " if found.p_value * (CHANCE_DRAWS + 1.0) <= 1.0 else ""
+    return [
+        f"{found.criterion} drops by {found.gain:.4g}; among {found.library} terms chance would do so with a "
+        f"probability of {least}{found.p_value:.2g}."
+    ]
+
+
+def _about_disturbance(finding: Finding, missed: float) -> list[str]:
+    """Say how large a disturbance of each balance makes what is left, and where that is too much to be noise."""
+    left, said = finding.train.after, []
+    silent = finding.verdict == "no_mismatch" and missed < MOTION_MISSED
+    for name, each in finding.disturbance.items():
+        rivals = each.share is not None and each.share > RIVALS_DRIVE
+        if (left is None or left < STILL_MISSING) and (silent or not rivals):
+            continue
+        size = f"{each.rms:.3g}{f' {each.unit}' if each.unit else ''} rms"
+        share = "" if each.share is None else f", {_percent(each.share)} of the drive"
+        meant = ""
+        if rivals:
+            meant = "; too much for one, so it is the sensors' own, such as hum" if silent else ": that is not noise"
+        said.append(
+            f"Left beside the white noise of the sensors: as much as a disturbance of {size} in the {name} balance "
+            f"makes{share}{meant}."
+        )
+    return said
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:{'.0f' if share > 0.1 else '.2g'}} %"
+
+
+def _about_left_out(finding: Finding) -> list[str]:
+    told = [("before", "as given"), ("refit", "refitted"), *([("after", "explained")] if finding.effects else [])]
+    crossed = finding.simulation_rms.get("cross", {})
+    figures = [
+        f"{name} by {', '.join(f'{rms[key]:.3g} {word}' for key, word in told if key in rms)}"
+        for name, rms in crossed.items()
+    ]
+    return [f"Where it is left out of the fit, simulations miss (rms) {'; '.join(figures)}."] if figures else []
+
+
 def with_doubt(finding: Finding) -> Finding:
     """Return the finding, with a note where train and test contradict each other."""
     test, train = finding.test, finding.train
     if test is None or test.after is None or train.after is None:
         return finding
-    if test.after < FAILED_RMS or test.after < FAILED_RATIO * train.after:
+    if test.after < FAILED_RMS * max(train.after, 1.0):
         return finding
     if test.refit is not None and test.after < HELD_SHARE * test.refit:
         return finding

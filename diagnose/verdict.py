@@ -21,6 +21,7 @@ from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, 
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.model.own_values import own_of_all
 from firmloop.diagnose.model.sandwich_covariance import doubtful
+from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.policy import (
     COUNTED_SAMPLES,
     FIRM_TO_SAY,
@@ -66,7 +67,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     told = shape if shape is not None and _helps(seen, shape) else None
     after = search.best.fitted.residuals if told is None else told.residuals
     noises = search.best.noises if told is None else noises_of(search.problem, after)
-    noise = residual_sizes(after)
+    noise = sensor_noises(after, search.problem.floors)
     train = _ratios(search, shown, told, noise, False)
     test = _ratios(search, shown, None, noise, True) if search.problem.test else None
     effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))

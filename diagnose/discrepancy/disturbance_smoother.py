@@ -10,11 +10,11 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
-from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, SHORTEST_SPAN_S, WORST_SPANS
+from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, QUICK_WALK, SHORTEST_SPAN_S, WORST_SPANS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.plants.per_recording import without_varying
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import course_of, measured
@@ -54,19 +54,49 @@ def as_others(search: Search, recording: Recording, values: Mapping[str, float],
     return replace(recording, columns={**recording.columns, **outputs})
 
 
-def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:
-    """Smooth the nominal plant with a random-walk disturbance in every balance that the outputs can tell.
+@dataclass(frozen=True, slots=True)
+class Tracker:
+    """A stationary Kalman filter of states and disturbances (s + b,), and the smoother that belongs to it."""
 
-    `noise` (r,) is the rms of each output. A Kalman filter with the stationary gain and the Rauch-Tung-Striebel
-    smoother that belongs to it; None where the equations do not allow one.
+    step: Array  # (s + b, s + b) from row to row
+    push: Array  # (s + b, m) by the inputs
+    reading: Array  # (r, s + b)
+    kalman: Array
+    back: Array
+    innovation: Array  # (r, r)
+
+    def filtered(self, outputs: Array, forced: Array, start: Array | None) -> tuple[Array, Array]:
+        """Return states and disturbances (n, s + b) before each row of outputs (n, r) is read, and after."""
+        rows, size = forced.shape
+        ahead, here = np.zeros((rows, size)), np.zeros((rows, size))
+        state = np.zeros(size) if start is None else start
+        for row in range(rows):
+            ahead[row] = state
+            # The reading of row k comes before input k acts; a direct path is not corrected for.
+            here[row] = state + self.kalman @ (outputs[row] - self.reading @ state)
+            state = self.step @ here[row] + forced[row]
+        return ahead, here
+
+    def smoothed(self, outputs: Array, forced: Array, start: Array | None) -> Array:
+        """Return states and disturbances (n, s + b) by all rows of outputs (n, r)."""
+        ahead, here = self.filtered(outputs, forced, start)
+        for row in range(len(here) - 2, -1, -1):
+            here[row] += self.back @ (here[row + 1] - ahead[row + 1])
+        return here
+
+
+def tracker(
+    plant: Plant, balances: Sequence[Balance], step_s: float, noise: Sequence[float], walks: Sequence[float]
+) -> Tracker | None:
+    """Follow the nominal plant with a random walk in each of these balances.
+
+    `noise` (r,) is the rms of each output, and `walks` (b,) the shares of it that a step of each disturbance does to
+    the output that shows it most. None where the equations do not allow one.
     """
     bare = linearize(plant)
-    balances = [each for each in plant.balances if each.state >= 0][: len(plant.outputs)]
     if not balances or not all(np.all(np.isfinite(part)) for part in (bare.a, bare.b, bare.c)):
         return None
     constants = np.array([p.value for p in plant.parameters])[: plant.rate.numel_in(2)]
-    course = course_of(plant, recording)
-    drive, rows = course.drive[:MOST_SMOOTHED_ROWS], min(len(course.drive), MOST_SMOOTHED_ROWS)
     states, extra, inputs = len(plant.states), len(balances), bare.b.shape[1]
     size = states + extra
     whole = np.zeros((size + inputs, size + inputs))
@@ -74,37 +104,45 @@ def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent
     for index, balance in enumerate(balances):
         whole[balance.state, states + index] = float(balance.per(constants))
     whole[:states, size:] = bare.b
-    moved = scipy.linalg.expm(whole * course.step)
+    moved = scipy.linalg.expm(whole * step_s)
     step, push = moved[:size, :size], moved[:size, size:]
     reading = np.concatenate([bare.c, np.zeros((len(bare.c), extra))], axis=1)
-    outputs = measured(plant, recording)[:rows]
     spread = np.array([max(float(size), 1e-12) for size in noise])
-    walk = np.zeros(size)
+    steps = np.zeros(size)
     gain = np.abs(reading @ step[:, states:]) / spread[:, None]
     reach = np.maximum(np.max(gain, axis=0), 1e-30)
-    walk[states:] = 0.3 / reach  # a step in a disturbance shows within a few rows
-    covariance = np.diag(np.maximum(walk**2, 1e-18 * np.max(walk**2)))
+    steps[states:] = np.array(walks) / reach
+    covariance = np.diag(np.maximum(steps**2, 1e-18 * np.max(steps**2)))
     try:
         predicted = scipy.linalg.solve_discrete_are(step.T, reading.T, covariance, np.diag(spread**2))
-        inverse = np.linalg.inv(reading @ predicted @ reading.T + np.diag(spread**2))
-        kalman = predicted @ reading.T @ inverse
+        innovation = reading @ predicted @ reading.T + np.diag(spread**2)
+        kalman = predicted @ reading.T @ np.linalg.inv(innovation)
         filtered = predicted - kalman @ reading @ predicted
         back = filtered @ step.T @ np.linalg.inv(predicted)
     except (np.linalg.LinAlgError, ValueError):
         return None
-    ahead, here = np.zeros((rows, size)), np.zeros((rows, size))
-    state = np.zeros(size)
-    state[:states] = np.linalg.lstsq(bare.c, outputs[0], rcond=None)[0]
-    forced = drive @ push.T
-    for row in range(rows):
-        ahead[row] = state
-        # The reading of row k comes before input k acts; a direct path is not corrected for.
-        here[row] = state + kalman @ (outputs[row] - reading @ state)
-        state = step @ here[row] + forced[row]
-    for row in range(rows - 2, -1, -1):
-        here[row] += back @ (here[row + 1] - ahead[row + 1])
+    return Tracker(step, push, reading, kalman, back, innovation)
+
+
+def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:
+    """Smooth the nominal plant with a random-walk disturbance in every balance that the outputs can tell.
+
+    `noise` (r,) is the rms of each output. None where the equations do not allow a smoother.
+    """
+    balances = [each for each in plant.balances if each.state >= 0][: len(plant.outputs)]
+    course = course_of(plant, recording)
+    made = tracker(plant, balances, course.step, noise, [QUICK_WALK] * len(balances))
+    if made is None:
+        return None
+    drive = course.drive[:MOST_SMOOTHED_ROWS]
+    rows, states = len(drive), len(plant.states)
+    outputs = measured(plant, recording)[:rows]
+    start = np.zeros(len(made.step))
+    start[:states] = np.linalg.lstsq(made.reading[:, :states], outputs[0], rcond=None)[0]
+    here = made.smoothed(outputs, drive @ made.push.T, start)
     kinds = tuple(balance.kind for balance in balances)
-    return Latent(course.time[:rows], here[:, :states], tuple(here[:, states + k] for k in range(extra)), kinds)
+    disturbances = tuple(here[:, states + k] for k in range(len(balances)))
+    return Latent(course.time[:rows], here[:, :states], disturbances, kinds)
 
 
 def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tuple[float, float], ...], float]:

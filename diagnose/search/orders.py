@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.superset import travelled
 
 Array = NDArray[np.float64]
+Torque = Callable[[int, float], NDArray[np.floating]]  # (recording, choice) -> (n, b)
 
 
 def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[float, ...]]:
@@ -27,26 +29,45 @@ def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Ma
 
     Waves per turn of cogging and ripple, moments (s) of a load step.
     """
+    return {name: _best(problem, base, grounds, *each) for name, each in _torques(problem, base).items()}
+
+
+def linear_traces(problem: Problem, base: Fitted) -> Mapping[str, Callable[[], Iterator[tuple[Array, ...]]]]:
+    """Return by the name of the effect what each choice does to the outputs (n, r, b) of every recording."""
+
+    def traces(choices: Array, torque: Torque) -> Iterator[tuple[Array, ...]]:
+        plants = [response(problem.plant, base.point.values, recording) for recording in problem.train]
+        for choice in choices:
+            yield tuple(
+                plant.to(np.asarray(torque(k, float(choice)), dtype=np.float64), len(recording.time))
+                for k, (plant, recording) in enumerate(zip(plants, problem.train, strict=True))
+            )
+
+    return {name: partial(traces, *each) for name, each in _torques(problem, base).items()}
+
+
+def _torques(problem: Problem, base: Fitted) -> Mapping[str, tuple[Array, Torque]]:
+    """Return by the name of the effect the choices and their torques."""
     plant, values = problem.plant, base.point.values
     if not np.all(np.isfinite(linearize(plant).a)):
         return {}
-    found = {}
+    found: dict[str, tuple[Array, Torque]] = {}
     if any(balance.kind in ("torque", "force") for balance in plant.balances):
         span = max(float(recording.time[-1]) for recording in problem.train)
         moments = span * np.arange(1, MOMENTS_TRIED) / MOMENTS_TRIED
-        found[effect_seen_by("moment").name] = _best(
-            problem, base, grounds, moments, lambda k, at: (problem.train[k].time >= at)[:, None] * 1.0
+        found[effect_seen_by("moment").name] = (
+            moments,
+            lambda k, at: (problem.train[k].time >= at)[:, None] * 1.0,
         )
     angles = angles_of(problem, base)
     if not any(balance.kind == "torque" for balance in plant.balances) or not angles:
         return found
     efforts = [effort_of(plant, values, recording) for recording in problem.train]
     waves = np.arange(1.0, HIGHEST_ORDER + 1.0)
-    found[effect_seen_by("order").name] = _best(
-        problem, base, grounds, waves, lambda k, order: _wave(order * angles[k])
-    )
-    found[effect_seen_by("order of effort").name] = _best(
-        problem, base, grounds, waves, lambda k, order: efforts[k][:, None] * _wave(order * angles[k])
+    found[effect_seen_by("order").name] = waves, lambda k, order: _wave(order * angles[k])
+    found[effect_seen_by("order of effort").name] = (
+        waves,
+        lambda k, order: efforts[k][:, None] * _wave(order * angles[k]),
     )
     return found
 
@@ -82,7 +103,7 @@ def _best(
     base: Fitted,
     grounds: Sequence[Ground],
     choices: Array,
-    torque: Callable[[int, float], NDArray[np.floating]],
+    torque: Torque,
 ) -> tuple[float, ...]:
     """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
     gains = np.zeros((len(grounds), len(choices)))

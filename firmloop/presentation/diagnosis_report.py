@@ -59,6 +59,8 @@ def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:
         "<h2>What is left, by coordinate</h2>",
         *_scatter(made),
         *_unnamed(made.finding),
+        "<h2>How sure, and how much is still missing</h2>",
+        *evidence_tables(finding),
         "<h2>The controller half</h2>",
         *controller_tables(cut),
         "<h2>What was weighed</h2>",
@@ -92,6 +94,33 @@ def effects_table(finding: Finding) -> list[str]:
     ]
     head = ("effect", "output", "probability", "parameter", "value", "95 % interval", "unit")
     return ["<h2>Left out</h2>", page_table(head, rows)] if rows else []
+
+
+def evidence_tables(finding: Finding) -> list[str]:
+    """Return the evidence, the disturbances that what is left amounts to, and the misses of free simulations."""
+    parts, found = [], finding.evidence
+    if found is not None:
+        chance = "cannot be told" if found.p_value is None else figure(found.p_value, ".2g")
+        row = (found.criterion, figure(found.gain, ".1f"), str(found.library), chance)
+        parts.append(page_table(("criterion", "drop", "terms tried", "by chance with a probability of"), [row]))
+    rows = [
+        (name, figure(each.rms, ".3g"), each.unit, "" if each.share is None else percent(100.0 * each.share, ".2g"))
+        for name, each in finding.disturbance.items()
+    ]
+    if rows:
+        parts.append(page_table(("balance", "disturbance that is left, rms", "unit", "of the drive"), rows))
+    keys = ("before", "refit", "after")
+    missed = [
+        (role, name, *(figure(rms[key], ".4g") if key in rms else "" for key in keys), _noise(finding, name))
+        for role, outputs in finding.simulation_rms.items()
+        for name, rms in outputs.items()
+    ]
+    head = ("recordings", "output", "rms missed as given", "refitted", "explained", "noise of the sensor")
+    return [*parts, page_table(head, missed)] if missed else parts
+
+
+def _noise(finding: Finding, output: str) -> str:
+    return figure(finding.noise[output], ".4g") if output in finding.noise else ""
 
 
 def _courses(made: Diagnosis) -> list[str]:

@@ -209,7 +209,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
             see("freely", _accelerations(recording, states, assembly.speed, assembly.position, known))
         flowing = bare.balances[balance].current if balance >= 0 and bare.balances[balance].inside else None
         if flowing is not None:
-            see("current", _along(flowing, states, course.drive, constants))
+            see("current", along(flowing, states, course.drive, constants))
         if assembly.speed >= 0:
             see("speed", states[:, assembly.speed])
         if assembly.position >= 0:
@@ -270,10 +270,10 @@ def efforts(
     if engine.writer.linear_effort:
         return np.asarray(states @ assembly.effort_x + drive @ assembly.effort_u)
     bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
-    return _along(bent, states, drive, constants)
+    return along(bent, states, drive, constants)
 
 
-def _along(function: ca.Function, states: Array, drive: Array, constants: Array) -> Array:
+def along(function: ca.Function, states: Array, drive: Array, constants: Array) -> Array:
     """Evaluate a scalar function (x, u, p) in every row, (n,)."""
     nominal = constants[: function.numel_in(2)]
     every = function.map(len(states))(states.T, drive.T, np.tile(nominal[:, None], len(states)))

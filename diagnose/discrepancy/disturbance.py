@@ -1,0 +1,149 @@
+"""Size what is still missing: the disturbance in each balance that makes outputs differ as they do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, tracker
+from firmloop.diagnose.finding import Disturbance
+from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, WALKS
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import Balance, Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.engine import effect_simulator
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import course_of, rest_start
+from firmloop.identify.simulation.superset import along
+
+Array = NDArray[np.float64]
+
+
+def disturbances(
+    plant: Plant, recordings: Sequence[Recording], residuals: Sequence[Array], noise: Sequence[float]
+) -> dict[str, Disturbance]:
+    """Return the disturbance that leaves the residuals (n, r) of each recording, by balance.
+
+    The smoothed disturbances of measured outputs minus those of simulated ones: the smoother is linear. `noise` (r,) is
+    the rms of each sensor's own. Where there are more balances than outputs each is taken to be the only one disturbed.
+    """
+    plant = with_effects(plant, ())
+    balances = [each for each in plant.balances if each.state >= 0]
+    if not all(np.all(np.isfinite(part)) for part in residuals):
+        return {}
+    groups = [balances] if len(balances) <= len(plant.outputs) else [[each] for each in balances]
+    found = {}
+    for group in groups:
+        sizes = _sizes(plant, group, recordings, residuals, noise)
+        for balance, rms in zip(group if sizes else (), sizes, strict=True):
+            drive = _drive(plant, balance, recordings)
+            share = rms / drive if drive > 0.0 else None
+            found[_name(plant, balance)] = Disturbance(rms, _unit(plant, balance), share)
+    return found
+
+
+def _sizes(
+    plant: Plant,
+    balances: Sequence[Balance],
+    recordings: Sequence[Recording],
+    residuals: Sequence[Array],
+    noise: Sequence[float],
+) -> list[float]:
+    """Return the rms of the disturbances of these balances, that move as quickly as makes the residuals likeliest."""
+    weigh = partial(_weighed, plant, balances, recordings, residuals, noise)
+    together = [[walk] * len(balances) for walk in WALKS]
+    walks = min(together, key=lambda each: weigh(each)[1])
+    for index in range(len(balances) if len(balances) > 1 else 0):
+        alone = [[*walks[:index], walk, *walks[index + 1 :]] for walk in WALKS]
+        walks = min(alone, key=lambda each: weigh(each)[1])
+    best, unlikely = weigh(walks)
+    if not np.isfinite(unlikely):
+        return []
+    states = len(plant.states)
+    power, rows = np.zeros(len(balances)), 0
+    for each, left in zip(best, residuals, strict=True):
+        some = left[:MOST_SMOOTHED_ROWS]
+        unforced = np.zeros((len(some), states + len(balances)))
+        power += np.sum(each.smoothed(some, unforced, None)[:, states:] ** 2, axis=0)
+        rows += len(some)
+    return [float(size) for size in np.sqrt(power / rows)]
+
+
+def _weighed(
+    plant: Plant,
+    balances: Sequence[Balance],
+    recordings: Sequence[Recording],
+    residuals: Sequence[Array],
+    noise: Sequence[float],
+    walks: Sequence[float],
+) -> tuple[list[Tracker], float]:
+    """Return a tracker of each recording, and how unlikely they make the residuals: infinite where there are none."""
+    told = max(MOST_WEIGHED_ROWS // len(recordings), 1)
+    steps = [course_of(plant, each).step for each in recordings]
+    made = {step: tracker(plant, balances, step, noise, walks) for step in dict.fromkeys(steps)}
+    trackers = [made[step] for step in steps]
+    found = [each for each in trackers if each is not None and _steady(each)]
+    if len(found) < len(trackers):
+        return [], math.inf
+    parts = zip(found, residuals, strict=True)
+    return found, sum(_unlikely(each, left[:told], np.array(noise)) for each, left in parts)
+
+
+def _steady(each: Tracker) -> bool:
+    """Tell whether neither filter nor smoother runs away: where a walk is next to none, rounding may do that."""
+    whole = each.step @ (np.eye(len(each.step)) - each.kalman @ each.reading)
+    return all(np.max(np.abs(np.linalg.eigvals(part))) < 1.0 for part in (whole, each.back))
+
+
+def _unlikely(each: Tracker, left: Array, noise: Array) -> float:
+    """Return -2 log likelihood of residuals (n, r) by the innovations of a tracker, but for a constant."""
+    ahead, _ = each.filtered(left, np.zeros((len(left), len(each.step))), None)
+    innovations = (left - ahead @ each.reading.T) / noise
+    spread = each.innovation / np.outer(noise, noise)
+    _, size = np.linalg.slogdet(spread)
+    return float(len(left) * size + np.sum(innovations * np.linalg.solve(spread, innovations.T).T))
+
+
+def _drive(plant: Plant, balance: Balance, recordings: Sequence[Recording]) -> float:
+    """Return the rms of what the input gives a balance; 0 where it gives none, or where that cannot be told."""
+    constants = np.array([each.value for each in plant.parameters])
+    power, rows = 0.0, 0
+    for recording in recordings:
+        course = course_of(plant, recording)
+        if balance.effort is None:
+            each = course.drive @ linearize(plant).b[balance.state] / float(balance.per(constants))
+        else:
+            engine = effect_simulator(plant)
+            states = engine.run_states(course, constants, rest_start(plant, recording))
+            for index, signal in enumerate(plant.states):
+                if signal.name in recording.columns:
+                    states[:, index] = recording.columns[signal.name]
+            each = along(balance.effort, states, course.drive, constants)
+        power += float(each @ each)
+        rows += len(each)
+    return float(np.sqrt(power / rows)) if np.isfinite(power) else 0.0
+
+
+def _name(plant: Plant, balance: Balance) -> str:
+    """Return the kind of a balance, with its state where there are several of that kind."""
+    several = sum(each.kind == balance.kind for each in plant.balances) > 1
+    return f"{balance.kind} of {plant.states[balance.state].name}" if several else balance.kind
+
+
+_UNITS: Mapping[str, str] = {"torque": "N*m", "force": "N", "voltage": "V", "winding": "V", "axes": "V"}
+
+
+def _unit(plant: Plant, balance: Balance) -> str:
+    """Return the unit of what acts in a balance; blank where only the project could know it."""
+    if plant.delay is not None:  # a lag, in which all is in the output's unit
+        return plant.outputs[0].unit
+    if balance.kind in _UNITS:
+        return _UNITS[balance.kind]
+    constants = np.array([each.value for each in plant.parameters])
+    shares = linearize(plant).b[balance.state] / float(balance.per(constants))
+    same = [signal.unit for signal, share in zip(plant.inputs, shares, strict=True) if abs(share - 1.0) < 1e-9]
+    return same[0] if same else ""
