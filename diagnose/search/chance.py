@@ -17,11 +17,14 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coor
 from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
     CHANCE_PATIENCE,
+    COLORED_THRESHOLD,
     DETERMINED_DIRECTION,
     IMPOSSIBLE,
+    LONG_MEMORY,
     MOST_DIRECTION_VALUES,
     PARALLEL,
     SLOWEST_BINS,
+    THRESHOLD,
 )
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.orders import linear_traces
@@ -56,6 +59,8 @@ def evidence_of(search: Search) -> Gained:
         return Gained("BIC", gain, None, library)
     promised = [float(np.sum((each.T @ under.left) ** 2)) for each in groups]
     drop = _likelier(search) if count else max(promised, default=0.0)
+    if any(len(noise.coefficients) >= LONG_MEMORY for noise in best.noises):
+        drop *= THRESHOLD / COLORED_THRESHOLD  # beside a slow disturbance the search asks for that much more, too
     if count <= 1 and groups and sum(each.size for each in groups) <= MOST_DIRECTION_VALUES:
         p_value = _drawn(search, groups, drop) + _bound(untraced, drop, 1)
     else:
