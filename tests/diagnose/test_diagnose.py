@@ -22,7 +22,7 @@ def test_friction_is_named_in_colored_noise(tmp_path: Path, capsys: pytest.Captu
     truth = label["effects"]["coulomb_friction"]["torque"]
     low, high = effect["parameters"]["torque_N_m"]["ci95"]
     assert low < truth < high
-    assert said["fit"]["test"]["after"] < 1.1 < said["fit"]["test"]["refit"]  # type: ignore[index]
+    assert said["fit"]["test"]["after"] < 1.3 < said["fit"]["test"]["refit"]  # type: ignore[index]
     assert "coulomb_friction" in capsys.readouterr().out
     assert "<svg" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     (written,) = tomllib.loads((tmp_path / "out" / "project.toml").read_text(encoding="utf-8"))["plant"]["effects"]
