@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
+_BY_CHANCE = 3.0  # deviations of what coefficients take of white noise
 _FEWEST = 40  # rows per coefficient: fewer would fit the noise of the noise
 
 
@@ -109,9 +110,12 @@ def bounded(noise: Noise, residuals: Sequence[Array], most: float) -> Noise:
     What moves slowly is foretold row by row, so that to a free noise model a smooth misfit of any size is next to
     nothing. Its power is that of the residuals (q,) less that of the innovations; with the power held at `most` squared
     its n independent samples are less likely by n (x - 1 - log x) in -2 log likelihood, x the ratio of the two.
-    `weight` squared is what a square adds to that, so that a fit sees it.
+    `weight` squared is what a square adds to that, so that a fit sees it. What a model of p coefficients takes of white
+    noise by chance, p of its n rows on average, is none of it.
     """
-    power = noise.rms**2 - noise.scale**2
+    power, order = noise.rms**2 - noise.scale**2, len(noise.coefficients)
+    by_chance = (order + _BY_CHANCE * np.sqrt(2.0 * order)) / sum(map(len, residuals))
+    most = max(most, noise.scale * float(np.sqrt(by_chance)))
     if not power > most**2 or not np.isfinite(power):
         return noise
     ratio, count = power / most**2, memory(residuals)

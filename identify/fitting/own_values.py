@@ -19,6 +19,9 @@ from firmloop.identify.simulation.simulate import course_of, rest_start, simulat
 
 Array = NDArray[np.float64]
 
+_WEIGHINGS = 3  # of outputs by what is left of each: a way of many turns spreads far and is read well
+_FINEST = 1e6  # times that an output may weigh more than before
+
 
 @dataclass(frozen=True, slots=True)
 class OwnValue:
@@ -89,7 +92,11 @@ def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
     weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
     if coasts:
-        return best_start(made, engine, constants, start, weights)
+        for _ in range(_WEIGHINGS):
+            start = best_start(made, engine, constants, start, weights)
+            left = np.sqrt(np.mean(misfit(made, engine, constants, start, ())[0] ** 2, axis=0))
+            weights = np.minimum(1.0 / np.maximum(left, 1e-300), _FINEST * weights)
+        return start
 
     def with_own(own: Array) -> Array:
         moved = start.copy()
