@@ -28,6 +28,7 @@ from firmloop.diagnose.policy import (
     STEPS_OF_A_FIT,
     STEPS_OF_A_LAST_FIT,
     STEPS_OF_A_TRIAL,
+    THRESHOLD,
     TRIED_IN_A_ROUND,
 )
 from firmloop.diagnose.search.exchange import relatives
@@ -145,7 +146,7 @@ def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> 
     begun = problem.engine.steps
     for each in picked[:PROMISED_IN_A_ROUND]:
         for start in every_start(problem, each):
-            if each.gain > CLEAR_GAIN and problem.engine.steps - begun < INSISTING_PATIENCE:
+            if each.gain > THRESHOLD and problem.engine.steps - begun < INSISTING_PATIENCE:
                 fitted = fit(problem, problem.train, *extended(best.fitted, each.term, start), sizes, STEPS_OF_A_FIT)
                 if not _too_large(fitted):
                     found.append((own_evidence(problem, fitted), fitted))

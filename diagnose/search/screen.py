@@ -159,9 +159,19 @@ def _judge(
         return Screened(term, 0.0, start, share)
     axis, _ = np.linalg.qr(pure[:, live])
     gain = float(np.sum((axis.T @ under.left) ** 2))
+    if len(secants) == 2 and np.all(live):
+        start = _waved(term, start, np.asarray(np.linalg.lstsq(pure, under.left, rcond=None)[0], dtype=np.float64))
     if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
         gain *= 0.01  # the data wants the opposite of what physics allows
     return Screened(term, gain, start, share)
+
+
+def _waved(term: LibraryTerm, start: Mapping[str, float], shares: Array) -> Mapping[str, float]:
+    """Return a start with the size and phase that `shares` of a wave and of that a quarter turn on add up to."""
+    size, phase = term.keys[0], next(key for key in start if key.endswith(".phase_rad"))
+    most, least = term.parameters[0].high, term.parameters[0].low
+    large = min(max(start[size] * float(np.hypot(*shares)), least), most)
+    return {**start, size: large, phase: start[phase] + float(np.arctan2(shares[1], shares[0]))}
 
 
 def _signed(term: LibraryTerm) -> bool:

@@ -14,6 +14,7 @@ from firmloop.diagnose.model.angle import follows_record, lost_count, strayed
 from firmloop.diagnose.model.batch_means import accidental, by_chance, times_chance
 from firmloop.diagnose.model.candidate import (
     Candidate,
+    by_simulation_error,
     closer,
     creeps,
     faint,
@@ -254,7 +255,9 @@ def _unwhitened(problem: Problem, candidate: Candidate) -> Candidate:
 
 def _nearer(problem: Problem, candidate: Candidate, base: Candidate) -> Candidate:
     """Lead an explanation that only whitens what is left back to where simulations come closer, if that is as good."""
-    return _unwhitened(problem, candidate) if larger(candidate, base) and candidate.score < base.score else candidate
+    if not larger(candidate, base) or candidate.score >= base.score:
+        return candidate
+    return rated(problem, by_simulation_error(problem, candidate.fitted))
 
 
 def _accompanied(problem: Problem, candidate: Candidate, base: Candidate, worth: float) -> Candidate:

@@ -19,7 +19,8 @@ from firmloop.identify.simulation.simulate import course_of, rest_start, simulat
 
 Array = NDArray[np.float64]
 
-_WEIGHINGS = 3  # of outputs by what is left of each: a way of many turns spreads far and is read well
+_STRETCHES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.0)  # of a recording, to which a beginning is fitted in turn
+_FEWEST = 20  # rows of the first
 _FINEST = 1e6  # times that an output may weigh more than before
 
 
@@ -92,11 +93,7 @@ def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
     weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
     if coasts:
-        for _ in range(_WEIGHINGS):
-            start = best_start(made, engine, constants, start, weights)
-            left = np.sqrt(np.mean(misfit(made, engine, constants, start, ())[0] ** 2, axis=0))
-            weights = np.minimum(1.0 / np.maximum(left, 1e-300), _FINEST * weights)
-        return start
+        return _where_it_began(plant, recording, constants, start)
 
     def with_own(own: Array) -> Array:
         moved = start.copy()
@@ -111,3 +108,21 @@ def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
         return triangle(tall, (residual * weights).reshape(-1, 1))
 
     return with_own(descend(reduced_at, start[states])[1])
+
+
+def _where_it_began(plant: Plant, recording: Recording, constants: Array, start: Array) -> Array:
+    """Fit the initial state (n,) of a machine that coasts, outputs weighed by what is left of each.
+
+    At first to a short stretch: a small error of a speed is many turns at the end, and a turn off is a trap.
+    """
+    rows, engine = len(recording.time), simulator(plant, recording.hold)
+    weights = None
+    for share in _STRETCHES:
+        (made,) = experiments(plant, recording.part(0, max(int(share * rows), min(rows, _FEWEST))), NONE)
+        if weights is None:
+            weights = 1.0 / np.maximum(np.std(made.target, axis=0), 1e-300)
+        start = best_start(made, engine, constants, start, weights)
+        left = np.sqrt(np.mean(misfit(made, engine, constants, start, ())[0] ** 2, axis=0))
+        if np.all(np.isfinite(left)):
+            weights = np.minimum(1.0 / np.maximum(left, 1e-300), _FINEST * weights)
+    return start
