@@ -16,6 +16,17 @@ from firmloop.identify.extras import ToolError
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("load", "identify", "simulate", "design", "generate", "verify", "diagnose", "run")
+# Each in a process of its own, in which no other name was asked for before.
+EACH_NAME = f"""
+import os
+import firmloop as fl
+for name in {NAMES}:
+    if os.fork() == 0:
+        f = getattr(fl, name)
+        print(f.__module__, type(f).__name__, len(f.__doc__) > 40, flush=True)
+        os._exit(0)
+    os.wait()
+"""
 USER = """\
 import firmloop as fl
 from firmloop.identify.plants.plant import Plant
@@ -26,6 +37,7 @@ identified = fl.identify(project)
 plant: Plant = identified.plant
 designed = fl.design(identified)
 kp: float = designed.gains["kp"]
+wrong: str = designed.gains["kp"]  # type: ignore[assignment]
 code = fl.generate(designed)
 agrees: bool = fl.verify(code, targets=["host"], steps=1000).agrees
 verdict: str = fl.diagnose(project).finding.verdict
@@ -72,13 +84,12 @@ def _python(code: str, folder: Path) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     "before", ["", "from firmloop.verify.run import verify_on; import firmloop.identify.fitting.fit"]
 )
-def test_a_name_of_the_door_is_its_function_whatever_was_imported(name: str, before: str, tmp_path: Path) -> None:
-    code = f"{before}\nimport firmloop as fl\nf = fl.{name}\nprint(f.__module__, type(f).__name__, len(f.__doc__) > 40)"
-    assert _python(code, tmp_path) == f"firmloop.door.{name} function True"
+def test_a_name_of_the_door_is_its_function_whatever_was_imported(before: str, tmp_path: Path) -> None:
+    found = _python(f"{before}\n{EACH_NAME}", tmp_path).splitlines()
+    assert found == [f"firmloop.door.{name} function True" for name in NAMES]
 
 
 @pytest.mark.parametrize(
@@ -165,10 +176,9 @@ def test_a_users_file_passes_the_strict_type_checker(tmp_path: Path) -> None:
         str(ROOT / "pyproject.toml"),
         str(tmp_path / "user.py"),
     ]
+    # The line that ignores an error would be one itself, were there nothing to ignore.
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0, done.stdout
-    (tmp_path / "user.py").write_text(USER.replace("kp: float", "kp: str"))
-    assert subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False).returncode == 1
 
 
 def test_what_an_extra_brings_is_named_with_its_command(
