@@ -123,8 +123,13 @@ def compared_time(conditioning: Conditioning, time: Array) -> Array:
 
 
 def condition_output(conditioning: Conditioning, name: str, time: Array, values: Array) -> Array:
-    """Condition one output: values (n, ...) at `time` become (q, ...) at `compared_time`. Linear in `values`."""
+    """Condition one output: values (n, ...) at `time` become (q, ...) at `compared_time`. Linear in `values`.
+
+    Of a simulation that has diverged nothing is a number: filters would stop at its infinities.
+    """
     grid = compared_time(conditioning, time)
+    if not np.all(np.isfinite(values)):
+        return np.full((len(grid), *values.shape[1:]), np.nan)
     done: Array = interpolate(time, values, grid) if conditioning.resample_s else values
     if conditioning.line_Hz:
         done = line_free(conditioning, grid, done)

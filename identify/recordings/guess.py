@@ -43,6 +43,16 @@ _ANSWERS = frozenset(
     "y output out sensor tacho measured meas measurement response level speed velocity vel omega rpm position pos "
     "angle theta temperature temp pressure flow estimate drehzahl vitesse winkel weg temperatur druck".split()
 )
+# Which way a column leans whose words say nothing of it, such as those of another language.
+_BY_QUANTITY = {
+    "voltage_V": 1,
+    "force_N": 1,
+    "torque_N_m": 1,
+    "speed_rad_s": -1,
+    "position_rad": -1,
+    "temperature_C": -1,
+}
+_SHARES = ("%", "percent")  # of what a drive can do
 _GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enable limit max min".split())
 _SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
 _MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
@@ -115,6 +125,7 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         plain = not wish or (len(twins) > 1 and apart)
         name = (own or _slug(foreign, unit)) if plain else wish
         leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
+        leaning = leaning or _BY_QUANTITY.get(wish, 1 if unit in _SHARES else 0)
         made.append(
             Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), leaning - aside, -leaning - aside, aim)
         )

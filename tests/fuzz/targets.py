@@ -1,4 +1,4 @@
-"""Four doors that strangers' bytes come in by, each with what it may answer: a result or one of our own errors."""
+"""Five doors that strangers' bytes come in by, each with what it may answer: a result or one of our own errors."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.expression import read_expression
 from firmloop.identify.recordings.recording import read_recording
 from firmloop.verify.links.frame import FrameError, seal, stuff, unseal, unstuff
+from tests.fuzz.benches import heat, odd_benches
 from tests.fuzz.projects import odd_projects
 
 KNOWN = {name: ca.SX.sym(name) for name in ("x_m", "v_m_s", "k_N_m", "m_kg")}
@@ -75,6 +76,20 @@ def project(text: str) -> None:
         assert status in (0, 2, 3), said.getvalue()
 
 
+def bench(asked: tuple[str, str]) -> None:
+    """Run a verb of the bench on a project beside a recording."""
+    verb, text = asked
+    with TemporaryDirectory(prefix="fuzz.") as folder:
+        path = Path(folder) / "x.toml"
+        path.write_text(text, encoding="utf-8")
+        (path.parent / "heat.csv").write_text(heat())
+        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+            said = io.StringIO()
+            with contextlib.redirect_stderr(said):
+                status = main([verb, str(path), "--out", f"{folder}/out"])
+        assert status in (0, 1, 2, 3), said.getvalue()
+
+
 @st.composite
 def odd_recordings(draw: st.DrawFn) -> tuple[str, bytes]:
     """Draw a file that is nearly one of the formats we read."""
@@ -108,4 +123,5 @@ TARGETS: Mapping[str, Target] = {
     "frame": Target(st.binary(max_size=600), frame, 500),
     "recording": Target(odd_recordings(), recording, 500),
     "project": Target(odd_projects(), project, 500),
+    "bench": Target(odd_benches(), bench, 150),
 }

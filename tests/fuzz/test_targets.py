@@ -1,4 +1,4 @@
-"""Strangers' bytes, 500 cases a door; `bench/host/fuzz.py` draws as many as it is asked for."""
+"""Strangers' bytes, up to 500 cases a door; `bench/host/fuzz.py` draws as many as it is asked for."""
 
 from __future__ import annotations
 

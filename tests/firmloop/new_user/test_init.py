@@ -192,6 +192,15 @@ def test_what_was_asked_for_is_taken(bench: Callable[[str, str], Path]) -> None:
     assert made["recordings"]["rename"]["speed_rpm"] == {"name": "speed_rad_s", "unit": "rpm"}
 
 
+@pytest.mark.parametrize("header", ["Zeit [s],Heizung [%],Temperatur [°C]", "t,Stellwert,Temperatur [°C]"])
+def test_a_drive_in_another_language_is_told_by_units(header: str, bench: Callable[[str, str], Path]) -> None:
+    names = header.split(",")
+    file = bench("a.csv", text(",".join([names[0], names[2], names[1]]), np.arange(600.0), HEATED, POWER))
+    assert main(["init", "a.csv"]) == 0
+    plant = tomllib.loads(file.with_suffix(".toml").read_text())["plant"]
+    assert plant["outputs"] == ["temperature_C"] and plant["input"].startswith(names[1].split()[0])
+
+
 def test_a_supply_and_a_reference_are_no_ends_of_the_plant(bench: Callable[[str, str], Path]) -> None:
     supply, reference = 12 - 0.1 * np.abs(DRIVE), np.roll(SPEED, -5)
     header = "time_s,supply_V,speed_ref_rad_s,speed_rad_s,motor_cmd_V,voltage_ff_V"
