@@ -79,9 +79,9 @@ def excitation(table: Mapping[str, object]) -> tuple[Array, Array]:
     at rest. Raises IdentifyError naming the key that is wrong.
     """
     name = table.get("signal")
-    if name not in excitations():
+    if not isinstance(name, str) or name not in excitations():
         raise IdentifyError(f"experiment.signal is {name!r}; known: {', '.join(excitations())}")
-    kind = excitations()[str(name)]
+    kind = excitations()[name]
     for key in table:
         if key not in (*SHARED_KEYS, *kind.keys):
             raise IdentifyError(
