@@ -83,18 +83,26 @@ def _folder(given: Path, out: Path | None, named: Sequence[Judge]) -> Path:
     from firmloop.output import results_folder
     from firmloop.project.table import ProjectError
     from firmloop.stages.board.images import link_images
-    from firmloop.stages.proving import judges_images
-    from firmloop.verify.proofs.judge import IMAGES
+    from firmloop.stages.forever.certificate import certificate
+    from firmloop.stages.proving import CERTIFICATE, judged
+    from firmloop.verify.proofs.judge import IMAGES, LOOP
+    from firmloop.verify.proofs.reading import read_claims
 
     if not given.is_file():
         return given
     if out is None:
         raise ProjectError(f"{given}: of a project, --out DIR says where its C goes")
     project = load(given)
-    with results_folder(out, (f"{IMAGES}/*.elf",)) as folder:
+    with results_folder(out, (f"{IMAGES}/*.elf", CERTIFICATE)) as folder:
         code = generate(project, stage=progress)
         write_files(code.files, folder)
-        if judges_images(named):
+        if judged(named, LOOP):
+            with progress("bounding the loop for all time"):
+                claims = read_claims(json.loads(code.files["proof.json"]))
+                found = certificate(project, code.design, code.plant, code.program, claims)
+            if named or found["found"]:  # where nobody asks for it by name, nothing found is nothing to judge
+                write_files({CERTIFICATE: f"{json.dumps(found, indent=1)}\n"}, folder)
+        if judged(named, IMAGES):
             with progress("linking the images"):
                 link_images(project, code.generated, folder)
     return out

@@ -19,6 +19,7 @@ from firmloop.verify.proofs.judge import Delivered, Judge
 from firmloop.verify.proofs.judges import every_judge
 from firmloop.verify.proofs.reading import read_claims
 
+CERTIFICATE = "loop.json"  # beside proof.json
 MOST_BYTES = 64 * 2**20  # of a file; a generated controller has a thousandth of it
 RANGES, COMPARED = ("intervals", "z3"), "compared with the proof, word by word"
 Judged = list[tuple[str, str]]  # claim, and who judged it
@@ -138,10 +139,10 @@ def chosen(names: Sequence[str]) -> tuple[Judge, ...]:
     return tuple(known[name] for name in dict.fromkeys(names))
 
 
-def judges_images(named: Sequence[Judge]) -> bool:
-    """Tell whether a judge of linked images is asked: one of `named`, or without names one that is installed."""
+def judged(named: Sequence[Judge], what: str) -> bool:
+    """Tell whether a judge of IMAGES or of a LOOP is asked: one of `named`, or without names one that is installed."""
     asked = named or [judge for judge in every_judge().values() if judge.version() is not None]
-    return any(judge.of_images for judge in asked)
+    return any(judge.of == what for judge in asked)
 
 
 def prove(folder: Path, named: Sequence[Judge]) -> Proving:
@@ -159,7 +160,8 @@ def prove(folder: Path, named: Sequence[Judge]) -> Proving:
         claims = read_claims(document)
     except ProofError as error:
         raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
-    delivered = Delivered(claims, folder / claims.name / "src")
+    loop = folder / CERTIFICATE
+    delivered = Delivered(claims, folder / claims.name / "src", _document(loop) if loop.exists() else None)
     rest = [judge for judge in every_judge().values() if not (named or judge.asked(delivered))]
     judgements = tuple(judge.judge(delivered) for judge in named or every_judge().values() if judge not in rest)
     absent = tuple(judge.judge(delivered) for judge in rest if judge.version() is None)

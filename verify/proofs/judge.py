@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, Judgement
 from firmloop.verify.proofs.claims import Claims, ProofError
 
 IMAGES = "images"  # the folder of linked images, beside proof.json
+PROGRAM, LOOP = "program", "loop"  # what a judge may judge besides images
 RANGES = "every operation, store and first value keeps its range and word, from every state a word can hold"
 
 
 @dataclass(frozen=True, slots=True)
 class Delivered:
-    """What is judged: the claims of proof.json, and the folder of the C beside it, None where there is none yet."""
+    """What is judged: the claims of proof.json, the folder of the C beside it, and loop.json; None where it is not."""
 
     claims: Claims
     folder: Path | None
+    loop: Mapping[str, Any] | None = None
 
     @property
     def images(self) -> tuple[Path, ...]:
@@ -38,11 +41,11 @@ class Judge:
     floats: bool  # has something to say of floating point
     version: Callable[[], str | None]
     run: Callable[[Delivered], tuple[str, str]]
-    of_images: bool = False  # judges linked images, and nothing else
+    of: str = PROGRAM  # or IMAGES, or LOOP: judges these, and nothing else
 
     def asked(self, delivered: Delivered) -> bool:
         """Tell whether it is asked of what is delivered where nobody names judges."""
-        there = not self.of_images or bool(delivered.images)
+        there = {PROGRAM: True, IMAGES: bool(delivered.images), LOOP: delivered.loop is not None}[self.of]
         return there and (self.floats or delivered.claims.fixed) and (self.own or self.version() is not None)
 
     def judge(self, delivered: Delivered) -> Judgement:

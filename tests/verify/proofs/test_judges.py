@@ -36,7 +36,7 @@ def delivered(tmp_path_factory: pytest.TempPathFactory) -> Delivered:
 
 
 def test_every_judge_says_what_it_claims_and_how_it_is_installed() -> None:
-    assert set(every_judge()) == {"esbmc", "intervals", "machine_code", "z3"}
+    assert set(every_judge()) == {"esbmc", "for_ever", "intervals", "machine_code", "z3"}
     for judge in every_judge().values():
         assert judge.claim and judge.install.startswith("pip install")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, TIMEOUT, UNKNOWN
 from firmloop.verify.proofs.claims import Claims
-from firmloop.verify.proofs.judge import Delivered, Judge
+from firmloop.verify.proofs.judge import IMAGES, Delivered, Judge
 from firmloop.verify.proofs.machine.image import read_code
 from firmloop.verify.proofs.machine.solver import APART, EQUAL
 from firmloop.verify.proofs.machine.step import step_ways
@@ -77,5 +77,5 @@ JUDGE = Judge(
     floats=False,
     version=_version,
     run=_run,
-    of_images=True,
+    of=IMAGES,
 )
