@@ -102,7 +102,8 @@ def main() -> int:
             call = [sys.executable, "-m", "bench.host.curves", curve, str(size)]
             done = subprocess.run(call, capture_output=True, text=True, check=False)
             if done.returncode:
-                print(f"{curve:10} {size:>11,}  {done.stderr.strip().splitlines()[-1]}", flush=True)
+                said = done.stderr.strip().splitlines() or [f"ended with status {done.returncode}"]
+                print(f"{curve:10} {size:>11,}  {said[-1]}", flush=True)
                 continue
             ratio, seconds, memory = map(float, done.stdout.split()[-3:])
             line = f"{curve:10} {size:>11,}  {ratio:9.1f} of the reference, {seconds:8.2f} s, {memory:7.0f} MB beyond"
