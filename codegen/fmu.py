@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from firmloop.codegen.bundle import Bundle, CodegenError
 from firmloop.codegen.delivery import CONTRACT
@@ -18,7 +18,7 @@ from firmloop.codegen.environment import c_comment, render
 from firmloop.codegen.view import c_type, physical, setter_name
 from firmloop.quantize.program import Program, Value
 
-_OWN = ("time", "status_word")  # variables of the FMU besides the signals
+OWN = ("time", "status_word")  # variables of the FMU besides the signals
 _WHOLE = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "Int64", "UInt64", "Boolean", "String")
 _MODES = (
     *("ExitInitializationMode", "EnterEventMode", "Terminate", "EnterConfigurationMode", "ExitConfigurationMode"),
@@ -61,6 +61,11 @@ _UNSUPPORTED = {  # by name: the arguments behind the instance
     ),
     "SetContinuousStates": "const fmi3Float64 v[], size_t n",
 }
+_OF_STATE = {
+    "GetFMUState": "fmi3FMUState *s",
+    "SetFMUState": "fmi3FMUState s",
+    "FreeFMUState": "fmi3FMUState *s",
+}
 
 
 def fmu_files(program: Program, bundle: Bundle, command: str) -> Mapping[str, str]:
@@ -72,7 +77,7 @@ def fmu_files(program: Program, bundle: Bundle, command: str) -> Mapping[str, st
         when a signal is called like a variable of the FMU itself.
     """
     for value in (*program.inputs, *program.outputs, *program.parameters):
-        if value.name in _OWN:
+        if value.name in OWN:
             raise CodegenError(f"signal {value.name!r} is a variable of every FMU: choose another name")
     view = _view(program, bundle, command)
     return {
@@ -103,7 +108,8 @@ def _view(program: Program, bundle: Bundle, command: str) -> dict[str, object]:
     return {
         "name": program.name,
         "macro": program.name.upper(),
-        "program_id": program.id,
+        "token": program.id,
+        "keeps_state": "true",
         "version": tool_version(),
         "command": command,
         "says": c_comment(f"{program.name}, a controller in {program.arithmetic}, as firmloop has verified it"),
@@ -117,11 +123,29 @@ def _view(program: Program, bundle: Bundle, command: str) -> dict[str, object]:
         "status": status,
         "unknowns": [*(each["reference"] for each in outputs), status],
         "units": sorted({str(each["unit"]) for each in every}),
-        "bits": "; ".join(f"bit {flag.bit}: {flag.says}" for flag in program.status) or "always 0",
+        "status_words": [
+            {
+                "reference": status,
+                "bits": "; ".join(f"bit {flag.bit}: {flag.says}" for flag in program.status) or "always 0",
+            }
+        ],
+        **standard_functions((), ()),
+    }
+
+
+def standard_functions(types: Sequence[str], more: Sequence[str]) -> dict[str, object]:
+    """Return what a template prints of functions that the standard names and an FMU has no use for.
+
+    `types` are further ones that it has no variable of, `more` the functions of a state that it does not keep.
+    """
+    return {
         "modes": _MODES,
-        "getters": ("Float32", *_WHOLE),
+        "getters": ("Float32", *types, *_WHOLE),
         "setters": ("Float32", "UInt32", *_WHOLE),
-        "unsupported": [_refused(name, behind) for name, behind in _UNSUPPORTED.items()],
+        "unsupported": [
+            *(_refused(name, behind) for name, behind in _UNSUPPORTED.items()),
+            *(_refused(name, _OF_STATE[name]) for name in more),
+        ],
     }
 
 

@@ -63,7 +63,8 @@ class Timing:
     stretch: float = 0.0  # of the outputs' clock
     breaks: tuple[float, ...] = ()  # s
     slew: float = np.inf  # input unit per s
-    maps: tuple[tuple[Change, float], ...] = ()  # what is done to the input and by how much, in order
+    # What is done to the input and by how much, in order; and the same as a C expression of u and size.
+    maps: tuple[tuple[Change, float, str], ...] = ()
 
     def key(self) -> tuple[object, ...]:
         """Return what the segments of a course depend on."""
@@ -177,9 +178,9 @@ class Assembly:
         """Replace an output by code(...) of it."""
         self._term(OUTPUT, code, output, constants, 1.0, STEADY)
 
-    def map_input(self, change: Change, size: float) -> None:
-        """Replace the first input (n,), as it is recorded, by change(input, size)."""
-        self.timing.maps = (*self.timing.maps, (change, size))
+    def map_input(self, change: Change, size: float, c: str) -> None:
+        """Replace the first input (n,), as it is recorded, by change(input, size); `c` is that of u and size in C."""
+        self.timing.maps = (*self.timing.maps, (change, size, c))
 
     def lag_output(self, output: int, time_constant: float) -> None:
         """Filter an output by a first-order lag."""

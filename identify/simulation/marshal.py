@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -81,10 +82,11 @@ class _Problem(ctypes.Structure):
 class Equations:
     """Compiled equations of a plant that is not linear; what is linear is null.
 
-    `bent` is the effort of the first balance that has one.
+    `bent` is the effort of the first balance that has one; `texts` are their C, of which `plant.c` takes in the others.
     """
 
     library: ctypes.CDLL
+    texts: Mapping[str, str]
     rate: int
     reading: int
     bent: int
@@ -93,14 +95,19 @@ class Equations:
 
 @dataclass(slots=True)
 class Job:
-    """An assembly in the form the simulator takes; `held` keeps the arrays alive that `problem` points to."""
+    """An assembly in the form the simulator takes; what is in it keeps the arrays alive that `problem` points to."""
 
     assembly: Assembly
     problem: _Problem
     timing: Timing
     delay: float  # s, the plant's own
     rest: float  # the first input before a recording begins
-    held: tuple[object, ...]
+    arrays: Mapping[str, Array]  # what `problem` holds under their names, one after the other in `room`
+    room: Array
+    term: ctypes.Array[_Term]
+    coordinate: ctypes.Array[_Coordinate]
+    lag: NDArray[np.int32]
+    equations: Equations | None
 
 
 @cache
@@ -134,7 +141,8 @@ def library(states: int = 0, inputs: int = 0) -> ctypes.CDLL:
 
 
 @cache
-def _library(states: int, inputs: int) -> ctypes.CDLL:
+def driver_texts() -> dict[str, str]:
+    """Return the C of the simulator with the functions of all effects; `segments.c` takes in the others."""
     lines = [
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
@@ -164,7 +172,12 @@ def _library(states: int, inputs: int) -> ctypes.CDLL:
     ]
     folder = files("firmloop.identify.simulation").joinpath("integrator")
     driver = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _DRIVER}
-    texts = {"terms.c": "\n".join(['#include "memo.h"', *lines]), **driver}
+    return {"terms.c": "\n".join(['#include "memo.h"', *lines]), **driver}
+
+
+@cache
+def _library(states: int, inputs: int) -> ctypes.CDLL:
+    texts = driver_texts()
     sizes = (f"-DSTATES={states}", f"-DINPUTS={inputs}") if states else ()
     loaded = ctypes.CDLL(str(shared_library(texts, ["segments.c"], (*_FLAGS, *sizes))))
     loaded.at_point.restype = None
@@ -207,6 +220,7 @@ def equations_of(plant: Plant, writer: FormWriter) -> Equations:
     straight = writer.linear_rate
     return Equations(
         loaded,
+        texts,
         0 if straight else place["rate"],
         0 if writer.linear_reading else place["reading"],
         0 if writer.linear_effort else place["bent"],
@@ -281,7 +295,7 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
     names = [parameter.name for parameter in made.plant.parameters]
     delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
     rest = float(constants[names.index(made.plant.input_at_rest)]) if made.plant.input_at_rest is not None else 0.0
-    return Job(made, problem, made.timing, delay, rest, (terms, coordinates, room, lag, equations))
+    return Job(made, problem, made.timing, delay, rest, arrays, room, terms, coordinates, lag, equations)
 
 
 def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:

@@ -124,7 +124,7 @@ def mapped(drive: Array, timing: Timing) -> Array:
     if not timing.maps:
         return drive
     value = drive.copy()
-    for change, size in timing.maps:
+    for change, size, _ in timing.maps:
         value[:, 0] = change(value[:, 0], size)
     return value
 

@@ -25,7 +25,7 @@ def shrunk(value: Array, half_width: float) -> Array:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    assembly.map_input(shrunk, values[0])
+    assembly.map_input(shrunk, values[0], "u - fmin(fmax(u, -size), size)")
 
 
 def holding(site: Site, values: tuple[float, ...]) -> Holding:

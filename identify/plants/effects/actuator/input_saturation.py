@@ -25,7 +25,7 @@ def clipped(value: Array, limit: float) -> Array:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    assembly.map_input(clipped, values[0])
+    assembly.map_input(clipped, values[0], "fmin(fmax(u, -size), size)")
 
 
 EFFECT = Effect(
