@@ -19,7 +19,7 @@ from firmloop.identify.recordings.columns import Column, RowClock, arranged
 from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.stamps import check_stamps
-from firmloop.identify.recordings.table import Misread, RawTable
+from firmloop.identify.recordings.table import Misread, RawTable, without_row_numbers
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 
@@ -83,6 +83,7 @@ def read_raw(path: Path) -> tuple[RawTable, str]:
         raise IdentifyError(f"{path}: is empty; write one header line (time_s, then the signals) and the samples")
     raw = form.read(content)
     if isinstance(raw, RawTable):
+        raw = without_row_numbers(raw)
         raw = check_columns(len(raw.names)) or raw
     if isinstance(raw, Misread):
         where = f"{raw.where}: " if raw.where else ""

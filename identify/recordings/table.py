@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,13 @@ class Misread:
 
 
 def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawTable | Misread:
-    """Check arrays of a binary file (one per column) and count their rows from 1."""
+    """Check arrays of a binary file (one per column) and count their rows from 1.
+
+    Dates become seconds from the first; text, and single values beside arrays, are left aside.
+    """
     columns = []
+    aside = tuple(name for name, array in arrays if _is_a_remark(array))
+    arrays = tuple((name, _seconds(array)) for name, array in arrays if name not in aside)
     for name, array in arrays:
         if array.ndim != 1:
             shape = "x".join(str(size) for size in array.shape) or "scalar"
@@ -49,4 +54,35 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
             wrong = f"has {len(columns[-1])} rows where {arrays[0][0]} has {len(columns[0])}"
             return Misread(f"column {name}", wrong, "store every signal with one value per row of time_s")
     rows = len(columns[0]) if columns else 0
-    return RawTable(tuple(name for name, _ in arrays), tuple(columns), "row", np.arange(1, rows + 1))
+    names = tuple(name for name, _ in arrays)
+    notes = (f"holds {', '.join(aside)[:80]} beside its columns, left aside",) if aside and columns else ()
+    return RawTable(names, tuple(columns), "row", np.arange(1, rows + 1), (), notes)
+
+
+def without_row_numbers(table: RawTable) -> RawTable:
+    """Return the table without a column that has no name and counts the rows, as spreadsheets of Python write it."""
+    counts = [
+        k
+        for k, (name, values) in enumerate(zip(table.names, table.columns, strict=True))
+        if not name and len(values) > 1 and bool(np.all(np.diff(values) == 1.0))
+    ]
+    if len(counts) != 1:
+        return table
+    kept = [k for k in range(len(table.names)) if k not in counts]
+    return replace(
+        table,
+        names=tuple(table.names[k] for k in kept),
+        columns=tuple(table.columns[k] for k in kept),
+        units=tuple(table.units[k] for k in kept) if table.units else (),
+        notes=(*table.notes, "has a column of row numbers without a name, left aside"),
+    )
+
+
+def _is_a_remark(array: NDArray[np.generic]) -> bool:
+    return array.ndim == 0 or array.dtype.kind in "USO"
+
+
+def _seconds(array: NDArray[np.generic]) -> NDArray[np.generic]:
+    if array.dtype.kind not in "mM" or not len(array):
+        return array
+    return np.asarray((array - array[0]) / np.timedelta64(1, "ns"), dtype=np.float64) * 1e-9

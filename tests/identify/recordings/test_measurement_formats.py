@@ -192,6 +192,23 @@ def test_every_file_gives_the_same_recording(name: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(recording.columns[signal], values)
 
 
+def test_dates_text_and_single_values_of_a_table_are_read_or_left_aside(tmp_path: Path) -> None:
+    buffer = io.BytesIO()
+    stamps = np.datetime64("2024-12-31T23:59:59.9", "ns") + np.round(COLUMNS["time_s"] * 1e9).astype("timedelta64[ns]")
+    np.savez(buffer, time_s=stamps, voltage_V=COLUMNS["voltage_V"], note="bench 3", rate=100.0)
+    (tmp_path / "r.npz").write_bytes(buffer.getvalue())
+    recording = read(tmp_path / "r.npz")
+    np.testing.assert_allclose(recording.time, COLUMNS["time_s"], atol=1e-9)
+    assert recording.notes == ("r.npz holds note, rate beside its columns, left aside",)
+
+
+def test_row_numbers_without_a_name_are_left_aside(tmp_path: Path) -> None:
+    rows = (f"{k},{t:.2f},{u:.9g}" for k, (t, u) in enumerate(zip(*list(COLUMNS.values())[:2], strict=True)))
+    (tmp_path / "r.csv").write_text("\n".join([",time_s,voltage_V", *rows]))
+    recording = read(tmp_path / "r.csv")
+    assert list(recording.columns) == ["voltage_V"] and "row numbers" in recording.notes[0]
+
+
 def test_units_of_a_file_are_taken(tmp_path: Path) -> None:
     columns = {"t": COLUMNS["time_s"] * 1e3, "voltage_V": COLUMNS["voltage_V"]}
     (tmp_path / "r.h5").write_bytes(hdf5("", {"t": "ms"}, columns))
