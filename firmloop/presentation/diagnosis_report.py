@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from firmloop.diagnose.run import Diagnosis
     from firmloop.diagnose.search.found import Search
     from firmloop.identify.plants.plant import Plant
+    from firmloop.identify.signal import Signal
     from firmloop.stages.data import Data
 
 Array = NDArray[np.float64]
@@ -140,13 +141,18 @@ def _courses(made: Diagnosis) -> list[str]:
             for index, signal in enumerate(problem.plant.outputs):
                 title = f"{role}: {Path(recording.source).name}, {signal.name}"
                 course = [run[:, index] for run in runs]
-                drawn.append(_course(title, signal.unit, recording.time, measured[:, index], course))
+                inputs = [(each, recording.columns[each.name]) for each in problem.plant.inputs]
+                drawn.append(_course(title, signal.unit, recording.time, measured[:, index], course, inputs))
     return drawn
 
 
-def _course(title: str, unit: str, time: Array, measured: Array, runs: Sequence[Array]) -> str:
-    with styled(8.6, 3.6) as figure:
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), squeeze=True)
+def _course(
+    title: str, unit: str, time: Array, measured: Array, runs: Sequence[Array], inputs: Sequence[tuple[Signal, Array]]
+) -> str:
+    """Draw the recording and the runs, what they leave, and the inputs."""
+    with styled(8.6, 3.6 + 0.9 * len(inputs)) as figure:
+        ratios = (3, 2, *[1] * len(inputs))
+        above, below, *drives = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=True)
         above.plot(*thinned(time, measured, _COLUMNS), color=DATA, linewidth=1.9, label="recorded")
         names, colors = ("as given", "refitted", "explained"), (LIMIT, MODEL, DRIVE)
         for run, name, color in zip(runs, names, colors, strict=True):
@@ -154,14 +160,21 @@ def _course(title: str, unit: str, time: Array, measured: Array, runs: Sequence[
                 above.plot(*thinned(time, run, _COLUMNS), color=color, linewidth=0.9, label=name)
                 below.plot(*thinned(time, measured - run, _COLUMNS), color=color, linewidth=0.8)
         # As given may miss by so much that nothing else could be seen.
-        lefts = [np.max(np.abs(measured - run)) for run in runs[1:] if np.all(np.isfinite(run))]
-        if lefts and max(lefts) > 0.0:
-            below.set_ylim(-1.5 * max(lefts), 1.5 * max(lefts))
+        sound = [run for run in runs[1:] if np.all(np.isfinite(run))]
+        if sound and (most := max(float(np.max(np.abs(measured - run))) for run in sound)) > 0.0:
+            below.set_ylim(-1.5 * most, 1.5 * most)
+        low, high = (float(end) for end in np.percentile(np.concatenate([measured, *sound]), (0.0, 100.0)))
+        if high > low:
+            above.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
+        for axes, (signal, values) in zip(drives, inputs, strict=True):
+            axes.plot(*thinned(time, values, _COLUMNS), color=DRIVE, linewidth=0.9)
+            axes.set_ylabel(f"{signal.name}\n{signal.unit or '1'}")
         above.set_title(title)
         above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
         above.set_ylabel(unit or "1")
         below.set_ylabel(f"residual\n{unit or '1'}")
-        below.set_xlabel("time, s")
+        figure.axes[-1].set_xlabel("time, s")
+        figure.align_ylabels()
         return labelled(title, svg(figure))
 
 

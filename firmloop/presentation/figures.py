@@ -106,8 +106,10 @@ def comparison_figure(comparison: CurvePair) -> str:
 
 
 def labelled(says: str, picture: str) -> str:
-    """Put a picture into a page, with a name for who does not see it."""
-    return f'<div role="img" aria-label="{html.escape(says)}">{picture}</div>'
+    """Put a picture into a page, with a name for who does not see it; on a narrow screen it can be scrolled."""
+    name = html.escape(says)
+    seen = f'<div role="img" aria-label="{name}">{picture}</div>'
+    return f'<div class="scroll" role="group" aria-label="figure: {name}" tabindex="0">{seen}</div>'
 
 
 def step_figure(step: Step) -> str:

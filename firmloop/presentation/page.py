@@ -41,9 +41,11 @@ thead th { font-weight: 600; } tbody th { font-weight: normal; }
 .card b { display: block; }
 pre { background: var(--soft); padding: .8rem 1rem; overflow-x: auto; font-size: 12.5px; line-height: 1.4; }
 code { font-size: .92em; overflow-wrap: anywhere; } svg { width: 100%; height: auto; }
+@media (max-width: 40rem) { .scroll svg { min-width: 36rem; } }
 @media print {
   body { max-width: none; margin: 0; padding: 0; font-size: 10pt; color: #000; background: #fff; }
   nav { display: none; } .scroll, pre { overflow: visible; } pre { white-space: pre-wrap; }
+  .scroll svg { min-width: 0; } td, th { white-space: normal; padding-right: .6rem; } td.long { min-width: 0; }
   h2, h3 { break-after: avoid; } svg, tr, .card { break-inside: avoid; }
 }
 """.strip()

@@ -198,7 +198,7 @@ def code_section(generated: Generated) -> list[str]:
         "<h2>C</h2>",
         f"<p>{html.escape(program.arithmetic)}, {len(program.body)} operations, program <code>{program.id}</code></p>",
         page_table(("file", "size"), sizes),
-        f"<pre>{html.escape(_step_function(bundle.files[bundle.sources[0]], program.name))}</pre>",
+        block("C of a step", _step_function(bundle.files[bundle.sources[0]], program.name)),
     ]
 
 
@@ -240,7 +240,7 @@ def targets_section(outcomes: Sequence[Outcome], design: Design) -> list[str]:
         if verdict.searches:
             parts.append(labelled("the steps about the one that took longest", search_figure(verdict.searches)))
         if verdict.first:
-            parts.append(f"<pre>{html.escape(chr(10).join(words.about_outcome(outcome)))}</pre>")
+            parts.append(block("what differs", "\n".join(words.about_outcome(outcome))))
     return parts
 
 
@@ -258,6 +258,11 @@ def _target_loop(loop: ClosedLoop, design: Design) -> Step:
         output.unit,
         (design.gains.get("u_min", output.low), design.gains.get("u_max", output.high)),
     )
+
+
+def block(says: str, text: str) -> str:
+    """Return text as it is; what does not fit on a narrow screen can be scrolled to, by keys as well."""
+    return f'<pre role="group" aria-label="{html.escape(says)}" tabindex="0">{html.escape(text)}</pre>'
 
 
 def page_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -13,6 +13,11 @@ from pathlib import Path
 import pytest
 
 from firmloop.cli import main
+from firmloop.codegen.bundle import write_files
+from firmloop.codegen.emit import emit
+from firmloop.design.kinds import kinds
+from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.program import QuantizeError
 from tests.firmloop.conftest import PROJECT
 
 NAME = "tank_heater"
@@ -256,6 +261,46 @@ def test_a_rust_program_that_depends_on_the_folder_gets_the_same_bits(delivery: 
     ran(["gcc", "-std=c99", f"-I{source}", "same.c", str(source / f"{NAME}.c"), "-o", "same"], tmp_path)
     lines = ran([str(tmp_path / "target" / "debug" / "user")], tmp_path).splitlines()
     assert len(set(lines)) > 40 and lines == ran([str(tmp_path / "same")], tmp_path).splitlines()
+
+
+CORES = {
+    "avr-gcc": ["-mmcu=atmega2560"],
+    "arm-none-eabi-gcc": ["-mcpu=cortex-m0plus", "-mthumb", "--specs=nosys.specs", "-Wl,--no-warnings"],
+}
+
+
+@pytest.mark.parametrize("compiler", CORES)
+def test_the_compilers_of_arduino_boards_link_the_library(compiler: str, delivery: Path, tmp_path: Path) -> None:
+    """As their build does it: all C below src/, gnu11, for size."""
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    (tmp_path / "sketch.c").write_text(USER)
+    source = delivery / NAME / "src"
+    files = [str(path) for path in source.rglob("*.c")]
+    flags = [*CORES[compiler], "-std=gnu11", "-Os", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off"]
+    ran([compiler, *flags, f"-I{source}", "sketch.c", *files, "-o", "sketch.elf"], tmp_path)
+
+
+EVERYTHING = [
+    "-Weverything",
+    "-Wno-padded",  # what a structure loses to alignment is the user's to weigh
+    "-Wno-declaration-after-statement",  # which C99 has
+    "-Wno-float-equal",  # a NaN is what is not equal to itself, and limits are met exactly
+]
+
+
+@need("clang")
+@pytest.mark.parametrize("arithmetic", ["float32", "fixed16"])
+@pytest.mark.parametrize("kind", kinds())
+def test_clang_finds_nothing_in_any_kind(kind: str, arithmetic: str, tmp_path: Path) -> None:
+    try:
+        program = lower(kinds()[kind].design(kinds()[kind].example).law, arithmetic)
+    except QuantizeError as error:
+        pytest.skip(str(error))
+    bundle = emit(program, "firmloop generate p.toml")
+    write_files(bundle.files, tmp_path)
+    command = ["clang", "-std=c99", "-Werror", *EVERYTHING, "-ffp-contract=off", "-O1", "-c", *bundle.sources]
+    ran(command, tmp_path)
 
 
 def properties(text: str) -> Mapping[str, str]:

@@ -39,8 +39,8 @@ def evidence_page(evidence: EvidenceFile, command: str) -> str:
         _named(("key", "assumption"), document["assumptions"]),
         "<h2>Claims, judges and results</h2>",
         page_table(
-            ("claim", "says", "judge", "version", "result", ""),
-            [(one.name, one.says, one.judge, one.version, one.result, one.detail) for one in evidence.claims],
+            ("claim", "result", "says", "judge", "version", ""),
+            [(one.name, one.result, one.says, one.judge, one.version, one.detail) for one in evidence.claims],
         ),
         *_list("<h2>Not judged</h2>", evidence.not_judged),
         f"<h2>Departures from {' and '.join(EDITIONS)}</h2>",

@@ -132,6 +132,13 @@ def test_report(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
         assert word in page, word
 
 
+def test_what_scrolls_on_a_narrow_screen_can_be_reached_by_keys(walk: Walk) -> None:
+    page = report(walk)
+    blocks = re.findall(r'<pre[^>]*>|<div class="scroll"[^>]*>', page)
+    assert page.count("<svg") == page.count('aria-label="figure: ') and "<pre " in page
+    assert all('tabindex="0"' in each and 'aria-label="' in each for each in blocks)
+
+
 def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk) -> None:
     project.write_text(project.read_text() + '\n[tuning]\nrules = ["simc", "lambda", "lqr"]\n')
     tuned = beside(read_project(project), walk.design, walk.fit.plant)
