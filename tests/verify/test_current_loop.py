@@ -53,7 +53,8 @@ RANGES = {
 def request(**table: object) -> Request:
     inputs = tuple(Signal(name, *wire) for name, wire in RANGES.items())
     outputs = tuple(Signal(f"duty_{phase}", "1", 0.0, 1.0) for phase in "abc")
-    return Request("spindle", {**TABLE, **table}, PERIOD, inputs, outputs, None)
+    told = {key: value for key, value in {**TABLE, **table}.items() if value is not None}
+    return Request("spindle", told, PERIOD, inputs, outputs, None)
 
 
 @dataclass
@@ -177,6 +178,10 @@ WRONG = {
         {"bandwidth_rad_s": 1e3, "Ld_H": 1e-6},
         "longer than the time constant of the winding, 2.78e-06",
     ),
+    "coil too quick for gains": (
+        {"kp_d": 1.0, "ki_d": 1e3, "kp_q": 1.0, "ki_q": 1e3, "tune": None, "Ld_H": 1e-6},
+        "longer than the time constant of the winding, 2.78e-06",
+    ),
     "modulation": ({"bandwidth_rad_s": 1e3, "modulation": 1.2}, "controller.modulation = 1.2 is out of range"),
     "decoupling": ({"bandwidth_rad_s": 1e3, "decoupling": 1}, "controller.decoupling = 1 is not a truth value"),
     "tracking": ({"bandwidth_rad_s": 1e3, "tt_s": 1e-6}, "controller.tt_s = 1e-06 is below period_s = 5e-05"),
@@ -193,6 +198,8 @@ def test_what_is_wrong_is_named(case: str) -> None:
 
 
 SWAPPED = {
+    "a supply too low": (("supply_V", "V", 6.0, 30.0), "the 20 A of signals.reference_q_A take 7.2 V at rest already"),
+    "counts": (("angle_rad", "counts", 0.0, 4096.0), "a foc takes it in 'rad': convert it"),
     "a supply that can be 0": (("supply_V", "V", 0.0, 30.0), "without a supply there is no duty"),
     "degrees": (("angle_rad", "deg", -180.0, 180.0), "signals.angle_rad is in 'deg'; a foc takes it in 'rad'"),
     "another name": (("theta", "rad", -3.0, 3.0), "they must be reference_d_A, reference_q_A"),

@@ -10,7 +10,8 @@ import casadi as ca
 
 from firmloop.design.design import Request
 from firmloop.design.kinds.foc.dead_time import DeadTime
-from firmloop.design.kinds.foc.wires import OUTPUTS
+from firmloop.design.kinds.foc.observer import Frame, Observer
+from firmloop.design.kinds.foc.wires import DUTIES
 from firmloop.design.law import Flag, Law, Scalar
 from firmloop.design.linear.linear_law import check_names, symbols
 from firmloop.identify.signal import Signal
@@ -41,6 +42,7 @@ class CurrentLoop:
     d_share: float
     tracking: float  # h/tt
     dead: DeadTime | None = None
+    observer: Observer | None = None
 
 
 def write(request: Request, loop: CurrentLoop) -> Law:
@@ -48,16 +50,22 @@ def write(request: Request, loop: CurrentLoop) -> Law:
     wires = {wire.name: wire for wire in request.inputs}
     z = dict(zip(wires, symbols(list(wires)), strict=True))
     held_d, held_q = symbols(["integral_d", "integral_q"])
+    further = loop.observer.states() if loop.observer is not None else ()
+    seen = {signal.name: ca.SX.sym(signal.name) for signal, _, _ in further}
+    if loop.observer is not None:
+        frame = loop.observer.frame(seen, (z["reference_d_A"], z["reference_q_A"]))
+    else:
+        frame = Frame(z["angle_rad"], z["speed_rad_s"], z["reference_d_A"], z["reference_q_A"])
     supply_range = wires["supply_V"]
     supply = ca.fmin(ca.fmax(z["supply_V"], supply_range.low), supply_range.high)
-    cosine, sine = ca.cos(z["angle_rad"]), ca.sin(z["angle_rad"])
+    cosine, sine = ca.cos(frame.angle), ca.sin(frame.angle)
     along, across = z["current_a_A"], (1.0 / ROOT_3) * (z["current_a_A"] + 2.0 * z["current_b_A"])
     i_d, i_q = cosine * along + sine * across, cosine * across - sine * along
-    e_d, e_q = z["reference_d_A"] - i_d, z["reference_q_A"] - i_q
+    e_d, e_q = frame.reference_d - i_d, frame.reference_q - i_q
     v_d, v_q = loop.d.kp * e_d + held_d, loop.q.kp * e_q + held_q
     if loop.flux:
-        v_d = v_d - (loop.d.coupled * z["speed_rad_s"]) * i_q
-        v_q = v_q + (loop.q.coupled * z["speed_rad_s"]) * i_d + loop.flux * z["speed_rad_s"]
+        v_d = v_d - (loop.d.coupled * frame.speed) * i_q
+        v_q = v_q + (loop.q.coupled * frame.speed) * i_d + loop.flux * frame.speed
     most = loop.modulation / ROOT_3  # of the supply, as all that follows
     free_d, free_q = v_d / supply, v_q / supply
     u_d = ca.fmin(ca.fmax(free_d, -loop.d_share * most), loop.d_share * most)
@@ -74,16 +82,21 @@ def write(request: Request, loop: CurrentLoop) -> Law:
     # In halves of the supply's share, whose common part is then a sum. The three sum up to 0, so that it is half of the
     # middle one: of b and c the larger is a quarter of alpha below |side|.
     alpha, beta = cosine * u_d - sine * u_q, sine * u_d + cosine * u_q
+    if loop.observer is not None:
+        given = supply * alpha, supply * beta
+        after += loop.observer.after(seen, frame, z["reference_q_A"], (along, across), given)
     if loop.dead is not None:
-        lost = loop.dead.share(z["reference_d_A"], z["reference_q_A"], (cosine, sine), supply)
+        lost = loop.dead.share(frame.reference_d, frame.reference_q, (cosine, sine), supply)
         alpha, beta = alpha + lost[0], beta + lost[1]
     quarter = 0.25 * alpha
     side = (ROOT_3 / 4.0) * beta
     a, b, c = 2.0 * quarter, side - quarter, -side - quarter
     wide = ca.fabs(side)
     raised = ca.fmax(ca.fmin(a, wide - quarter), -wide - quarter) + 0.5
-    halves = dict(zip(OUTPUTS, (a, b, c), strict=True))
-    duties = [ca.fmin(ca.fmax(2.0 * halves[w.name] + raised, 0.0), 1.0) for w in request.outputs]
+    halves = dict(zip(DUTIES, (a, b, c), strict=True))
+    told = {name: ca.fmin(ca.fmax(2.0 * half + raised, 0.0), 1.0) for name, half in halves.items()}
+    for wire in request.outputs[len(DUTIES) :] if loop.observer is not None else ():
+        told[wire.name] = ca.fmin(ca.fmax(frame.angle if wire.unit == "rad" else frame.speed, wire.low), wire.high)
     named = {
         "cosine": ("1", cosine),
         "sine": ("1", sine),
@@ -100,10 +113,10 @@ def write(request: Request, loop: CurrentLoop) -> Law:
     check_names(request, ["integral_d", "integral_q", *named])
     stage = ca.Function(
         "law",
-        [ca.vertcat(held_d, held_q), ca.vertcat(*z.values())],
+        [ca.vertcat(held_d, held_q, *seen.values()), ca.vertcat(*z.values())],
         [
             ca.vertcat(*after),
-            ca.vertcat(*duties),
+            ca.vertcat(*(told[wire.name] for wire in request.outputs)),
             ca.logic_or(u_d != free_d, u_q != free_q),
             ca.vertcat(*(value for _, value in named.values())),
         ],
@@ -116,12 +129,15 @@ def write(request: Request, loop: CurrentLoop) -> Law:
         period=request.period,
         inputs=request.inputs,
         outputs=request.outputs,
-        state=tuple(
-            Signal(name, "V", -reach, reach)
-            for name, reach in zip(("integral_d", "integral_q"), _reaches(loop, wires), strict=True)
+        state=(
+            *(
+                Signal(name, "V", -reach, reach)
+                for name, reach in zip(("integral_d", "integral_q"), _reaches(loop, wires), strict=True)
+            ),
+            *(signal for signal, _, _ in further),
         ),
-        start=(0.0, 0.0),
-        why=(WHY, WHY),
+        start=(0.0, 0.0, *(begin for _, begin, _ in further)),
+        why=(WHY, WHY, *(why for _, _, why in further)),
         flags=(Flag("saturated", "the voltage stands at its limit"),),
         stages=(Scalar(stage, tuple(Signal(name, unit, -math.inf, math.inf) for name, (unit, _) in named.items())),),
         paired=False,
@@ -135,8 +151,11 @@ def _reaches(loop: CurrentLoop, wires: Mapping[str, Signal]) -> tuple[float, flo
     most = loop.modulation * size["supply_V"] / ROOT_3
     reaches = []
     for axis, reference, flux in ((loop.d, "reference_d_A", 0.0), (loop.q, "reference_q_A", loop.flux)):
-        error = abs(axis.ki * loop.period - a * axis.kp) * (size[reference] + vector)
-        turning = size["speed_rad_s"] * (axis.coupled * vector + flux)
+        asked = max(size[reference], loop.observer.start if loop.observer is not None else 0.0)
+        error = abs(axis.ki * loop.period - a * axis.kp) * (asked + vector)
+        turning = (size["speed_rad_s"] if loop.observer is None else loop.observer.fastest) * (
+            axis.coupled * vector + flux
+        )
         reaches.append(ROOM * (error / a + most + turning))
     return reaches[0], reaches[1]
 
@@ -146,4 +165,5 @@ def _says(loop: CurrentLoop) -> str:
         f"field-oriented current control: kp_d {loop.d.kp:.6g} V/A, ki_d {loop.d.ki:.6g} V/A/s, kp_q {loop.q.kp:.6g} "
         f"V/A, ki_q {loop.q.ki:.6g} V/A/s{', decoupled' if loop.flux else ''}"
         f"{f'; feedforward for dead_time, {loop.dead.voltage:.6g} V' if loop.dead else ''}"
+        f"{f'; without an encoder, {loop.observer.kind} observer' if loop.observer else ''}"
     )

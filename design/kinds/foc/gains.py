@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from firmloop.design.design import Request
 from firmloop.design.law import DesignError
-from firmloop.design.table import positive
+from firmloop.design.table import positive, real
 
 MACHINE = ("R_ohm", "Ld_H", "Lq_H", "flux_Wb")
 GAINS = ("kp_d", "ki_d", "kp_q", "ki_q")
@@ -34,6 +34,27 @@ def resistance_of(request: Request) -> float | None:
     return machine_of(request, MACHINE[:1])["R_ohm"] if told else None
 
 
+def check_drive(request: Request) -> None:
+    """Refuse a period that the winding is quicker than, and a supply that cannot even hold the currents at rest."""
+    resistance, wires = resistance_of(request), {wire.name: wire for wire in request.inputs}
+    if resistance is None:
+        return
+    told = all(key in request.table for key in MACHINE[1:3]) or "pmsm" == getattr(request.plant, "kind", "")
+    quickest = min(machine_of(request, MACHINE[1:3]).values()) / resistance if told else math.inf
+    if request.period > quickest:
+        raise DesignError(
+            f"period_s = {request.period:g} is longer than the time constant of the winding, {quickest:.3g} s: the "
+            "current would be there before the next sample; give a shorter period"
+        )
+    asked = max(abs(wires["reference_q_A"].low), abs(wires["reference_q_A"].high))
+    given = real(request.table, "modulation", 1.0) * wires["supply_V"].low / math.sqrt(3.0)
+    if resistance * asked > given:
+        raise DesignError(
+            f"signals.supply_V goes down to {wires['supply_V'].low:g} V, which gives {given:.3g} V; the {asked:g} A of "
+            f"signals.reference_q_A take {resistance * asked:.3g} V at rest already: raise the one or lower the other"
+        )
+
+
 def tuned(request: Request, machine: Mapping[str, float]) -> Mapping[str, float]:
     """Cancel the pole of each axis, and leave an integrator that crosses at the bandwidth."""
     table, h = request.table, request.period
@@ -43,12 +64,6 @@ def tuned(request: Request, machine: Mapping[str, float]) -> Mapping[str, float]
             f"controller.{given[0]} = {table[given[0]]!r} is given beside tune = 'pole_zero'; remove one of the two"
         )
     bandwidth = positive(table, "bandwidth_rad_s", None)
-    quickest = min(machine["Ld_H"], machine["Lq_H"]) / machine["R_ohm"]
-    if h > quickest:
-        raise DesignError(
-            f"period_s = {h:g} is longer than the time constant of the winding, {quickest:.3g} s: the current would be "
-            "there before the next sample; give a shorter period"
-        )
     if margin(bandwidth, h) < LEAST_MARGIN:
         most = (math.pi / 2 - LEAST_MARGIN) / (LAG * h)
         raise DesignError(

@@ -32,6 +32,9 @@ time (default kp/ki of the slower axis).
 
 `[controller.feedforward] from = "effects"` gives back what the plant's effect dead_time takes, see `dead_time.py`.
 
+`observer = "flux"` or `"sliding_mode"` takes the place of the inputs `angle_rad` and `speed_rad_s`, which may then
+stand behind the duties among the outputs, see `observer.py`.
+
 The sampled loop lags by 1.5 periods, one to compute and half a one to hold: its phase margin is 90 degrees less
 1.5 w_c h, and must be 30 degrees or more.
 """
@@ -43,13 +46,35 @@ import math
 from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.foc.dead_time import dead_time_of
 from firmloop.design.kinds.foc.equations import Axis, CurrentLoop, write
-from firmloop.design.kinds.foc.gains import GAINS, MACHINE, machine_of, margin, resistance_of, tracking, tuned
-from firmloop.design.kinds.foc.wires import INPUTS, OUTPUTS, bench, check_wires
+from firmloop.design.kinds.foc.gains import (
+    GAINS,
+    MACHINE,
+    check_drive,
+    machine_of,
+    margin,
+    resistance_of,
+    tracking,
+    tuned,
+)
+from firmloop.design.kinds.foc.observer import KEYS as OBSERVER_KEYS
+from firmloop.design.kinds.foc.observer import observer_of
+from firmloop.design.kinds.foc.wires import DUTIES, INPUTS, bench, check_wires
 from firmloop.design.law import DesignError
 from firmloop.design.table import check_keys, choice, positive, real, truth
 from firmloop.identify.signal import Signal
 
-KEYS = (*GAINS, *MACHINE, "tune", "bandwidth_rad_s", "decoupling", "modulation", "d_share", "tt_s", "feedforward")
+KEYS = (
+    *GAINS,
+    *MACHINE,
+    "tune",
+    "bandwidth_rad_s",
+    "decoupling",
+    "modulation",
+    "d_share",
+    "tt_s",
+    "feedforward",
+    *OBSERVER_KEYS,
+)
 
 
 def design(request: Request) -> Design:
@@ -57,9 +82,11 @@ def design(request: Request) -> Design:
     table = request.table
     check_keys(table, KEYS, "a foc")
     check_wires(request)
+    check_drive(request)
     tuned_by = choice(table, "tune", None, ("pole_zero",)) if "tune" in table else None
     decoupled = truth(table, "decoupling", True)
-    machine = machine_of(request, MACHINE if tuned_by else MACHINE[1:]) if tuned_by or decoupled else {}
+    asked_of = MACHINE if tuned_by or "observer" in table else MACHINE[1:] if decoupled else ()
+    machine = machine_of(request, asked_of)
     gains = tuned(request, machine) if tuned_by else {key: positive(table, key, None) for key in GAINS}
     if not tuned_by and "bandwidth_rad_s" in table:
         raise DesignError('controller.bandwidth_rad_s has no effect on gains that are given; add tune = "pole_zero"')
@@ -73,6 +100,7 @@ def design(request: Request) -> Design:
         real(table, "d_share", 1.0, 0.01, 1.0),
         tracking(request, gains),
         dead,
+        observer_of(table, machine, request.period, {wire.name: wire for wire in request.inputs}),
     )
     figures = {**gains, "tt_s": request.period / loop.tracking}
     if tuned_by:
@@ -113,7 +141,7 @@ KIND = Kind(
                 ("supply_V", 20.0, 60.0),
             )
         ),
-        outputs=tuple(Signal(name, "1", 0.0, 1.0) for name in OUTPUTS),
+        outputs=tuple(Signal(name, "1", 0.0, 1.0) for name in DUTIES),
         plant=None,
     ),
 )

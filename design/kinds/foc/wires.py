@@ -16,7 +16,8 @@ INPUTS = {
     "speed_rad_s": "rad/s",
     "supply_V": "V",
 }
-OUTPUTS = ("duty_a", "duty_b", "duty_c")
+DUTIES = ("duty_a", "duty_b", "duty_c")
+SEEN = ("angle_rad", "speed_rad_s")  # with an observer no inputs; outputs where they are named
 
 
 def bench(request: Request, told: str, measured: Signal | None = None) -> Bench | None:
@@ -24,7 +25,7 @@ def bench(request: Request, told: str, measured: Signal | None = None) -> Bench 
 
     `measured` is what follows the input `told`, the speed or the angle of the shaft; None is the current of q.
     """
-    if request.plant is None or request.plant.kind != "pmsm" or tuple(w.name for w in request.outputs) != OUTPUTS:
+    if request.plant is None or request.plant.kind != "pmsm" or tuple(w.name for w in request.outputs[:3]) != DUTIES:
         return None
     supply = next(wire for wire in request.inputs if wire.name == "supply_V")
     others = [wire for wire in request.inputs if wire.name not in (*INPUTS, told) and wire.unit in ("rad", "rad/s")]
@@ -34,12 +35,14 @@ def bench(request: Request, told: str, measured: Signal | None = None) -> Bench 
 
 def check_wires(request: Request) -> None:
     """Refuse wires of other names or units, and a supply that can be 0."""
+    observed = "observer" in request.table
+    told = [wire.name for wire in request.outputs if observed and wire.name in SEEN]
     for what, wires, wanted in (
-        ("inputs", request.inputs, tuple(INPUTS)),
-        ("outputs", request.outputs, OUTPUTS),
+        ("inputs", request.inputs, [name for name in INPUTS if not (observed and name in SEEN)]),
+        ("outputs", request.outputs, [*DUTIES, *told]),
     ):
         names = tuple(wire.name for wire in wires)
-        if sorted(names) != sorted(wanted):
+        if sorted(names) != sorted(wanted) or (what == "outputs" and told != list(names[3:])):
             raise DesignError(
                 f"controller.kind = 'foc' has the {what} ({', '.join(names)}); they must be {', '.join(wanted)}: "
                 "correct [signals] or controller.outputs"
@@ -56,5 +59,5 @@ def check_wires(request: Request) -> None:
                 "the drive runs on as low"
             )
     for wire in request.outputs:
-        if not wire.low <= 0.0 < 1.0 <= wire.high:
+        if wire.name in DUTIES and not wire.low <= 0.0 < 1.0 <= wire.high:
             raise DesignError(f"signals.{wire.name} ranges from {wire.low:g} to {wire.high:g}; a duty is from 0 to 1")
