@@ -1,0 +1,156 @@
+"""A log of a three-phase machine that contradicts itself: pole pairs, order of phases, their sum, the angle's unit.
+
+None of it needs the parameters. With u, i, w as logged, from row to row (h apart)::
+
+    i_d[k+1] - i_d = h (v_d/Ld - R/Ld i_d + A w i_q)        i_q[k+1] - i_q = h (v_q/Lq - R/Lq i_q - B w i_d - C w)
+
+A B = p^2, whatever Ld and Lq are: the pole pairs. Phases in their order show currents along the axes that stand
+still, or turn backwards where they settle; of two that are swapped they turn twice as fast backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_ROWS = 50  # at least, to judge by
+_SURE = 0.1  # relative standard deviation of p^2
+_NEAR = 0.25  # of a factor: what two neighbouring whole numbers of pole pairs differ by, at most
+_BACKWARDS = -1.3  # of the electrical turn: 0 to -1 of phases in their order, -1 to -2 of two that are swapped
+_TURNS = 2.0  # electrical ones that a log must see
+_SUM = 0.05  # of the largest current
+_SLIP = 0.02
+_ANGLES = (("degrees", 180.0 / math.pi, "deg"), ("turns", 0.5 / math.pi, "turn"))
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Ask each recording of a pmsm; the first contradiction of each kind is told."""
+    if evidence.given.kind != "pmsm":
+        return ()
+    pairs = next(p.value for p in evidence.given.parameters if p.name == "pole_pairs")
+    asked: Sequence[Callable[[Recording, float], str]] = (_angle, _sum, _order, _pairs)
+    found = []
+    for ask in asked:
+        said = (ask(recording, pairs) for recording in evidence.recordings if len(recording.time) >= _ROWS)
+        found += [next(filter(None, said), "")]
+    return tuple(one for one in found if one)
+
+
+def _columns(recording: Recording, *names: str) -> list[Array] | None:
+    """Return columns, or None where one is missing."""
+    if any(name not in recording.columns for name in names):
+        return None
+    return [recording.columns[name] for name in names]
+
+
+def _pairs(recording: Recording, pairs: float) -> str:
+    read = _columns(recording, "voltage_d_V", "voltage_q_V", "current_d_A", "current_q_A", "speed_rad_s")
+    if read is None:
+        return ""
+    v_d, v_q, i_d, i_q, w = read
+    h = np.diff(recording.time)
+    middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
+    along = np.column_stack([v_d[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
+    across = np.column_stack([v_q[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
+    factors, doubts = [], []
+    for regressors, change in ((along, np.diff(i_d)), (across, np.diff(i_q))):
+        size = np.linalg.norm(regressors, axis=0)
+        if np.any(size == 0.0):
+            return ""
+        found, *_ = np.linalg.lstsq(regressors / size, change, rcond=None)
+        left = change - (regressors / size) @ found
+        spread = np.linalg.pinv((regressors / size).T @ (regressors / size)) * float(left @ left) / len(change)
+        factors.append(float(found[2] / size[2]))
+        doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
+    square = -factors[0] * factors[1]
+    if square <= 0.0 or math.hypot(*doubts) > _SURE:
+        return ""
+    seen = math.sqrt(square)
+    if abs(math.log(seen / pairs)) < math.log1p(_NEAR):
+        return ""
+    turned = f", or speed_rad_s is {'the electrical speed' if round(seen) == 1 else 'off by that factor'}"
+    return (
+        f"pole_pairs = {pairs:g}, but the currents of {recording.source} fit {seen:.3g}: correct pole_pairs to "
+        f"{max(round(seen), 1)}{turned}: give the column its unit in [recordings.rename]"
+    )
+
+
+def _order(recording: Recording, pairs: float) -> str:
+    read = _columns(recording, "current_a_A", "current_b_A", "position_rad")
+    if read is None:
+        return ""
+    a, b, position = read
+    angle = pairs * position
+    if np.ptp(angle) < _TURNS * 2.0 * math.pi:
+        return ""
+    current = (a + 1j * (a + 2.0 * b) / math.sqrt(3.0)) * np.exp(-1j * angle)
+    turned, moved = np.angle(np.conj(current[:-1]) * current[1:]), np.diff(angle)
+    size = np.abs(current[1:] * current[:-1])
+    told = (np.abs(moved) > 0.1 * np.max(np.abs(moved))) & (size > 0.1 * np.max(size))
+    if not np.any(told) or float(np.median(turned[told] / moved[told])) > _BACKWARDS:
+        return ""
+    return (
+        f"current_a_A and current_b_A of {recording.source} look swapped: along the axes they turn backwards, twice "
+        "an electrical turn, and stand still the other way round; exchange the columns or two phases, or turn the "
+        "sign of position_rad"
+    )
+
+
+def _sum(recording: Recording, pairs: float) -> str:
+    read = _columns(recording, "current_a_A", "current_b_A", "current_c_A")
+    if read is None:
+        return ""
+    total = np.sum(read, axis=0)
+    largest = max(float(np.max(np.abs(one))) for one in read)
+    mean, rms = float(np.mean(total)), float(np.sqrt(np.mean(total**2)))
+    if rms < _SUM * largest:
+        return ""
+    cause = "an offset of a sensor: subtract it" if abs(mean) > 0.7 * rms else "a sensor's gain, or one that is clipped"
+    return (
+        f"the three phase currents of {recording.source} do not sum up to 0 (mean {mean:.3g} A, rms {rms:.3g} A, "
+        f"beside {largest:.3g} A at most): {cause}; with a star point two of them are enough: leave the third out"
+    )
+
+
+def _angle(recording: Recording, pairs: float) -> str:
+    read = _columns(recording, "position_rad", "speed_rad_s")
+    if read is None:
+        return ""
+    position, speed = read
+    turned = (speed[1:] + speed[:-1]) / 2.0 * np.diff(recording.time)
+    size = float(turned @ turned)
+    if size == 0.0 or float(np.sum(np.abs(turned))) < 1.0:
+        return ""
+    moved = np.diff(position)
+    steps = np.abs(moved - np.median(moved)) < 10.0 * np.median(np.abs(moved - np.median(moved))) + 1e-12
+    factor = float(moved[steps] @ turned[steps]) / float(turned[steps] @ turned[steps])
+    if not factor > 0.0 or abs(math.log(factor)) < math.log1p(_NEAR):
+        return ""
+    for name, times, unit in _ANGLES:
+        if abs(math.log(factor / times)) < _SLIP:
+            return (
+                f"position_rad of {recording.source} moves {factor:.4g} times as fast as speed_rad_s says: it looks "
+                f'like {name}; write position = {{ name = "position_rad", unit = "{unit}" }} in [recordings.rename]'
+            )
+    if abs(math.log(factor / pairs)) < _SLIP:
+        return (
+            f"position_rad of {recording.source} moves {factor:.4g} times as fast as speed_rad_s says, the pole pairs: "
+            "it looks electrical; divide it by pole_pairs: scale in [recordings.rename]"
+        )
+    return (
+        f"position_rad of {recording.source} moves {factor:.4g} times as fast as speed_rad_s says: it looks "
+        f"like counts, {2.0 * math.pi * factor:.0f} a turn; give the column scale = {1.0 / factor:.6g} in "
+        "[recordings.rename]"
+    )
+
+
+CHECK = Check("three_phases", look, ("sign", "scale", "structure", "excitation", "rest", "drift"), False)
