@@ -19,9 +19,9 @@ from firmloop.identify.simulation.simulate import course_of, rest_start, simulat
 
 Array = NDArray[np.float64]
 
-_STRETCHES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.0)  # of a recording, to which a beginning is fitted in turn
-_FEWEST = 20  # rows of the first
-_FINEST = 1e6  # times that an output may weigh more than before
+_BEGINNING = 100  # a hundredth of a recording tells how fast it begins,
+_FEWEST = 5  # and no fewer rows
+_ROUNDING = 1e-9  # of a reading's spread: noise below it is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +78,18 @@ def by_itself(plant: Plant, recording: Recording) -> bool:
     return not np.any(np.ptp(course_of(plant, recording).drive, axis=0))
 
 
+def _as_read(plant: Plant, recording: Recording, start: Array) -> Array:
+    """Return the initial state (n,) as its own readings begin; from rest, a search may end in another turn."""
+    found, few = start.copy(), max(len(recording.time) // _BEGINNING, _FEWEST)
+    for index, state in enumerate(plant.states):
+        place = state.name.replace("speed", "position").removesuffix("_s")
+        if state.name in recording.columns:
+            found[index] = recording.columns[state.name][0]
+        elif state.name.startswith("speed_") and place in recording.columns:
+            found[index] = np.polyfit(recording.time[:few], recording.columns[place][:few], 1)[0]
+    return found
+
+
 def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
     """Return the initial state (n,) at rest, with what the recording has of its own; its readings tell that alone.
 
@@ -93,7 +105,11 @@ def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
     weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
     if coasts:
-        return _where_it_began(plant, recording, constants, start)
+        found = best_start(made, engine, constants, _as_read(plant, recording, start), weights)
+        left, _ = misfit(made, engine, constants, found, ())
+        sizes = np.maximum(np.sqrt(np.mean(left**2, axis=0)), _ROUNDING * spread)
+        # A way of many turns spreads far more than its noise, a constant speed hardly more.
+        return best_start(made, engine, constants, found, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
 
     def with_own(own: Array) -> Array:
         moved = start.copy()
@@ -108,21 +124,3 @@ def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
         return triangle(tall, (residual * weights).reshape(-1, 1))
 
     return with_own(descend(reduced_at, start[states])[1])
-
-
-def _where_it_began(plant: Plant, recording: Recording, constants: Array, start: Array) -> Array:
-    """Fit the initial state (n,) of a machine that coasts, outputs weighed by what is left of each.
-
-    At first to a short stretch: a small error of a speed is many turns at the end, and a turn off is a trap.
-    """
-    rows, engine = len(recording.time), simulator(plant, recording.hold)
-    weights = None
-    for share in _STRETCHES:
-        (made,) = experiments(plant, recording.part(0, max(int(share * rows), min(rows, _FEWEST))), NONE)
-        if weights is None:
-            weights = 1.0 / np.maximum(np.std(made.target, axis=0), 1e-300)
-        start = best_start(made, engine, constants, start, weights)
-        left = np.sqrt(np.mean(misfit(made, engine, constants, start, ())[0] ** 2, axis=0))
-        if np.all(np.isfinite(left)):
-            weights = np.minimum(1.0 / np.maximum(left, 1e-300), _FINEST * weights)
-    return start

@@ -264,6 +264,22 @@ def test_a_constant_speed_tells_what_repeats_per_turn(tmp_path: Path, capsys: py
     assert any("in every row" in note for note in said["notes"])
 
 
+def test_a_constant_speed_is_simulated_in_the_turn_it_begins_in(tmp_path: Path) -> None:
+    """At a constant drive the shaft turns at a constant speed but for its ripple, and was not at rest before."""
+    outputs = ("position_rad", "speed_rad_s")
+    cogging = EffectUse("cogging_torque", None, {"amplitude_N_m": 2e-3, "periods_per_rev": 6.0, "phase_rad": 0.5})
+    coasting(tmp_path, "0.csv", [cogging], 0, np.full(1200, 30.0 * MOTOR["b_N_m_s_rad"]), 30.0, outputs)
+    path = coasting_project(tmp_path, ["0.csv"], outputs)
+    more = "\n".join(f"{key} = {value}" for key, value in cogging.values.items())
+    given = path.read_text().replace("2.1e-5", "2e-5")
+    path.write_text(f'{given}\n[[plant.effects]]\nname = "cogging_torque"\n{more}\n')
+    made = tmp_path / "simulated.csv"
+    assert main(["simulate", str(path), str(tmp_path / "0.csv"), "--out", str(made)]) == 0
+    measured, simulated = (np.genfromtxt(each, delimiter=",", names=True) for each in (tmp_path / "0.csv", made))
+    for output in outputs:
+        assert np.sqrt(np.mean((measured[output] - simulated[output]) ** 2)) < 1.1 * NOISE[output]
+
+
 def test_a_zero_that_nothing_tells_has_no_interval(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A zero of the only position is where the recording begins."""
     for k in range(2):
