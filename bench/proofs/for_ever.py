@@ -29,7 +29,7 @@ from firmloop.verify.judgement import PROVEN
 from firmloop.verify.proofs.claims import Claims
 from firmloop.verify.proofs.forever.check import plant_of_part
 from firmloop.verify.proofs.forever.ring import REFERENCE, close
-from firmloop.verify.proofs.forever.stated import Part, read_stated
+from firmloop.verify.proofs.forever.stated import ShownPart, read_stated
 from firmloop.verify.proofs.judge import Delivered
 from firmloop.verify.proofs.judges import every_judge
 from firmloop.verify.proofs.reading import read_claims
@@ -166,7 +166,7 @@ def worst_found(code: Code, claims: Claims, document: Any, draws: int = DRAWS, s
     return worst
 
 
-def _worst_of(code: Code, claims: Claims, document: Any, part: Part, point: Any) -> float:
+def _worst_of(code: Code, claims: Claims, document: Any, part: ShownPart, point: Any) -> float:
     stated = read_stated(document)
     plant = plant_of_part(claims, stated, point, part.modes)
     ring = close(claims, stated, part.rest, plant) if len(part.rest) == _size(claims, stated, plant) else None
@@ -190,7 +190,7 @@ def _size(claims: Claims, stated: Any, plant: Any) -> int:
     return len(plant.a) + ages * len(stated.drives) + len(claims.state) - len(claims.parameters)
 
 
-def _run(code: Code, stated: Any, part: Part, plant: Any, reference: Array) -> float:
+def _run(code: Code, stated: Any, part: ShownPart, plant: Any, reference: Array) -> float:
     """Run program and plant from rest and return the largest |error|."""
     program, machine = code.program, Machine(code.program)
     a, taps = numbers(plant.a), {age: numbers(rows) for age, rows in plant.taps.items()}

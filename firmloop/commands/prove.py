@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.stages.proving import NOT_JUDGED, chosen, prove
 
     judges = chosen(arguments.judge or ())
-    folder = _folder(arguments.folder, arguments.out, judges)
+    folder = _folder(arguments.folder, arguments.out, judges, console)
     with progress("asking the judges"):
         found = prove(folder, judges)
     claims, undecided = found.claims, found.undecided
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return UNDECIDED if undecided else PROVEN
 
 
-def _folder(given: Path, out: Path | None, named: Sequence[Judge]) -> Path:
+def _folder(given: Path, out: Path | None, named: Sequence[Judge], console: Console) -> Path:
     """Return the folder to judge; of a project, the one that its C has gone to, and images if they are judged."""
     from firmloop.codegen.bundle import write_files
     from firmloop.door.generate import generate
@@ -100,8 +100,10 @@ def _folder(given: Path, out: Path | None, named: Sequence[Judge]) -> Path:
             with progress("bounding the loop for all time"):
                 claims = read_claims(json.loads(code.files["proof.json"]))
                 found = certificate(project, code.design, code.plant, code.program, claims)
-            if named or found["found"]:  # where nobody asks for it by name, nothing found is nothing to judge
+            if named or found["found"]:
                 write_files({CERTIFICATE: f"{json.dumps(found, indent=1)}\n"}, folder)
+            else:  # nobody asked for it by name, and there is nothing to judge
+                console.lines([f"not bounded for ever: {found['why']}"])
         if judged(named, IMAGES):
             with progress("linking the images"):
                 link_images(project, code.generated, folder)

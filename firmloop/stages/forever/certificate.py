@@ -28,7 +28,7 @@ from firmloop.verify.proofs.claims import Claims, ProofError
 from firmloop.verify.proofs.closed_loop import PlantLoop
 from firmloop.verify.proofs.forever.check import Followed, follow, plant_of_part
 from firmloop.verify.proofs.forever.ring import Ring, close
-from firmloop.verify.proofs.forever.stated import Box, Matrix, Part, Stated, read_stated
+from firmloop.verify.proofs.forever.stated import Box, Matrix, ShownPart, Stated, read_stated
 from firmloop.verify.proofs.forever.sums import MOST_STEPS
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ NOTHING = Fraction(0)
 class _Found:
     """One part without its levels, how far lines of its loop move, and how far the reference may go in it."""
 
-    part: Part
+    part: ShownPart
     followed: Followed
     still: Array  # levels without a reference
     along: Array  # what each unit of it adds
@@ -118,7 +118,7 @@ def _bounded(stated: Stated, found: Sequence[_Found]) -> dict[str, object]:
     }
 
 
-def _written(part: Part) -> dict[str, object]:
+def _written(part: ShownPart) -> dict[str, object]:
     return {
         "box": [[_text(end) for end in interval] for interval in part.box],
         "rest": [_text(x) for x in part.rest],
@@ -197,7 +197,7 @@ def _part(program: Program, claims: Claims, stated: Stated, box: Box, modes: Mat
     back = np.linalg.inv(np.eye(len(widths)) - widths)
     known = [float(rest + one.known) for rest, one in zip(ring.at_rest, followed.levels, strict=True)]
     still, along = back @ np.array(known), back @ np.array([float(one.by_reference) for one in followed.levels])
-    part = Part(box, exact, modes, lyapunov, rate, steps, ())
+    part = ShownPart(box, exact, modes, lyapunov, rate, steps, ())
     return _Found(part, followed, still, along, _reach(followed, still, along))
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import casadi as ca
 
 from firmloop.identify.plants.plant import Plant
@@ -63,8 +61,7 @@ def _operations(function: ca.Function) -> tuple[list[list[object]], list[list[li
     """Return the instructions of a function as operations, and which of them its entries are."""
     operations: list[list[object]] = []
     places: dict[int, int] = {}  # of the function's work vector: operation
-    found: Mapping[tuple[int, int], int] = {}
-    entries: dict[tuple[int, int], int] = dict(found)
+    entries: dict[tuple[int, int], int] = {}
 
     def added(*operation: object) -> int:
         operations.append(list(operation))

@@ -16,6 +16,7 @@ import scipy.linalg
 from bench.proofs.for_ever import LOOPS, made, worst_found
 from firmloop.cli import main
 from firmloop.door.generate import Code
+from firmloop.stages import proving
 from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, UNKNOWN
 from firmloop.verify.proofs.claims import Claims
 from firmloop.verify.proofs.forever.exponential import PLACES, exponential
@@ -180,6 +181,18 @@ def test_what_is_no_linear_plant_ends_in_unknown(tmp_path: Path, capsys: pytest.
     code = main(["prove", str(project), "--out", str(tmp_path / "out"), "--judge", "for_ever"])
     said = capsys.readouterr().out
     assert code == 3 and "not proven: for_ever: unknown" in said
+
+
+def test_without_names_a_loop_that_is_not_bounded_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(proving, "every_judge", lambda: {"for_ever": JUDGE})
+    project, out = tmp_path / "loop.toml", tmp_path / "out"
+    project.write_text(LOOPS[NAME].replace('"fixed"\nbits = 32\nrounding = "nearest"', '"float32"'))
+    assert main(["prove", str(project), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "not bounded for ever: a certificate is of fixed point, and the program is in float32" in said
+    assert not (out / "loop.json").exists()
 
 
 def test_the_sampled_plant_is_inside_its_enclosure(found: tuple[Code, Claims, Any]) -> None:

@@ -126,7 +126,7 @@ def test_a_judge_that_is_asked_for_and_missing_is_no_success(
 
 def test_a_judge_that_is_not_known_is_refused_by_name(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", str(project), "--judge", "coq"]) == 2
-    assert "judge 'coq' is unknown; known: esbmc, intervals, machine_code, z3" in capsys.readouterr().err
+    assert "judge 'coq' is unknown; known: esbmc, for_ever, intervals, machine_code, z3" in capsys.readouterr().err
     assert main(["prove", str(project)]) == 2
     assert "--out DIR says where its C goes" in capsys.readouterr().err
 

@@ -13,7 +13,7 @@ from fractions import Fraction
 from firmloop.verify.proofs.claims import Claims, ProofError
 from firmloop.verify.proofs.forever.ring import REFERENCE, Ring, close
 from firmloop.verify.proofs.forever.sampled import SampledPlants, sample
-from firmloop.verify.proofs.forever.stated import Box, Matrix, Part, Stated
+from firmloop.verify.proofs.forever.stated import Box, Matrix, ShownPart, Stated
 from firmloop.verify.proofs.forever.sums import check_lyapunov, gains
 
 
@@ -97,7 +97,7 @@ def check(claims: Claims, stated: Stated) -> None:
         _check_part(claims, stated, part)
 
 
-def _check_part(claims: Claims, stated: Stated, part: Part) -> None:
+def _check_part(claims: Claims, stated: Stated, part: ShownPart) -> None:
     ring = close(claims, stated, part.rest, plant_of_part(claims, stated, part.box, part.modes))
     check_lyapunov(ring.matrix, part.lyapunov, part.rate)
     found = follow(ring, part.lyapunov, part.rate, part.steps)

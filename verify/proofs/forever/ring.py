@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from firmloop.verify.proofs.claims import Claims, ProofError
-from firmloop.verify.proofs.forever.forms import HALF, Condition, Form, NearPoint
+from firmloop.verify.proofs.forever.forms import HALF, Condition, ExactForm, NearPoint
 from firmloop.verify.proofs.forever.sampled import Rows, SampledPlants
-from firmloop.verify.proofs.forever.slopes import Interval
-from firmloop.verify.proofs.forever.stated import Stated
+from firmloop.verify.proofs.forever.stated import Interval, Stated
 
 Row = list[Fraction]
 MIDDLE = 1 << 80  # the middle of an interval is taken to a part of it; the rest counts as width
@@ -213,7 +212,7 @@ class _Closing:
                 found[name] = self._still(Fraction(0))
         return found
 
-    def _joined(self, form: Form, seen: Mapping[str, _Sum], scale: Fraction) -> _Sum:
+    def _joined(self, form: ExactForm, seen: Mapping[str, _Sum], scale: Fraction) -> _Sum:
         total = self._still(scale * form.constant)
         for name, factor in form.parts.items():
             if name in seen:
@@ -250,13 +249,14 @@ class _Closing:
         for row, value in enumerate(after):
             for name, factor in value.direct.items():
                 columns.setdefault(name, [Fraction(0)] * self.size)[row] += factor
-        fixed, by_levels = {}, {}
+        fixed: dict[str, Fraction] = {}
+        by_levels: dict[str, tuple[Row, Fraction]] = {}
         plant = self.plant
         for k in range(len(plant.read_x)):
             by_levels[f"width of output {k}"] = self._width(plant.read_x[k], plant.reads, k, plant.read_c[k])
         for k in range(self.states):
-            row, top = self._width(plant.a[k], plant.taps, k, plant.c[k])
-            by_levels[f"width of state {k}"] = row, top + left[k]
+            factors, top = self._width(plant.a[k], plant.taps, k, plant.c[k])
+            by_levels[f"width of state {k}"] = factors, top + left[k]
         for name in columns:
             if name != REFERENCE and name not in by_levels:
                 fixed[name] = HALF

@@ -16,7 +16,7 @@ from fractions import Fraction
 from firmloop.verify.proofs.claims import ProofError
 from firmloop.verify.proofs.forever.exponential import Near, exponential, with_slope
 from firmloop.verify.proofs.forever.slopes import ZERO, Slope, add, evaluate, multiply, negative, root
-from firmloop.verify.proofs.forever.stated import Box, Equations, Interval, Matrix
+from firmloop.verify.proofs.forever.stated import Box, Interval, Matrix, PlantEquations
 
 Rows = list[list[Interval]]
 Point = list[list[Fraction]]
@@ -38,7 +38,7 @@ class SampledPlants:
     read_c: list[Interval]
 
 
-def sample(held: Equations, box: Box, period: Fraction, modes: Matrix) -> SampledPlants:
+def sample(held: PlantEquations, box: Box, period: Fraction, modes: Matrix) -> SampledPlants:
     """Enclose it behind a zero-order hold, its parameters in `box`.
 
     Raises
@@ -60,7 +60,7 @@ def sample(held: Equations, box: Box, period: Fraction, modes: Matrix) -> Sample
     return first
 
 
-def _pieces(held: Equations, box: Box, period: Fraction) -> list[tuple[Box, int]]:
+def _pieces(held: PlantEquations, box: Box, period: Fraction) -> list[tuple[Box, int]]:
     """Return parts of the box in which the delay holds one number of whole periods."""
     if held.delay is None:
         return [(box, 0)]
@@ -79,7 +79,7 @@ def _pieces(held: Equations, box: Box, period: Fraction) -> list[tuple[Box, int]
     return parts
 
 
-def _piece(held: Equations, box: Box, period: Fraction, whole: int, modes: Matrix) -> SampledPlants:
+def _piece(held: PlantEquations, box: Box, period: Fraction, whole: int, modes: Matrix) -> SampledPlants:
     middle = tuple(((low + high) / 2,) * 2 for low, high in box)
     over, at = evaluate(held, box), evaluate(held, middle)
     states, inputs = len(held.entries["a"]), len(held.entries["b"][0])
@@ -155,7 +155,7 @@ def _hulls(one: Mapping[int, Rows], two: Mapping[int, Rows]) -> dict[int, Rows]:
 
 
 def _enclosed(
-    held: Equations,
+    held: PlantEquations,
     over: Sequence[Slope],
     at: Sequence[Slope],
     times: tuple[Slope, Slope],  # over the box, in its middle
@@ -192,7 +192,7 @@ def _enclosed(
     return rows
 
 
-def _scaled(held: Equations, found: Sequence[Slope], time: Slope) -> list[list[Slope]]:
+def _scaled(held: PlantEquations, found: Sequence[Slope], time: Slope) -> list[list[Slope]]:
     """Return M t: rows of states, then of inputs and constant, which stay as they are."""
     states, inputs = len(held.entries["a"]), len(held.entries["b"][0])
     still = _constant(Fraction(0), len(time.along))

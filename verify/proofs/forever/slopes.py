@@ -8,7 +8,7 @@ from fractions import Fraction
 from math import isqrt
 
 from firmloop.verify.proofs.claims import ProofError
-from firmloop.verify.proofs.forever.stated import Equations, Interval
+from firmloop.verify.proofs.forever.stated import Interval, PlantEquations
 
 ZERO: Interval = (Fraction(0), Fraction(0))
 _FINE = 1 << 256  # square roots are taken to a part of it
@@ -50,7 +50,7 @@ def root(value: Fraction) -> Fraction:
     return Fraction(isqrt(value.numerator * _FINE * _FINE // value.denominator) + 1, _FINE)
 
 
-def evaluate(held: Equations, box: Sequence[Interval]) -> list[Slope]:
+def evaluate(held: PlantEquations, box: Sequence[Interval]) -> list[Slope]:
     """Return every operation's interval over `box`, one interval a parameter.
 
     Raises

@@ -24,7 +24,7 @@ _NUMBER = re.compile(r"-?\d{1,400}(\.\d{1,400})?(e[+-]?\d{1,3})?")
 
 
 @dataclass(frozen=True, slots=True)
-class Equations:
+class PlantEquations:
     """x' = a x + b u + c, y = read_x x + read_u u + read_c: every entry is the number of one of the operations.
 
     An operation is its function and what it takes: numbers of earlier ones, of a parameter, or a constant.
@@ -37,7 +37,7 @@ class Equations:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ShownPart:
     """A part of the box of parameters, and what shows the bounds for every plant in it."""
 
     box: Box
@@ -54,7 +54,7 @@ class Stated:
     """Everything that a loop.json states."""
 
     program_id: str
-    equations: Equations
+    equations: PlantEquations
     units: tuple[str, ...]  # of the states, then the outputs of the plant
     reference: str | None  # the controller's input that carries it
     measured: Mapping[str, int]  # input of the controller: output of the plant
@@ -62,7 +62,7 @@ class Stated:
     rest_reference: Fraction
     reach: Fraction  # how far the reference goes from its rest, either way
     error: Fraction  # claimed bound of |reference - first output|
-    parts: tuple[Part, ...]
+    parts: tuple[ShownPart, ...]
 
 
 def read_stated(document: Mapping[str, Any]) -> Stated:
@@ -92,7 +92,9 @@ def read_stated(document: Mapping[str, Any]) -> Stated:
         raise ProofError("loop.json: wires.reference is no name")
     stated = Stated(
         program_id=_text(document, "program_id"),
-        equations=Equations(tuple(parameters), operations, lists, None if delay is None else _count(plant, "delay")),
+        equations=PlantEquations(
+            tuple(parameters), operations, lists, None if delay is None else _count(plant, "delay")
+        ),
         units=tuple(str(unit) for unit in _list(plant, "units")),
         reference=reference,
         measured={str(name): _count(measured, name) for name in measured},
@@ -155,13 +157,13 @@ def _volume(box: Box, wide: Sequence[int]) -> Fraction:
     return prod((box[k][1] - box[k][0] for k in wide), start=Fraction(1))
 
 
-def _read_part(row: object) -> Part:
+def _read_part(row: object) -> ShownPart:
     if not isinstance(row, Mapping):
         raise ProofError("loop.json: a part is none")
     box = _matrix(row, "box")
     if any(len(interval) != 2 for interval in box):
         raise ProofError("loop.json: an interval of a part has not two ends")
-    return Part(
+    return ShownPart(
         box=tuple((low, high) for low, high in box),
         rest=_row(_list(row, "rest"), "rest"),
         modes=_matrix(row, "modes"),

@@ -27,7 +27,7 @@ Whole = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Gains:
+class ResponseSums:
     """Bounds of the sums of |responses|: `of[j][name]` is how far line j moves for each unit of the input `name`."""
 
     of: Sequence[Mapping[str, Fraction]]
@@ -68,7 +68,9 @@ def positive_definite(matrix: Sequence[Sequence[Fraction]]) -> bool:
     return True
 
 
-def gains(ring: Ring, lines: Sequence[Line], names: Sequence[str], p: Matrix, rate: Fraction, steps: int) -> Gains:
+def gains(
+    ring: Ring, lines: Sequence[Line], names: Sequence[str], p: Matrix, rate: Fraction, steps: int
+) -> ResponseSums:
     """Bound the sums for every line and input; `check_lyapunov` has passed.
 
     Raises
@@ -88,7 +90,7 @@ def gains(ring: Ring, lines: Sequence[Line], names: Sequence[str], p: Matrix, ra
         rows = (rows @ matrix) >> matrix_places
     off = _beyond(rows, ring, names, p, rate, steps)
     scale = one << table_places
-    return Gains(
+    return ResponseSums(
         [
             {
                 name: Fraction(int(sums[j, k]), scale) + off[j][k] + abs(line.direct.get(name, Fraction(0)))
