@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from firmloop.design.design import Request
 from firmloop.design.kinds.foc.dead_time import DeadTime
+from firmloop.design.kinds.foc.field import Field
 from firmloop.design.kinds.foc.observer import Frame, Observer
 from firmloop.design.kinds.foc.wires import DUTIES
 from firmloop.design.law import Flag, Law, Scalar
@@ -43,6 +44,7 @@ class CurrentLoop:
     tracking: float  # h/tt
     dead: DeadTime | None = None
     observer: Observer | None = None
+    field: Field | None = None
 
 
 def write(request: Request, loop: CurrentLoop) -> Law:
@@ -50,12 +52,18 @@ def write(request: Request, loop: CurrentLoop) -> Law:
     wires = {wire.name: wire for wire in request.inputs}
     z = dict(zip(wires, symbols(list(wires)), strict=True))
     held_d, held_q = symbols(["integral_d", "integral_q"])
-    further = loop.observer.states() if loop.observer is not None else ()
+    further = (
+        *(loop.observer.states() if loop.observer is not None else ()),
+        *(loop.field.states() if loop.field is not None else ()),
+    )
     seen = {signal.name: ca.SX.sym(signal.name) for signal, _, _ in further}
     if loop.observer is not None:
         frame = loop.observer.frame(seen, (z["reference_d_A"], z["reference_q_A"]))
     else:
         frame = Frame(z["angle_rad"], z["speed_rad_s"], z["reference_d_A"], z["reference_q_A"])
+    if loop.field is not None:
+        asked = frame.reference_d + loop.field.added(frame.reference_q, seen)
+        frame = replace(frame, reference_d=asked)
     supply_range = wires["supply_V"]
     supply = ca.fmin(ca.fmax(z["supply_V"], supply_range.low), supply_range.high)
     cosine, sine = ca.cos(frame.angle), ca.sin(frame.angle)
@@ -85,6 +93,8 @@ def write(request: Request, loop: CurrentLoop) -> Law:
     if loop.observer is not None:
         given = supply * alpha, supply * beta
         after += loop.observer.after(seen, frame, z["reference_q_A"], (along, across), given)
+    if loop.field is not None:
+        after += loop.field.after(seen, (u_d**2 + u_q**2) * (1.0 / most**2), loop.period)
     if loop.dead is not None:
         lost = loop.dead.share(frame.reference_d, frame.reference_q, (cosine, sine), supply)
         alpha, beta = alpha + lost[0], beta + lost[1]
@@ -152,6 +162,8 @@ def _reaches(loop: CurrentLoop, wires: Mapping[str, Signal]) -> tuple[float, flo
     reaches = []
     for axis, reference, flux in ((loop.d, "reference_d_A", 0.0), (loop.q, "reference_q_A", loop.flux)):
         asked = max(size[reference], loop.observer.start if loop.observer is not None else 0.0)
+        if loop.field is not None and reference == "reference_d_A":
+            asked += loop.field.reach()
         error = abs(axis.ki * loop.period - a * axis.kp) * (asked + vector)
         turning = (size["speed_rad_s"] if loop.observer is None else loop.observer.fastest) * (
             axis.coupled * vector + flux

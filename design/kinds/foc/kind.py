@@ -35,6 +35,8 @@ time (default kp/ki of the slower axis).
 `observer = "flux"` or `"sliding_mode"` takes the place of the inputs `angle_rad` and `speed_rad_s`, which may then
 stand behind the duties among the outputs, see `observer.py`.
 
+`mtpa = true` and `weakening_A` add a current along d: the least one for a torque, less field at speed, see `field.py`.
+
 The sampled loop lags by 1.5 periods, one to compute and half a one to hold: its phase margin is 90 degrees less
 1.5 w_c h, and must be 30 degrees or more.
 """
@@ -46,6 +48,8 @@ import math
 from firmloop.design.design import Design, Kind, Request
 from firmloop.design.kinds.foc.dead_time import dead_time_of
 from firmloop.design.kinds.foc.equations import Axis, CurrentLoop, write
+from firmloop.design.kinds.foc.field import KEYS as FIELD_KEYS
+from firmloop.design.kinds.foc.field import field_of
 from firmloop.design.kinds.foc.gains import (
     GAINS,
     MACHINE,
@@ -74,6 +78,7 @@ KEYS = (
     "tt_s",
     "feedforward",
     *OBSERVER_KEYS,
+    *FIELD_KEYS,
 )
 
 
@@ -85,7 +90,9 @@ def design(request: Request) -> Design:
     check_drive(request)
     tuned_by = choice(table, "tune", None, ("pole_zero",)) if "tune" in table else None
     decoupled = truth(table, "decoupling", True)
-    asked_of = MACHINE if tuned_by or "observer" in table else MACHINE[1:] if decoupled else ()
+    needs = decoupled or any(key in table for key in FIELD_KEYS)
+    asked_of = MACHINE if tuned_by or "observer" in table else MACHINE[1:] if needs else ()
+    wires = {wire.name: wire for wire in request.inputs}
     machine = machine_of(request, asked_of)
     gains = tuned(request, machine) if tuned_by else {key: positive(table, key, None) for key in GAINS}
     if not tuned_by and "bandwidth_rad_s" in table:
@@ -100,7 +107,8 @@ def design(request: Request) -> Design:
         real(table, "d_share", 1.0, 0.01, 1.0),
         tracking(request, gains),
         dead,
-        observer_of(table, machine, request.period, {wire.name: wire for wire in request.inputs}),
+        observer_of(table, machine, request.period, wires),
+        field_of(table, machine, gains["kp_d"], wires),
     )
     figures = {**gains, "tt_s": request.period / loop.tracking}
     if tuned_by:
