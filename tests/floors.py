@@ -63,6 +63,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("environment", "misra", "names", "toml_table", "view"),
         ("delivery", "emit", "host", "target"),
         ("firmware", "fmu", "packages"),
+        ("plant_fmu",),
     ),
     "diagnose": (
         ("policy", "finding"),
