@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 from firmloop.design.law import Quadratic
 from firmloop.design.optimum import Solution
 from firmloop.design.outcome import COLUMN
-from firmloop.identify.extras import extra
 
 Raw = NDArray[Any]
 
@@ -109,14 +108,7 @@ def tolerance_of(problem: Quadratic) -> float:
 
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
-    """Solve for every row of `parameters` (lanes, p), in the element type of `rows`.
-
-    Raises
-    ------
-    ToolError
-        where numba is not installed
-    """
-    extra("numba", "mpc", "a predictive controller's search")
+    """Solve for every row of `parameters` (lanes, p), in the element type of `rows`."""
     from firmloop.quantize.twins.qp_search import (  # half a second, which only a search should cost
         QpProblem,
         QpSearch,

@@ -23,6 +23,7 @@ PACKAGES = (
     ("matplotlib", "figures of the report"),
     ("z3-solver", "the second proof of fixed-point ranges"),
     ("threadpoolctl", "diagnosis"),
+    ("numba", "the reference of quadratic programs"),
 )
 EXTRAS = (
     ("asammdf", "mdf4", "MDF recordings"),
@@ -31,7 +32,6 @@ EXTRAS = (
     ("mcap", "mcap", "MCAP recordings"),
     ("nfoursid", "blackbox", "subspace models"),
     ("npTDMS", "tdms", "TDMS recordings"),
-    ("numba", "mpc", "predictive control"),
     ("pandas", "blackbox", "subspace models"),
     ("pyarrow", "parquet", "Parquet recordings"),
     ("pyulog", "ulog", "ULog recordings"),
