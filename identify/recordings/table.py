@@ -35,6 +35,9 @@ class Misread:
     remedy: str
 
 
+_FEWEST = 2  # columns of numbers: a time and one signal
+
+
 def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawTable | Misread:
     """Check arrays of a binary file (one per column) and count their rows from 1.
 
@@ -42,6 +45,8 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
     """
     columns = []
     aside = tuple(name for name, array in arrays if _is_a_remark(array))
+    if len(arrays) - len(aside) < _FEWEST:  # then what is left aside may be the signal itself
+        aside = ()
     arrays = tuple((name, _seconds(array)) for name, array in arrays if name not in aside)
     for name, array in arrays:
         if array.ndim != 1:
