@@ -193,14 +193,3 @@ def test_what_an_extra_brings_is_named_with_its_command(
     )
     with pytest.raises(ToolError, match="hdf5"):
         fl.identify(fl.load(project))
-
-
-def test_predictive_control_without_its_extra_is_refused_with_the_line_that_brings_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "numba", None)
-    project = ROOT / "examples" / "servo_mpc" / "servo_mpc.toml"
-    assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 3
-    said = capsys.readouterr().err
-    assert "needs numba, which is not installed; install it with: pip install 'firmloop[mpc]'" in said
-    assert not (tmp_path / "out").exists()
