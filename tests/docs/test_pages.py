@@ -105,7 +105,7 @@ def test_every_key_of_a_finding_is_on_its_page() -> None:
     text = (DOCS / "diagnosis_json.md").read_text(encoding="utf-8")
     nothing = Ratio(None, None, None)
     found = Finding(
-        "no_mismatch", "none", None, (), (), nothing, nothing, (0.5, 0.5), {}, (), {}, (), (), {}, ((0.0, 1.0),)
+        "no_mismatch", "none", None, (), (), nothing, nothing, (0.5, 0.5), {}, (), {}, (), (), law=((0.0, 1.0),)
     )
     assert not [key for key in found.as_dict() if f"`{key}`" not in text]
 
