@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.design.law import Law
+from firmloop.design.models.anti_windup import MODES
 from firmloop.identify.signal import Signal
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import run
@@ -19,6 +20,7 @@ Table = Mapping[str, object]
 # ([controller] table, period in s, range of the output, None as in [signals]) -> law; None where the kind refuses.
 Rebuild = Callable[[Table, float, tuple[float, float] | None], Law | None]
 
+WINDUP = tuple(MODES)  # ways of anti-windup that a controller may have been run with, the usual one first
 _UNLIMITED = "unlimited"  # what a law calls its output before the limits
 
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from firmloop.diagnose.controller.record import LoopRecord
 from firmloop.diagnose.policy import LIMITED_ROWS, MOST_LATE_SAMPLES, NO_LIMIT
 from firmloop.identify.units import unit_of
-from firmloop.verify.replay import Controller, play, play_unlimited
+from firmloop.verify.replay import WINDUP, Controller, play, play_unlimited
 
 Array = NDArray[np.float64]
 Path = tuple[str | int, ...]
 
 _LIMITS = ("u_min", "u_max")
-_WINDUP = ("back_calculation", "clamping", "none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,8 +220,8 @@ def _wires(controller: Controller) -> Iterator[Fault]:
 
 def _manners(base: Guess) -> Iterator[Fault]:
     """Try other words in place of those of the table, and its optional parts away."""
-    usual = base.table.get("anti_windup", _WINDUP[0])
-    for manner in _WINDUP:
+    usual = base.table.get("anti_windup", WINDUP[0])
+    for manner in WINDUP:
         if manner != usual:
 
             def other(guess: Guess, figure: float, manner: str = manner) -> Guess:
