@@ -51,7 +51,6 @@ SLOW_RMS = 4.0  # residual rms over innovation rms from which a misfit may be sl
 DRIFT_SHARE = 0.02  # of an output's spread: what a slow disturbance may do
 SLOW_NOISE = 0.05  # of an output's spread, rms: more than that is no noise, however slowly it moves
 NEARER_RMS = 0.9  # ratio of residual rms from which simulations come nearer
-DIVERGED = 1e3  # of an output's spread: a simulation that misses more follows nothing
 LOST_SHARE = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 SHOWN_RMS = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
 FAILED_RMS = (

@@ -26,7 +26,7 @@ from firmloop.diagnose.model.candidate import (
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import fit_starts, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
-from firmloop.diagnose.policy import DIVERGED, HOLD_GAIN
+from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import (
@@ -35,7 +35,6 @@ from firmloop.diagnose.search.harmless import (
     plain_refit,
     same_function,
     simulated_figures,
-    simulation_rms,
 )
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, left_out_rms
@@ -44,13 +43,10 @@ from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
 from firmloop.diagnose.verdict import judge, spoiled, withheld
-from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import DIVERGES
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import measured
 
 SimulationRms = Mapping[str, Mapping[str, Mapping[str, float]]]  # by role, output, plant
 
@@ -105,9 +101,6 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     hold = made.search.problem.train[0].hold
     whole, later = held(train, hold), held(test, hold)
     refit = plain_refit(plant, whole, improved_plant(made.search, made.search.nominal))
-    moves = [np.std(measured(plant, each), axis=0) for each in whole]
-    if np.all(simulation_rms(refit, whole) > DIVERGED * np.array(moves)):
-        raise IdentifyError(DIVERGES)
     safe = _harmless(made.search, refit, whole)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
     found = replace(made.search if safe is None else safe, problem=replace(made.search.problem, test=problem.test))

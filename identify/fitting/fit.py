@@ -50,10 +50,6 @@ _KINKED_STEPS = 30  # where a friction sticks the cost has kinks, and what comes
 _PASSES = 6  # of weighting; two or three settle
 _TURNS = 30  # of aligning clocks; each about halves what is left
 _JOINT_TURNS = 8  # of aligning them together with the parameters; two or three settle
-DIVERGES = (
-    "every simulation of the plant diverges on these recordings, from all start values tried; it may be unstable and "
-    "held by its controller alone: use shorter recordings, or start values nearer to the machine's"
-)
 _DIVERGED = 1e12  # half the mean squared residual over the spread: a million times what was measured
 _CLOSE = 0.01  # rows; clocks closer than this are aligned
 _SMALLEST_SHARE = 1e-9  # of a signal's spread: noise below it is rounding
@@ -145,7 +141,10 @@ def estimate(
     tried = _shortened(problem)
     best, costs = _best_trial(tried, starting_points(plant, engine, tried.experiments), report)
     if not min(costs) < _DIVERGED:
-        raise IdentifyError(DIVERGES)
+        raise IdentifyError(
+            "every simulation of the plant diverges on these recordings, from all start values tried; it may be "
+            "unstable and held by its controller alone: use shorter recordings, or start values nearer to the machine's"
+        )
     if tried is not problem:
         best = FitPoint(best.constants, _best_starts(problem, best.constants, problem.experiments))
     best, problem = _settle(problem, best, report, 0.6)
