@@ -11,13 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from firmloop import commands
 from firmloop.cli import main
 from firmloop.design.kinds import kinds
-from firmloop.identify.plants.effects import effects
-from firmloop.identify.recordings.formats import formats
 from firmloop.quantize.lower.lower import lower
-from firmloop.verify.stimuli.characters import every_stimulus
 from firmloop.verify.stimuli.stimuli import stimuli
 
 ROOT = Path(__file__).parents[2]
@@ -50,8 +46,12 @@ Put = Callable[[str, str, str], None]
 
 
 def _forget() -> None:
-    for found in (effects, formats, every_stimulus, commands._modules):
-        found.cache_clear()
+    """Forget all that was made of what stands in the folders, also by tests before this one."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith("firmloop."):
+            for made in list(vars(module).values()):
+                if callable(getattr(made, "cache_clear", None)):
+                    made.cache_clear()
 
 
 @pytest.fixture

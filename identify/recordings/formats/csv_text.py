@@ -75,7 +75,7 @@ def _without_noise(content: bytes, first: int) -> tuple[str | Misread, tuple[str
     lines = content.split(b"\n")
     bad = [k for k, line in enumerate(lines) if b"\0" in line or not _is_text(line)]
     start = bad[-1] + 1
-    if start > min(_STARTING, 3 * len(bad)) or start >= len(lines):
+    if start > min(_STARTING, 3 * len(bad)) or not any(map(bytes.strip, lines[start:])):
         where, remedy = f"byte {first}", "save the recording as UTF-8 comma-separated text"
         if 2 * len(bad) < len(lines):
             where, remedy = f"line {bad[0] + 1}", "delete the line if the serial port has garbled it"

@@ -253,10 +253,6 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         + "\n".join(rows_of(TIME, VOLT, TIME + 0.01, HEAT, mark="\t")),
         ("a time column for each",),
     ),
-    "a column of words": (
-        "\n".join([f"{HEADER},mode", *(f"{row},RUN" for row in ROWS)]),
-        ("column mode: is 'RUN'", "so are 60 of 60 rows", "leave mode out", "keep the rows"),
-    ),
     "a column that is mostly empty": (
         "\n".join([f"{HEADER},a_C", *(f"{row},{'' if k % 9 else 1}" for k, row in enumerate(ROWS))]),
         ("is empty; so are 53 of 60 rows", "leave a_C out"),

@@ -151,7 +151,8 @@ def test_a_fit_holds_no_infinite_figure(figures: list[float]) -> None:
         Parameter("R_ohm", "ohm", value, True, 0.0, math.inf, abs(deviation)),
         Parameter("L_H", "H", given_value, False, 0.0, math.inf, None),
     )
-    plant = SimpleNamespace(kind="first_order", parameters=parameters, inputs=(), outputs=(Signal("y", "", 0.0, 1.0),))
+    outputs = (Signal("y", "", 0.0, 1.0),)
+    plant = SimpleNamespace(kind="first_order", parameters=parameters, inputs=(), outputs=outputs, varying=())
     score = RecordingScore("a.csv", {"y": Scores(*scored)}, np.zeros((2, 1)), np.zeros((1, 1)), {})
     fit = Fit(plant, np.zeros((0, 0)), (), (score,), (), {"y": noise}, (), ())
     data = Data((Recording(np.arange(2.0), {"y": np.zeros(2)}, plant.outputs, "a.csv", ""),), ())
