@@ -169,4 +169,6 @@ def check_moving(parts: Sequence[Experiment]) -> None:
     source = parts[0].source
     for name, values in zip(parts[0].names, np.concatenate([made.target for made in parts]).T, strict=True):
         if np.ptp(values) == 0.0:
-            raise IdentifyError(f"{source}: column {name} never changes; record the plant while it moves")
+            driven = any(np.any(np.ptp(made.course.drive, axis=0)) for made in parts)
+            what = f"column {name} never changes" if driven else f"neither an input nor column {name} ever changes"
+            raise IdentifyError(f"{source}: {what}; record the plant while it moves")
