@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,15 +79,9 @@ def unlikely(problem: Problem, residuals: Sequence[Array]) -> float:
 
 
 def unseen_residuals(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Array, ...]:
-    """Return measured - simulated (n, r) of every test recording."""
-    return elsewhere(problem, fitted, noises)[1].residuals
-
-
-def elsewhere(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> tuple[Problem, Fitted]:
-    """Return the problem of the test recordings, and an explanation there, only its initial states fitted."""
+    """Return measured - simulated (n, r) of every test recording, only their initial states fitted."""
     point = fit_starts(problem, problem.test, fitted.point.values, noises)
-    residuals = tuple(residual_of(problem, recording, point, k) for k, recording in enumerate(problem.test))
-    return replace(problem, train=problem.test, test=()), replace(fitted, point=point, residuals=residuals)
+    return tuple(residual_of(problem, recording, point, k) for k, recording in enumerate(problem.test))
 
 
 def memories(residuals: Sequence[Array]) -> Array:
@@ -106,10 +100,8 @@ def by_luck(residuals: Sequence[Array]) -> Array:
 
 def larger(candidate: Candidate, base: Candidate) -> bool:
     """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
-    pairs = list(zip(candidate.noises, base.noises, strict=True))
-    if any(mine.rms <= theirs.rms for mine, theirs in pairs):
-        return False
-    return any(mine.rms > WIDER_RMS * theirs.rms for mine, theirs in pairs)
+    pairs = zip(candidate.noises, base.noises, strict=True)
+    return farther(candidate, base) and not any(mine.rms <= theirs.rms for mine, theirs in pairs)
 
 
 def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
