@@ -34,11 +34,12 @@ from firmloop.diagnose.policy import (
     TRACE_SHARE,
 )
 from firmloop.diagnose.search.at_rest import rested
+from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
 from firmloop.diagnose.search.multiple_shooting import in_pieces
-from firmloop.diagnose.search.simulation_error import independent, needed, strays
+from firmloop.diagnose.search.simulation_error import independent, nearest, needed, strays
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.normal import NORMAL_95
@@ -136,13 +137,16 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
     """Drop effects of which a slow disturbance leaves nothing certain, as long as simulations without come as near."""
     noises, plain = noises_of(problem, fitted.residuals), not colored(fitted.noises)
     while len(fitted.terms) > 1 and (least := doubtful(fitted, noises)) is not None:
-        terms, point = without(fitted, least)
-        slim = fit(problem, problem.train, terms, point, flat(noises), STEPS_OF_A_FIT)  # whitened edges are traps
+        # Whitened edges are traps.
+        plainly = [
+            fit(problem, problem.train, *each, flat(noises), STEPS_OF_A_FIT) for each in slimmer(problem, fitted, least)
+        ]
+        slim = nearest(fitted, plainly)
         if needed(fitted, slim, least):
             break
         noises = noises_of(problem, slim.residuals)
         by = independent(slim.residuals) if plain else noises
-        slim = fit(problem, problem.train, terms, slim.point, by, STEPS_OF_A_NEAR_FIT)
+        slim = fit(problem, problem.train, slim.terms, slim.point, by, STEPS_OF_A_NEAR_FIT)
         fitted = with_doubts(problem, profiled(problem, ended(problem, slim, by), by))
     return fitted
 

@@ -14,37 +14,21 @@ from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding
-from firmloop.diagnose.model.candidate import (
-    Candidate,
-    believable,
-    by_simulation_error,
-    clearly_nearer,
-    rated,
-    residual_sizes,
-    rms_of,
-)
+from firmloop.diagnose.model.candidate import Candidate, rated, residual_sizes, rms_of
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import fit_starts, strength, with_other_answer
+from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
-from firmloop.diagnose.search.harmless import (
-    harmless,
-    held,
-    plain_refit,
-    same_function,
-    simulated_figures,
-)
+from firmloop.diagnose.search.harmless import harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.search.held_out import holding
 from firmloop.diagnose.search.improved import improved_plant
-from firmloop.diagnose.search.left_out import Contender, left_out_rms
-from firmloop.diagnose.search.simulation_error import certain, independent
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
 from firmloop.diagnose.verdict import judge, spoiled, withheld
 from firmloop.identify.fitting.noise import white
-from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
@@ -101,7 +85,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     hold = made.search.problem.train[0].hold
     whole, later = held(train, hold), held(test, hold)
     refit = plain_refit(plant, whole, improved_plant(made.search, made.search.nominal))
-    safe = _harmless(made.search, refit, whole)
+    progress(0.9, "simulating what is left out of the fit")
+    safe, crossed = holding(made.search, refit, whole)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
     found = replace(made.search if safe is None else safe, problem=replace(made.search.problem, test=problem.test))
     finding, unnamed = judge(found, made.checks, made.shape)
@@ -113,7 +98,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         finding, written = withheld(finding), refit
     plants = {"before": plant, "refit": refit, "after": written}
     figures = simulated_figures(plants, {"train": whole, "test": later})
-    progress(0.95, "simulating what is left out of the fit")
+    if crossed:
+        figures = {**figures, "cross": {name: _crossed(each, explained) for name, each in crossed.items()}}
     finding = _measured(finding, found, refit if not explained else None, made.shape, figures)
     return Diagnosis(finding, found, unnamed if not explained else None, written)
 
@@ -127,12 +113,11 @@ def _measured(
     `figures` are those of free simulations.
     """
     problem, sizes = found.problem, residual_sizes(found.best.fitted.residuals)
-    plain = Contender((), _values(found.nominal, refit))
-    shown = plain if refit is not None else Contender(found.best.fitted.terms, _values(found.best, None))
-    crossed = left_out_rms(problem, {"refit": plain, "after": shown}, sizes)
-    point = fit_starts(problem, problem.train, shown.values, [white(size) for size in sizes])
+    known = {} if refit is None else {p.name: p.value for p in refit.parameters}
+    values = {**(found.best if refit is None else found.nominal).fitted.point.values, **known}
+    point = fit_starts(problem, problem.train, values, [white(size) for size in sizes])
     residuals = [residual_of(problem, recording, point, k) for k, recording in enumerate(problem.train)]
-    moved = tuple(replace(p, value=shown.values.get(p.name, p.value)) for p in problem.plant.parameters)
+    moved = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
     plant = replace(problem.plant, parameters=moved)
     moves = np.std(np.concatenate([outputs_of(problem, recording) for recording in problem.train]), axis=0)
     missed = float(np.max(rms_of(residuals) / np.maximum(moves, 1e-300)))
@@ -142,7 +127,7 @@ def _measured(
     return measured_too(
         replace(
             finding,
-            simulation_rms={**figures, "cross": crossed} if crossed else figures,
+            simulation_rms=figures,
             disturbance=disturbances(plant, problem.train, residuals, list(finding.noise.values())),
             evidence=evidence,
         ),
@@ -150,34 +135,9 @@ def _measured(
     )
 
 
-def _values(candidate: Candidate, refit: Plant | None) -> Mapping[str, float]:
-    known = {} if refit is None else {p.name: p.value for p in refit.parameters}
-    return {**candidate.fitted.point.values, **known}
-
-
-def _harmless(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Search | None:
-    """Return the search, its best explanation with values that harm no simulation; None where there are none.
-
-    As found where no other values simulate clearly nearer. Where some do, a noise model has made noise of the motion:
-    the values are those of plain simulation error, beside the names that simulate just as well.
-    """
-    if not found.best.fitted.terms:
-        return found
-    problem, before = found.problem, found.best.fitted
-    fitted = by_simulation_error(problem, before)
-    if not clearly_nearer(fitted, before):
-        doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
-        noisy = not any(noise.weight for noise in found.best.noises)  # else intervals are those of a misfit
-        sure = noisy or all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms)
-        if sure and harmless(improved_plant(found, found.best), refit, recordings):
-            return doubted
-    fitted = certain(problem, fitted)
-    best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
-    other = replace(found, best=best)
-    if not believable(fitted) or not harmless(improved_plant(other, best), refit, recordings):
-        return None
-    same = tuple(Candidate(each, independent(each.residuals), best.score) for each in same_function(problem, fitted))
-    return replace(other, rounds=(*other.rounds, same))
+def _crossed(figures: Mapping[str, float], explained: bool) -> dict[str, float]:
+    """Return the figures of what was left out; where nothing is explained the written plant is the refit."""
+    return dict(figures) if explained or "refit" not in figures else {**figures, "after": figures["refit"]}
 
 
 def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> _Found:

@@ -100,11 +100,11 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
 
 
 def spoiled(finding: Finding) -> Finding:
-    """Return the finding where its explanation would simulate some recording worse than the plain refit does."""
+    """Return the finding where its explanation would simulate something worse than the plain refit does."""
     said = (
         "Something is missing, but no effect of the library makes every simulation better: "
-        f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording worse "
-        "than the plain refit, which the written project therefore is."
+        f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording, "
+        "or what was left out of the fit, worse than the plain refit, which the written project therefore is."
     )
     others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
     return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))

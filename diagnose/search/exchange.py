@@ -176,8 +176,11 @@ def alike(one: LibraryTerm, other: LibraryTerm) -> dict[str, str]:
 def exchanged(
     base: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float]
 ) -> tuple[tuple[LibraryTerm, ...], Point]:
-    """Put one term at its start in the place of another; the nominal inertia stays beside a load that both have."""
-    kept, rest = without(base, gone)
+    """Put one term at its start in the place of another; the nominal inertia stays beside a load that both have.
+
+    What it contains gives way, too.
+    """
+    kept, rest = without(base, gone, *_contained(base, gone, come))
     values, before = dict(entered(rest.values, come, start)), base.point.values
     if gone.taken is not None and come.taken is not None and start[come.taken[0]] == before[gone.taken[0]]:
         values[come.taken[1]] = before[come.taken[1]]
@@ -205,6 +208,25 @@ def _translated(
     return rated(problem, fit(problem, problem.train, best.terms, best.point, candidate.noises, STEPS_OF_A_NEAR_FIT))
 
 
+def _contained(base: Fitted, gone: LibraryTerm, come: LibraryTerm) -> list[LibraryTerm]:
+    """Return the terms beside one that another, which comes in its place, has as special cases."""
+    return [each for each in base.terms if each != gone and each.effect.name in come.effect.contains]
+
+
+def slimmer(problem: Problem, fitted: Fitted, gone: LibraryTerm) -> Iterator[tuple[tuple[LibraryTerm, ...], Point]]:
+    """Yield a hypothesis without a term, and with each special case of it in its place: that may be all that is sure.
+
+    A friction may be certain, and how it begins to slide not.
+    """
+    yield without(fitted, gone)
+    for come in problem.terms:
+        case = come.effect.name in gone.effect.contains and (come.at, come.output) == (gone.at, gone.output)
+        if case and come not in fitted.terms:
+            start = as_large(problem, fitted, gone, come, problem.starts[come.label][0])
+            if start is not None:
+                yield exchanged(fitted, gone, come, start)
+
+
 def as_large(
     problem: Problem, fitted: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float]
 ) -> Mapping[str, float] | None:
@@ -213,7 +235,7 @@ def as_large(
     Where both are one function of the recordings a fit from there has nothing left to do. None where it would have to
     do the opposite, or does nothing.
     """
-    _, bare = without(fitted, gone)
+    _, bare = without(fitted, gone, *_contained(fitted, gone, come))
     _, point = exchanged(fitted, gone, come, start)
     weights = 1.0 / np.maximum(rms_of(fitted.residuals), 1e-300)
     size = share = 0.0

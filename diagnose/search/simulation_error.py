@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import by_simulation_error, memories, rms_of, without
+from firmloop.diagnose.model.candidate import by_simulation_error, memories, rms_of
 from firmloop.diagnose.model.fit import Fitted, ended, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.policy import DRIFT_SHARE, NEARER_RMS, SLOW_RMS
+from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.normal import NORMAL_95
@@ -43,8 +44,18 @@ def certain(problem: Problem, fitted: Fitted) -> Fitted:
         least = min(fitted.terms, key=lambda term: strength(fitted, term))
         if len(fitted.terms) == 1 or strength(fitted, least) > NORMAL_95:
             return fitted
-        terms, point = without(fitted, least)
-        fitted = by_simulation_error(problem, replace(fitted, terms=terms, point=point))
+        fitted = nearest(
+            fitted,
+            [
+                by_simulation_error(problem, replace(fitted, terms=terms, point=point))
+                for terms, point in slimmer(problem, fitted, least)
+            ],
+        )
+
+
+def nearest(base: Fitted, others: Sequence[Fitted]) -> Fitted:
+    """Return the one of several whose simulations leave least, each output in units of what a base leaves."""
+    return min(others, key=lambda each: _ratio(each.residuals, base.residuals))
 
 
 def nearer(one: Fitted, other: Fitted, share: float = NEARER_RMS) -> bool:
