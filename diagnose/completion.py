@@ -9,7 +9,7 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weig
 from firmloop.diagnose.model.batch_means import with_lasting
 from firmloop.diagnose.model.candidate import Candidate, rated, without
 from firmloop.diagnose.model.continuation import met
-from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, strength
+from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
@@ -24,7 +24,6 @@ from firmloop.diagnose.policy import (
     LEFT_GAIN,
     LITTLE_GAIN,
     LOST_SHARE,
-    MINOR_SHARE,
     MOST_EFFECTS,
     PATCHED_GAIN,
     STEPS_OF_A_FIT,
@@ -42,7 +41,6 @@ from firmloop.diagnose.search.multiple_shooting import in_pieces
 from firmloop.diagnose.search.simulation_error import independent, nearest, needed, strays
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
-from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 
@@ -129,7 +127,6 @@ def _confirmed(found: Search) -> Search:
         if slim is not whole:
             finer = _finer(problem, slim)
     finer = _certain(problem, with_doubts(problem, finer))
-    finer = _untraced(problem, finer, MINOR_SHARE * (found.nominal.score - best.score))
     return replace(found, best=replace(best, fitted=finer, noises=noises_of(problem, finer.residuals)))
 
 
@@ -148,20 +145,6 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
         by = independent(slim.residuals) if plain else noises
         slim = fit(problem, problem.train, slim.terms, slim.point, by, STEPS_OF_A_NEAR_FIT)
         fitted = with_doubts(problem, profiled(problem, ended(problem, slim, by), by))
-    return fitted
-
-
-def _untraced(problem: Problem, fitted: Fitted, owed: float) -> Fitted:
-    """Drop effects that may be none by their own intervals, beside white noise too, and brought less than `owed`."""
-    while len(fitted.terms) > 1:
-        least = min(fitted.terms, key=lambda term: strength(fitted, term))
-        if strength(fitted, least) > NORMAL_95:
-            break
-        noises = noises_of(problem, fitted.residuals)
-        slim = fit(problem, problem.train, *without(fitted, least), noises, STEPS_OF_A_FIT)
-        if rated(problem, slim).score - rated(problem, fitted).score > owed:
-            break
-        fitted = with_doubts(problem, profiled(problem, ended(problem, slim, noises), noises))
     return fitted
 
 

@@ -228,7 +228,7 @@ def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str,
         if parameter.free:
             value = at.get(parameter.name, parameter.value)
             positive = parameter.low >= 0.0 and value > 0.0 and not _may_vanish(parameter.name)
-            size = max(abs(parameter.value), 1e-12)
+            size = abs(parameter.value) or abs(value) or 1.0
             found.append(Unknown(parameter.name, positive, parameter.low, parameter.high, size, step))
     for term in terms:
         for key, each in zip(term.keys, term.parameters, strict=True):

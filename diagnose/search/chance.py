@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -49,7 +50,8 @@ def evidence_of(search: Search) -> Gained:
     if not abs(nominal.score) < IMPOSSIBLE or not abs(best.score) < IMPOSSIBLE:
         return Gained("BIC", math.nan, None, library)
     count = len(best.fitted.terms)
-    under = ground(problem, problem.train, nominal.fitted, best.noises)
+    innovations = [replace(noise, weight=0.0) for noise in best.noises]  # what is drawn anew has a row for each of them
+    under = ground(problem, problem.train, nominal.fitted, innovations)
     followed = problem.engine.recorded
     problem.engine.follow(False)  # a recorded angle holds the very noise that is to be drawn anew
     groups, untraced = _directions(search, under)

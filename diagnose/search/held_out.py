@@ -13,6 +13,7 @@ from firmloop.diagnose.model.candidate import (
     residual_sizes,
 )
 from firmloop.diagnose.model.fit import Fitted, strength, with_other_answer
+from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
@@ -30,15 +31,33 @@ Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms wh
 def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tuple[Search | None, Figures]:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
-    With it the figures of what was left out. Effects go one by one, first the one without which left-out parts are
-    simulated nearest, as long as the plain refit simulates those nearer.
+    With it the figures of what was left out. Effects go one by one: as long as the plain refit simulates those parts
+    nearer the one without which they are simulated nearest, then each that may be none by its own interval, as long as
+    they are simulated no worse without it.
     """
     safe = unharmed(found, refit, recordings)
     figures = left_out(safe or found, refit)
     while safe is not None and not _holds(figures):
-        slim = [(each, left_out(each, refit)) for each in _slimmer(safe, refit, recordings)]
-        safe, figures = min(slim, key=lambda pair: _worst(pair[1]), default=(None, figures))
+        slim = _slimmer(safe, refit, recordings, safe.best.fitted.terms)
+        safe, figures = _nearest([(each, left_out(each, refit)) for each in slim], figures)
+    while safe is not None and (doubted := _doubted(safe.best.fitted)):
+        slim = _slimmer(safe, refit, recordings, doubted[:1])
+        other, others = _nearest([(each, left_out(each, refit)) for each in slim], figures)
+        if other is None or _worst(others) > SAME_RMS * _worst(figures):
+            break
+        safe, figures = other, others
     return safe, figures
+
+
+def _nearest(pairs: Sequence[tuple[Search, Figures]], without: Figures) -> tuple[Search | None, Figures]:
+    """Return the search that simulates what was left out nearest, and its figures; None with those `without` any."""
+    return min(pairs, key=lambda pair: _worst(pair[1]), default=(None, without))
+
+
+def _doubted(fitted: Fitted) -> list[LibraryTerm]:
+    """Return the effects that may be none by their own intervals, the least certain first; not the only one."""
+    by_certainty = sorted(fitted.terms, key=lambda term: strength(fitted, term))
+    return [term for term in by_certainty if strength(fitted, term) <= NORMAL_95] if len(by_certainty) > 1 else []
 
 
 def left_out(found: Search, refit: Plant) -> Figures:
@@ -80,11 +99,13 @@ def _plainly(found: Search, fitted: Fitted, refit: Plant, recordings: Sequence[R
     return replace(other, rounds=(*other.rounds, beside))
 
 
-def _slimmer(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Iterator[Search]:
-    """Yield searches with one effect less, or a simpler one, in the best, that harm no simulation."""
+def _slimmer(
+    found: Search, refit: Plant, recordings: Sequence[Recording], some: Sequence[LibraryTerm]
+) -> Iterator[Search]:
+    """Yield searches without one of some effects, or with a simpler one, in the best, that harm no simulation."""
     problem, fitted = found.problem, found.best.fitted
     bare = replace(found, rounds=())  # what stood beside the whole is no rival of a part
-    for gone in fitted.terms:
+    for gone in some:
         for terms, point in slimmer(problem, fitted, gone):
             if terms:
                 one = by_simulation_error(problem, replace(fitted, terms=terms, point=point))
