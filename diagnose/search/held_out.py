@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from firmloop.diagnose.model.candidate import (
     Candidate,
     believable,
@@ -14,7 +16,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.fit import Fitted, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.policy import SAME_RMS
+from firmloop.diagnose.policy import NEARER_RMS, SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.harmless import harmless, same_function
@@ -31,27 +33,31 @@ Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms wh
 def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tuple[Search | None, Figures]:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
-    With it the figures of what was left out. Effects go one by one: as long as the plain refit simulates those parts
-    nearer the one without which they are simulated nearest, then each that may be none by its own interval, as long as
-    they are simulated no worse without it.
+    With it the figures of what was left out. Where the best simulates that not clearly nearer than the plain refit,
+    effects go one by one as long as it is simulated clearly nearer without; then each that may be none by its own
+    interval, as long as it is simulated no worse without.
     """
     safe = unharmed(found, refit, recordings)
     figures = left_out(safe or found, refit)
-    while safe is not None and not _holds(figures):
-        slim = _slimmer(safe, refit, recordings, safe.best.fitted.terms)
-        safe, figures = _nearest([(each, left_out(each, refit)) for each in slim], figures)
-    while safe is not None and (doubted := _doubted(safe.best.fitted)):
-        slim = _slimmer(safe, refit, recordings, doubted[:1])
-        other, others = _nearest([(each, left_out(each, refit)) for each in slim], figures)
-        if other is None or _worst(others) > SAME_RMS * _worst(figures):
+    while safe is not None and _ratio(figures) > NEARER_RMS:
+        other, others = _nearest(safe, refit, recordings, safe.best.fitted.terms)
+        if other is None or _ratio(others) > NEARER_RMS * _ratio(figures):
             break
         safe, figures = other, others
-    return safe, figures
+    while safe is not None and (doubted := _doubted(safe.best.fitted)):
+        other, others = _nearest(safe, refit, recordings, doubted[:1])
+        if other is None or _ratio(others) > SAME_RMS * _ratio(figures):
+            break
+        safe, figures = other, others
+    return (safe if NEARER_RMS * _ratio(figures) < 1.0 else None), figures
 
 
-def _nearest(pairs: Sequence[tuple[Search, Figures]], without: Figures) -> tuple[Search | None, Figures]:
-    """Return the search that simulates what was left out nearest, and its figures; None with those `without` any."""
-    return min(pairs, key=lambda pair: _worst(pair[1]), default=(None, without))
+def _nearest(
+    found: Search, refit: Plant, recordings: Sequence[Recording], some: Sequence[LibraryTerm]
+) -> tuple[Search | None, Figures]:
+    """Return the search without one of some effects that simulates what was left out nearest, and its figures."""
+    slim = [(each, left_out(each, refit)) for each in _slimmer(found, refit, recordings, some)]
+    return min(slim, key=lambda pair: _ratio(pair[1]), default=(None, {}))
 
 
 def _doubted(fitted: Fitted) -> list[LibraryTerm]:
@@ -114,12 +120,8 @@ def _slimmer(
                     yield made
 
 
-def _holds(figures: Figures) -> bool:
-    """Tell whether an explanation simulates what was left out no worse than the refit does."""
-    return _worst(figures) <= SAME_RMS
-
-
-def _worst(figures: Figures) -> float:
-    """Return the largest ratio of an explanation's rms to the refit's over the outputs; 0 where nothing is told."""
+def _ratio(figures: Figures) -> float:
+    """Return the rms of an explanation over that of the refit, squares averaged over outputs; 0 if nothing is told."""
     pairs = [(each.get("after", 0.0), each.get("refit", 0.0)) for each in figures.values()]
-    return max((after / refit for after, refit in pairs if refit > 0.0), default=0.0)
+    ratios = [after / refit for after, refit in pairs if refit > 0.0]
+    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0
