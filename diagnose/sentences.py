@@ -116,7 +116,11 @@ def _about_disturbance(finding: Finding, missed: float) -> list[str]:
         share = "" if each.share is None else f", {_percent(each.share)} of the drive"
         meant = ""
         if rivals:
-            meant = "; too much for one, so it is the sensors' own, such as hum" if silent else ": that is not noise"
+            meant = (
+                "; much for noise: run the same input twice, for what repeats is physics without a name here"
+                if silent
+                else ": that is not noise"
+            )
         said.append(
             f"Left beside the white noise of the sensors: as much as a disturbance of {size} in the {name} balance "
             f"makes{share}{meant}."

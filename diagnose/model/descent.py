@@ -236,7 +236,14 @@ def residual_of(problem: Problem, recording: Recording, point: Point, index: int
     unfed = min(problem.engine.unfed(recording, point.values), len(left) // 2)
     if unfed:
         left[-unfed:] = left[-2 * unfed : -unfed][::-1]
-    return left if np.all(np.isfinite(left)) else np.full_like(left, np.nan)
+    return _shown(problem, recording, left) if np.all(np.isfinite(left)) else np.full_like(left, np.nan)
+
+
+def _shown(problem: Problem, recording: Recording, rows: Array) -> Array:
+    """Return rows (n, ...) with those that are hidden of the recording as zeros; they are changed in place."""
+    first, end = problem.hidden.get(id(recording), (0, 0))
+    rows[first:end] = 0.0
+    return rows
 
 
 def whitened(values: Array, noises: Sequence[Noise]) -> Array:
@@ -311,4 +318,4 @@ def _anchored(problem: Problem, recording: Recording, slopes: Array) -> Array:
         unseen = state.startswith("position") and state not in recording.columns
         if unseen and recording is problem.train[0] and problem.plant.kind != "ode":
             slopes[..., index] = 0.0
-    return slopes
+    return _shown(problem, recording, slopes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
@@ -82,6 +82,7 @@ class Problem:
     drifts: Array  # (r,) largest rms that slow noise of each output may have
     memory: dict[tuple[object, ...], Array]  # what an initial state does to the outputs, see refit.start_slopes
     direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
+    hidden: Mapping[int, tuple[int, int]] = field(default_factory=dict)  # by id of a recording: rows that count nothing
 
     def term(self, name: str) -> LibraryTerm | None:
         """Return the first term of that effect."""

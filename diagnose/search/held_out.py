@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from firmloop.diagnose.model.candidate import (
     clearly_nearer,
     residual_sizes,
 )
-from firmloop.diagnose.model.fit import Fitted, strength, with_other_answer
+from firmloop.diagnose.model.fit import Fitted, ended, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import NEARER_RMS, SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
@@ -22,7 +23,7 @@ from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.harmless import harmless, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, left_out_rms
-from firmloop.diagnose.search.simulation_error import certain, independent
+from firmloop.diagnose.search.simulation_error import independent
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -30,98 +31,123 @@ from firmloop.identify.recordings.recording import Recording
 Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms where it was left out
 
 
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A search whose best is a part of an explanation; `safe` where it may be written, `ratio` of what is left out.
+
+    That is the rms over the refit's, squares averaged over outputs; 0 where nothing is told.
+    """
+
+    search: Search
+    safe: bool
+    figures: Figures
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """What parts are held against."""
+
+    refit: Plant
+    recordings: Sequence[Recording]
+
+    def part(self, search: Search) -> _Part:
+        """Simulate what the best of a search is written as, and what is left out of its fit."""
+        plant = improved_plant(search, search.best)
+        safe = believable(search.best.fitted) and harmless(plant, self.refit, self.recordings)
+        figures = self.left_out(search)
+        pairs = [(each.get("after", 0.0), each.get("refit", 0.0)) for each in figures.values()]
+        ratios = [after / refit for after, refit in pairs if refit > 0.0]
+        return _Part(search, safe, figures, float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0)
+
+    def left_out(self, found: Search) -> Figures:
+        """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
+        values = {**found.nominal.fitted.point.values, **{p.name: p.value for p in self.refit.parameters}}
+        best, plain = found.best.fitted, Contender((), values)
+        shown = Contender(best.terms, best.point.values) if best.terms else plain
+        return left_out_rms(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
+
+
 def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tuple[Search | None, Figures]:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
-    With it the figures of what was left out. Where the best simulates that not clearly nearer than the plain refit,
-    effects go one by one as long as it is simulated clearly nearer without; then each that may be none by its own
-    interval, as long as it is simulated no worse without.
+    With it the figures of what was left out. Effects go one by one, each time the one without which that is simulated
+    nearest: as long as some recording is harmed; where it is not simulated clearly nearer than by the plain refit, as
+    long as it is clearly nearer without; and those that may be none by their own intervals, as long as it is no worse.
     """
-    safe = unharmed(found, refit, recordings)
-    figures = left_out(safe or found, refit)
-    while safe is not None and _ratio(figures) > NEARER_RMS:
-        other, others = _nearest(safe, refit, recordings, safe.best.fitted.terms)
-        if other is None or _ratio(others) > NEARER_RMS * _ratio(figures):
-            break
-        safe, figures = other, others
-    while safe is not None and (doubted := _doubted(safe.best.fitted)):
-        other, others = _nearest(safe, refit, recordings, doubted[:1])
-        if other is None or _ratio(others) > SAME_RMS * _ratio(figures):
-            break
-        safe, figures = other, others
-    return (safe if NEARER_RMS * _ratio(figures) < 1.0 else None), figures
-
-
-def _nearest(
-    found: Search, refit: Plant, recordings: Sequence[Recording], some: Sequence[LibraryTerm]
-) -> tuple[Search | None, Figures]:
-    """Return the search without one of some effects that simulates what was left out nearest, and its figures."""
-    slim = [(each, left_out(each, refit)) for each in _slimmer(found, refit, recordings, some)]
-    return min(slim, key=lambda pair: _ratio(pair[1]), default=(None, {}))
-
-
-def _doubted(fitted: Fitted) -> list[LibraryTerm]:
-    """Return the effects that may be none by their own intervals, the least certain first; not the only one."""
-    by_certainty = sorted(fitted.terms, key=lambda term: strength(fitted, term))
-    return [term for term in by_certainty if strength(fitted, term) <= NORMAL_95] if len(by_certainty) > 1 else []
-
-
-def left_out(found: Search, refit: Plant) -> Figures:
-    """Return how far simulations are off where it was left out of the fit: of the refit, and of the best beside it."""
-    values = {**found.nominal.fitted.point.values, **{p.name: p.value for p in refit.parameters}}
-    best, plain = found.best.fitted, Contender((), values)
-    shown = Contender(best.terms, best.point.values) if best.terms else plain
-    return left_out_rms(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
-
-
-def unharmed(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Search | None:
-    """Return the search, its best explanation with values that harm no simulation; None where there are none.
-
-    As found where no other values simulate clearly nearer. Where some do, a noise model has made noise of the motion:
-    the values are those of plain simulation error, beside the names that simulate just as well.
-    """
+    bench = _Bench(refit, recordings)
     if not found.best.fitted.terms:
-        return found
-    problem, before = found.problem, found.best.fitted
-    fitted = by_simulation_error(problem, before)
-    if not clearly_nearer(fitted, before):
-        doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
-        noisy = not any(noise.weight for noise in found.best.noises)  # else intervals are those of a misfit
-        sure = noisy or all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms)
-        if sure and harmless(improved_plant(found, found.best), refit, recordings):
-            return doubted
-    return _plainly(found, fitted, refit, recordings)
+        return found, bench.left_out(found)
+    here = _whole(found, bench)
+    while (slim := _slimmed(here, bench)) is not None:
+        here = slim
+    if not here.safe or NEARER_RMS * here.ratio >= 1.0:
+        return None, here.figures
+    return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.figures
 
 
-def _plainly(found: Search, fitted: Fitted, refit: Plant, recordings: Sequence[Recording]) -> Search | None:
-    """Return the search with a fit by plain simulation error as its best, and what simulates just as well beside it."""
-    fitted = certain(found.problem, fitted)
-    best = replace(found.best, fitted=fitted, noises=independent(fitted.residuals))
-    other = replace(found, best=best)
-    if not believable(fitted) or not harmless(improved_plant(other, best), refit, recordings):
-        return None
-    same = same_function(found.problem, fitted)
-    beside = tuple(Candidate(each, independent(each.residuals), best.score) for each in same)
-    return replace(other, rounds=(*other.rounds, beside))
+def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
+    """Return the next smaller part; None where all that is left of it is needed."""
+    fitted = here.search.best.fitted
+    weakest = min(fitted.terms, key=lambda each: strength(fitted, each))
+    lots: list[tuple[Sequence[LibraryTerm], float]] = []
+    if not here.safe:
+        lots.append((fitted.terms, math.inf))
+    elif here.ratio > NEARER_RMS:
+        lots.append((fitted.terms, NEARER_RMS * here.ratio))
+    if strength(fitted, weakest) <= NORMAL_95:
+        lots.append(((weakest,), SAME_RMS * here.ratio))
+    for some, most in lots:
+        parts = [each for each in _smaller(here.search, bench, some) if each.safe or not here.safe]
+        # Those that may be written first.
+        least = min(parts, key=lambda each: (not each.safe, each.ratio), default=None)
+        if least is not None and least.ratio <= most:
+            return least
+    return None
 
 
-def _slimmer(
-    found: Search, refit: Plant, recordings: Sequence[Recording], some: Sequence[LibraryTerm]
-) -> Iterator[Search]:
-    """Yield searches without one of some effects, or with a simpler one, in the best, that harm no simulation."""
+def _smaller(found: Search, bench: _Bench, some: Sequence[LibraryTerm]) -> Iterator[_Part]:
+    """Yield the parts without one of some effects, or with a simpler one in its place, by plain simulation error."""
     problem, fitted = found.problem, found.best.fitted
     bare = replace(found, rounds=())  # what stood beside the whole is no rival of a part
     for gone in some:
         for terms, point in slimmer(problem, fitted, gone):
             if terms:
-                one = by_simulation_error(problem, replace(fitted, terms=terms, point=point))
-                made = _plainly(bare, one, refit, recordings)
-                if made is not None:
-                    yield made
+                yield bench.part(
+                    _plainly(bare, by_simulation_error(problem, replace(fitted, terms=terms, point=point)))
+                )
 
 
-def _ratio(figures: Figures) -> float:
-    """Return the rms of an explanation over that of the refit, squares averaged over outputs; 0 if nothing is told."""
-    pairs = [(each.get("after", 0.0), each.get("refit", 0.0)) for each in figures.values()]
-    ratios = [after / refit for after, refit in pairs if refit > 0.0]
-    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0
+def _whole(found: Search, bench: _Bench) -> _Part:
+    """Return the best as found where no other values simulate clearly nearer, and its effects are certain.
+
+    Where some do, a noise model has made noise of the motion: the values are those of plain simulation error.
+    """
+    before = found.best.fitted
+    fitted = by_simulation_error(found.problem, before)
+    if not clearly_nearer(fitted, before):
+        doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
+        noisy = not any(noise.weight for noise in found.best.noises)  # else intervals are those of a misfit
+        if noisy or all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms):
+            made = bench.part(doubted)
+            if made.safe:
+                return made
+    return bench.part(_plainly(found, fitted))
+
+
+def _plainly(found: Search, fitted: Fitted) -> Search:
+    """Return the search with a fit by plain simulation error as its best, independent samples counted."""
+    fitted = ended(found.problem, fitted, independent(fitted.residuals))
+    return replace(found, best=replace(found.best, fitted=fitted, noises=independent(fitted.residuals)))
+
+
+def _as_found(here: Search, found: Search) -> bool:
+    """Tell whether the best still has the noises that the search found."""
+    return here.best.noises is found.best.noises
+
+
+def _with_same(found: Search) -> Search:
+    """Return the search with what simulates just as well as its best beside it."""
+    same = same_function(found.problem, found.best.fitted)
+    beside = tuple(Candidate(each, independent(each.residuals), found.best.score) for each in same)
+    return replace(found, rounds=(*found.rounds, beside))

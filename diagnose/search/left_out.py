@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import fit, fit_starts
+from firmloop.diagnose.model.fit import deviations, fit, fit_starts
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.policy import (
     CROSS_FIT_PATIENCE,
@@ -19,7 +19,8 @@ from firmloop.diagnose.policy import (
     FEWEST_ROWS,
     STEPS_OF_A_NEAR_FIT,
 )
-from firmloop.identify.fitting.noise import white
+from firmloop.identify.fitting.noise import Noise, white
+from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -35,8 +36,11 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
+    """What a fit sees: `rest`, of a recording that is hidden in part all but these rows; else all but `left_out`."""
+
     rest: tuple[Recording, ...]
     left_out: tuple[Recording, ...]
+    hidden: Mapping[int, tuple[int, int]]
 
 
 def left_out_rms(
@@ -45,26 +49,29 @@ def left_out_rms(
     """Return {output: {explanation: rms}} of measured - simulated where it was left out, in the outputs' units.
 
     Each explanation is fitted again to the rest by plain simulation error, from where it ended, and simulates what was
-    left out from its input alone; the initial state is fitted. `before` is the plant as given, which is not fitted.
-    `sizes` (r,) weigh the outputs. No fold begins after a number of simulated steps; nothing is told where a recording
-    is too short to be cut, or a simulation diverges.
+    left out from its input alone; the initial state is fitted, too. `before` is the plant as given, not fitted.
+    `sizes` (r,) weigh the outputs. A rest that no longer makes certain what all recordings do is no test. No fold
+    begins after a number of simulated steps; nothing is told where a recording is too short to be cut, or a simulation
+    diverges.
     """
-    engine, strayed = problem.engine, dict(problem.engine.strayed)
-    folds, own = _folds(problem)
-    engine.amend({**strayed, **own})
+    engine, noises = problem.engine, [white(size) for size in sizes]
     until = engine.steps + CROSS_PATIENCE
+    known = {name: _certain_of(problem, problem.train, each, noises, 0)[1] for name, each in explanations.items()}
     given = {p.name: p.value for p in problem.plant.parameters}
     lefts: dict[str, list[Array]] = {name: [] for name in ("before", *explanations)}
-    for fold in folds:
+    for fold in _folds(problem):
         if engine.steps > until:
             break
-        lefts["before"] += _missed(problem, fold.left_out, given, sizes)
-        known: dict[int, list[Array]] = {}
+        part = replace(problem, train=fold.rest, test=(), memory={}, hidden=fold.hidden)
+        fitted: dict[int, tuple[Mapping[str, float], set[str]]] = {}
+        for each in explanations.values():
+            if id(each) not in fitted:  # the plain refit may stand for the explanation, too
+                fitted[id(each)] = _certain_of(part, fold.rest, each, noises, STEPS_OF_A_NEAR_FIT)
+        if any(known[name] - fitted[id(each)][1] for name, each in explanations.items()):
+            continue
+        lefts["before"] += _missed(problem, fold, given, noises)
         for name, each in explanations.items():
-            if id(each) not in known:  # the plain refit may stand for the explanation, too
-                known[id(each)] = _missed(problem, fold.left_out, _refitted(problem, fold.rest, each, sizes), sizes)
-            lefts[name] += known[id(each)]
-    engine.amend(strayed)
+            lefts[name] += _missed(problem, fold, fitted[id(each)][0], noises)
     found: dict[str, dict[str, float]] = {}
     for name, parts in lefts.items():
         if not parts:
@@ -76,8 +83,8 @@ def left_out_rms(
     return found
 
 
-def _folds(problem: Problem) -> tuple[list[_Fold], dict[int, Array]]:
-    """Return what is left out in turn, and how far the recorded angles of new parts are known to have strayed."""
+def _folds(problem: Problem) -> list[_Fold]:
+    """Return what is left out in turn: recordings, or blocks of the only one."""
     train = problem.train
     if len(train) > 1:
         lots = np.array_split(np.arange(len(train)), min(len(train), CROSS_FOLDS))
@@ -85,42 +92,33 @@ def _folds(problem: Problem) -> tuple[list[_Fold], dict[int, Array]]:
             _Fold(
                 tuple(each for k, each in enumerate(train) if k not in lot),
                 tuple(each for k, each in enumerate(train) if k in lot),
+                {},
             )
             for lot in lots
-        ], {}
+        ]
     (whole,) = train
     rows = len(whole.time)
     if rows < CROSS_FOLDS * FEWEST_ROWS:
-        return [], {}
+        return []
     ends = [k * rows // CROSS_FOLDS for k in range(CROSS_FOLDS + 1)]
-    folds: list[_Fold] = []
-    own: dict[int, Array] = {}
-    for first, end in pairwise(ends):
-        places = [place for place in ((0, first), (end, rows)) if place[0] < place[1]]
-        parts = [whole.part(*place) for place in (*places, (first, end))]
-        if id(whole) in problem.engine.strayed:
-            angles = problem.engine.strayed[id(whole)]
-            own |= {
-                id(part): angles[low:high] for part, (low, high) in zip(parts, (*places, (first, end)), strict=True)
-            }
-        folds.append(_Fold(tuple(parts[:-1]), tuple(parts[-1:])))
-    return folds, own
+    return [_Fold((whole,), (whole,), {id(whole): place}) for place in pairwise(ends)]
 
 
-def _refitted(
-    problem: Problem, rest: tuple[Recording, ...], each: Contender, sizes: Sequence[float]
-) -> Mapping[str, float]:
-    """Return the values of an explanation that was fitted to the rest alone."""
-    noises = [white(size) for size in sizes]
-    part = replace(problem, train=rest, test=(), memory={})
+def _certain_of(
+    part: Problem, rest: tuple[Recording, ...], each: Contender, noises: Sequence[Noise], steps: int
+) -> tuple[Mapping[str, float], set[str]]:
+    """Return the values of an explanation fitted to the rest in some steps, and which of them that makes certain."""
     begin = fit_starts(part, rest, each.values, noises)
-    return fit(part, rest, each.terms, begin, noises, STEPS_OF_A_NEAR_FIT, CROSS_FIT_PATIENCE).point.values
+    fitted = fit(part, rest, each.terms, begin, noises, steps, CROSS_FIT_PATIENCE)
+    values = fitted.point.values
+    spread = deviations(fitted)
+    return values, {name for name, size in spread.items() if abs(values.get(name, 0.0)) > NORMAL_95 * size}
 
 
-def _missed(
-    problem: Problem, left_out: tuple[Recording, ...], values: Mapping[str, float], sizes: Sequence[float]
-) -> list[Array]:
-    """Return measured - simulated (n, r) of each recording, only its initial state fitted."""
-    part = replace(problem, train=left_out, test=(), memory={})
-    point = fit_starts(part, left_out, values, [white(size) for size in sizes])
-    return [residual_of(part, recording, point, k) for k, recording in enumerate(left_out)]
+def _missed(problem: Problem, fold: _Fold, values: Mapping[str, float], noises: Sequence[Noise]) -> list[Array]:
+    """Return measured - simulated (n, r) of what was left out; an initial state is fitted to what is not hidden."""
+    part = replace(problem, train=fold.left_out, test=(), memory={}, hidden=fold.hidden)
+    point = fit_starts(part, fold.left_out, values, noises)
+    whole = replace(part, hidden={})
+    lefts = [residual_of(whole, recording, point, k) for k, recording in enumerate(fold.left_out)]
+    return [left[slice(*fold.hidden.get(id(each), (0, None)))] for each, left in zip(fold.left_out, lefts, strict=True)]

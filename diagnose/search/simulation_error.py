@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import by_simulation_error, memories, rms_of
-from firmloop.diagnose.model.fit import Fitted, ended, strength
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
+from firmloop.diagnose.model.candidate import memories, rms_of
+from firmloop.diagnose.model.fit import Fitted
+from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import DRIFT_SHARE, NEARER_RMS, SLOW_RMS
-from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
-from firmloop.identify.normal import NORMAL_95
 
 Array = NDArray[np.float64]
 
@@ -35,22 +32,6 @@ def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
         rms = max(float(np.sqrt(np.mean(np.concatenate([part[:, index] for part in residuals]) ** 2))), 1e-30)
         made.append(Noise(np.zeros(0), rms * float(np.sqrt(kept)), rms))
     return tuple(made)
-
-
-def certain(problem: Problem, fitted: Fitted) -> Fitted:
-    """Return a fit by plain simulation error with its intervals, without effects that may be none by these."""
-    while True:
-        fitted = ended(problem, fitted, independent(fitted.residuals))
-        least = min(fitted.terms, key=lambda term: strength(fitted, term))
-        if len(fitted.terms) == 1 or strength(fitted, least) > NORMAL_95:
-            return fitted
-        fitted = nearest(
-            fitted,
-            [
-                by_simulation_error(problem, replace(fitted, terms=terms, point=point))
-                for terms, point in slimmer(problem, fitted, least)
-            ],
-        )
 
 
 def nearest(base: Fitted, others: Sequence[Fitted]) -> Fitted:
