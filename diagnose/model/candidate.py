@@ -62,12 +62,15 @@ def believable(fitted: Fitted) -> bool:
 
 
 def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:
-    """Tell whether a value of an effect ended where its range does, unless that is what it is where none is given."""
+    """Tell whether a value of an effect ended where its range does, unless that is what it is where none is given.
+
+    What may be left out of a project is a detail, as the share that runs on: its range ends where nature's does.
+    """
     for key, each in zip(term.keys, term.parameters, strict=True):
         value = fitted.point.values[key]
         if value <= each.low != each.default:
             return True
-        if np.isfinite(each.high) and each.high != each.default and value > each.high - ON_BOUND * abs(each.high):
+        if each.default is None and np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high):
             return True
     return False
 

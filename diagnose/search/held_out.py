@@ -81,7 +81,9 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     here = _whole(found, bench)
     while (slim := _slimmed(here, bench)) is not None:
         here = slim
-    if not here.safe or NEARER_RMS * here.ratio >= 1.0:
+    fitted = here.search.best.fitted
+    none = all(strength(fitted, each) <= NORMAL_95 for each in fitted.terms)
+    if none or not here.safe or NEARER_RMS * here.ratio >= 1.0:
         return None, here.figures
     return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.figures
 
