@@ -24,6 +24,7 @@ from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.search.held_out import holding
 from firmloop.diagnose.search.improved import improved_plant
+from firmloop.diagnose.search.run_to_run import differing
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
@@ -100,17 +101,23 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     figures = simulated_figures(plants, {"train": whole, "test": later})
     if crossed:
         figures = {**figures, "cross": {name: _crossed(each, explained) for name, each in crossed.items()}}
-    finding = _measured(finding, found, refit if not explained else None, made.shape, figures)
+    shown = None if explained else refit
+    finding = _measured(finding, found, shown, made.shape, figures, differing(written, whole))
     return Diagnosis(finding, found, unnamed if not explained else None, written)
 
 
 def _measured(
-    finding: Finding, found: Search, refit: Plant | None, shape: Shape | None, figures: SimulationRms
+    finding: Finding,
+    found: Search,
+    refit: Plant | None,
+    shape: Shape | None,
+    figures: SimulationRms,
+    own: tuple[tuple[str, ...], float],
 ) -> Finding:
     """Return the finding with how large is what is still missing, how sure it is, and how it does where left out.
 
     `refit` is the plant that stands for the finding where no explanation does, `shape` what has no name beside it;
-    `figures` are those of free simulations.
+    `figures` are those of free simulations, `own` what differs from run to run, see `differing`.
     """
     problem, sizes = found.problem, residual_sizes(found.best.fitted.residuals)
     known = {} if refit is None else {p.name: p.value for p in refit.parameters}
@@ -132,6 +139,7 @@ def _measured(
             evidence=evidence,
         ),
         missed,
+        own,
     )
 
 

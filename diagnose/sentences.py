@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,12 +85,19 @@ def _own(one: OwnValue) -> str:
     return f"{Path(one.source).name} {known.value:.4g}{reach}"
 
 
-def measured_too(finding: Finding, missed: float) -> Finding:
+def measured_too(finding: Finding, missed: float, own: tuple[tuple[str, ...], float]) -> Finding:
     """Return the finding with what it says of chance, of what is still missing, and of what was left out of the fit.
 
-    `missed` is what simulations miss, as a share of what the output moves that they follow worst.
+    `missed` is what simulations miss, as a share of what the output moves that they follow worst; `own` what
+    would differ from run to run, and the share of the rms that it leaves.
     """
-    said = [*_about_chance(finding), *_about_disturbance(finding, missed), *_about_left_out(finding)]
+    said = [
+        *_about_chance(finding),
+        *_about_rest(finding),
+        *_about_disturbance(finding, missed),
+        *_about_runs(*own),
+        *_about_left_out(finding),
+    ]
     return replace(finding, says=(*finding.says, *said))
 
 
@@ -101,6 +109,28 @@ def _about_chance(finding: Finding) -> list[str]:
     return [
         f"{found.criterion} drops by {found.gain:.4g}; among {found.library} terms chance would do so with a "
         f"probability of {least}{found.p_value:.2g}."
+    ]
+
+
+def _about_rest(finding: Finding) -> list[str]:
+    """Say that an explanation is not the whole of it, where more is left than the sensors' noise."""
+    left = finding.train.after
+    if not finding.effects or left is None or left < STILL_MISSING:
+        return []
+    return [
+        f"That is not the whole of it: simulations still miss by {left:.3g} times the sensors' noise, which another "
+        "effect, or a disturbance, makes."
+    ]
+
+
+def _about_runs(names: Sequence[str], share: float) -> list[str]:
+    """Ask about what brings simulations far nearer where each recording has its own."""
+    if not names:
+        return []
+    listed = ", ".join(f'"{name}"' for name in names)
+    return [
+        f"Does something differ from run to run? With its own {' and '.join(names)} each recording is simulated to "
+        f"{share:.2g} of the rms; if so, say so in [recordings]: per_recording = [{listed}]."
     ]
 
 
