@@ -37,6 +37,7 @@ from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
+from firmloop.diagnose.search.multiple_shooting import in_pieces
 from firmloop.diagnose.search.simulation_error import independent, nearest, needed, strays
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
@@ -45,7 +46,10 @@ from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     """Return the search that is believed, with what slow misfits and shapes still show, and the shape that is left."""
-    begun = found.problem.engine.steps
+    begun, tried = found.problem.engine.steps, found
+    pieced = in_pieces(found, progress)
+    if pieced is not None:
+        found = _resumed(pieced)
     progress(0.75, "looking for what has no name")
     shape = best_shape(found, found.best)
     while (
@@ -62,7 +66,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
     if strays(found, LOST_SHARE) or alone is not None or not whole:
-        other = exhausted(found)
+        others = (None if found is tried else in_pieces(found, progress), exhausted(found))
+        other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
         if other is not None:
             found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)

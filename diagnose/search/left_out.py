@@ -84,7 +84,7 @@ def left_out_rms(
 
 
 def _folds(problem: Problem) -> list[_Fold]:
-    """Return what is left out in turn: recordings, or blocks of the only one."""
+    """Return what is left out in turn: recordings, or of the only one all blocks but the first."""
     train = problem.train
     if len(train) > 1:
         lots = np.array_split(np.arange(len(train)), min(len(train), CROSS_FOLDS))
@@ -98,9 +98,10 @@ def _folds(problem: Problem) -> list[_Fold]:
         ]
     (whole,) = train
     rows = len(whole.time)
-    if rows < CROSS_FOLDS * FEWEST_ROWS:
+    blocks = CROSS_FOLDS + 1  # the first tells where all begins
+    if rows < blocks * FEWEST_ROWS:
         return []
-    ends = [k * rows // CROSS_FOLDS for k in range(CROSS_FOLDS + 1)]
+    ends = [k * rows // blocks for k in range(1, blocks + 1)]
     return [_Fold((whole,), (whole,), {id(whole): place}) for place in pairwise(ends)]
 
 
