@@ -42,8 +42,8 @@ def _diagnosed(folder: Path, friction: float, pushes: list[Array]) -> dict[str, 
         drive = np.repeat(rng.uniform(-12.0, 12.0, rows // 30 + 1), 30)[:rows]
         speed = np.zeros(rows)
         for row in range(rows - 1):
-            pulled = 20.0 * drive[row] + push[row] - friction * np.sign(speed[row]) - speed[row]
-            speed[row + 1] = speed[row] + step / 0.25 * pulled
+            free = speed[row] + step / 0.25 * (20.0 * drive[row] + push[row] - speed[row])
+            speed[row + 1] = np.sign(free) * max(abs(free) - step / 0.25 * friction, 0.0)  # at rest it holds
         table = np.column_stack([step * np.arange(rows), drive, speed + rng.normal(0.0, NOISE, rows)])
         head = "time_s,voltage_V,speed_rad_s"
         np.savetxt(folder / f"train_{k}.csv", table, delimiter=",", header=head, comments="")
