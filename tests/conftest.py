@@ -4,6 +4,9 @@ import os
 import shutil
 from pathlib import Path
 
+# As the command line has it, before anything loads numpy: a second thread would only wait for the first.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import settings
 
