@@ -195,69 +195,70 @@ def too_simple(made):
     return {"kind": "first_order", "input": "valve_V", "outputs": ["level"], "parameters": values}, time, columns
 
 
+SOUND: dict[str, Callable] = {
+    "motor": motor,
+    "motor, coloured noise": lambda r: motor(r, memory=0.9),
+    "motor, few rows": lambda r: motor(r, rows=300),
+    "heater": heater,
+    "heater, slow noise": lambda r: heater(r, memory=0.95),
+    "heater, few rows": lambda r: heater(r, rows=150, step=8.0),
+    "heater, not at rest": lambda r: heater(r, start=25.0),
+    "closed loop": closed_loop,
+    "closed loop, coloured noise": lambda r: closed_loop(r, memory=0.8),
+    "swing": swing,
+    "swing, coloured noise": lambda r: swing(r, memory=0.9),
+    "slow plant": lambda r: heater(r, rows=600, step=2.0, lag=400.0),
+    "stage": stage,
+    "stage, coloured noise": lambda r: stage(r, memory=0.8),
+    "coarse sensor": lambda r: changed(heater(r), temperature_C=lambda v: np.round(v * 4.0) / 4.0),
+}
+RPM = 60.0 / (2.0 * np.pi)
+UNITS = ("scale", "motor_constants", "clock_unit")
+FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
+    "encoder reversed": (lambda r: changed(motor(r), speed_rad_s=np.negative), ("sign",)),
+    "shunt reversed": (lambda r: changed(motor(r), current_A=np.negative), ("sign",)),
+    "heater reversed": (lambda r: changed(heater(r), temperature_C=np.negative), ("sign",)),
+    "sensor reversed": (lambda r: changed(swing(r), level=np.negative), ("sign",)),
+    "scale reversed": (lambda r: changed(stage(r), position_m=lambda v: -v), ("sign",)),
+    "speed in rpm": (lambda r: changed(motor(r), speed_rad_s=lambda v: v * RPM), UNITS),
+    "speed in degrees": (lambda r: changed(motor(r), speed_rad_s=np.degrees), UNITS),
+    "speed in turns": (lambda r: changed(motor(r), speed_rad_s=lambda v: v / (2 * np.pi)), UNITS),
+    "current in mA": (lambda r: changed(motor(r), current_A=lambda v: 1e3 * v), UNITS),
+    "position in mm": (lambda r: changed(stage(r), position_m=lambda v: 1e3 * v), UNITS),
+    "level in thousandths": (lambda r: changed(swing(r), level=lambda v: 1e3 * v), UNITS),
+    "time in ms": (lambda r: retimed(motor(r), 1e3), UNITS),
+    "time in minutes": (lambda r: retimed(heater(r, lag=60.0), 1.0 / 60.0), UNITS),
+    "ambient": (lambda r: changed(heater(r), temperature_C=lambda v: v + 21.0), ("rest",)),
+    "cold room": (lambda r: changed(heater(r, lag=60.0), temperature_C=lambda v: v - 6.0), ("rest",)),
+    "level has a zero": (lambda r: changed(swing(r), level=lambda v: v + 1.5), ("rest",)),
+    "current has a zero": (lambda r: changed(motor(r), current_A=lambda v: v + 0.4), ("rest",)),
+    "gear": (lambda r: motor(r, gear=float(r.choice([4.0, 20.0, 51.0]))), ("motor_constants",)),
+    "input never moves": (lambda r: heater(r, drive=np.full(900, 40.0)), ("excitation",)),
+    "one sine": (lambda r: swing(r, drive=np.sin(4.0 * np.arange(1200) * 0.01)), ("excitation",)),
+    "too little": (lambda r: heater(r, drive=np.where(np.arange(900) < 300, 0.0, 0.1)), ("excitation", "refused")),
+    "drifts": (lambda r: changed(swing(r), level=lambda v: v + np.linspace(-0.8, 0.8, len(v))), ("drift", "rest")),
+    "warms up": (lambda r: changed(motor(r), current_A=lambda v: v + np.linspace(-0.3, 0.3, len(v))), ("drift",)),
+    "dry friction": (lambda r: motor(r, friction=8e-3), ("structure", "rest")),
+    "valve bends": (lambda r: bent(swing(r)), ("structure", "rest")),
+    "an order is missing": (lambda r: too_simple(swing(r)), ("structure",)),
+}  # fmt: skip
+
+
+def scene(name: str) -> Scene:
+    """Return the recording of one name that `sound` or `faulty` gives: a kind, and the seed it is drawn with."""
+    kind, _, seed = name.rpartition(" ")
+    if kind in SOUND:
+        return Scene(name, *SOUND[kind](np.random.default_rng([int(seed), list(SOUND).index(kind)])), ())
+    make, expected = FAULTS[kind]
+    return Scene(name, *make(np.random.default_rng([int(seed), 100 + list(FAULTS).index(kind)])), expected)
+
+
 def sound(first: int = 0) -> list[Scene]:
     """Sixty recordings with nothing wrong, of seeds from `first` on."""
-    makers: dict[str, Callable] = {
-        "motor": motor,
-        "motor, coloured noise": lambda r: motor(r, memory=0.9),
-        "motor, few rows": lambda r: motor(r, rows=300),
-        "heater": heater,
-        "heater, slow noise": lambda r: heater(r, memory=0.95),
-        "heater, few rows": lambda r: heater(r, rows=150, step=8.0),
-        "heater, not at rest": lambda r: heater(r, start=25.0),
-        "closed loop": closed_loop,
-        "closed loop, coloured noise": lambda r: closed_loop(r, memory=0.8),
-        "swing": swing,
-        "swing, coloured noise": lambda r: swing(r, memory=0.9),
-        "slow plant": lambda r: heater(r, rows=600, step=2.0, lag=400.0),
-        "stage": stage,
-        "stage, coloured noise": lambda r: stage(r, memory=0.8),
-        "coarse sensor": lambda r: changed(heater(r), temperature_C=lambda v: np.round(v * 4.0) / 4.0),
-    }
-    return [
-        Scene(f"{name} {seed}", *make(np.random.default_rng([seed, number])), ())
-        for number, (name, make) in enumerate(makers.items())
-        for seed in range(first, first + 4)
-    ]
+    return [scene(f"{kind} {seed}") for kind in SOUND for seed in range(first, first + 4)]
 
 
 def faulty(first: int = 0) -> list[Scene]:
     """Sixty recordings with one fault each, of seeds from `first` on."""
-    rpm = 60.0 / (2.0 * np.pi)
-    turned = {name: (lambda v: -v) for name in ("speed_rad_s", "current_A", "temperature_C", "level")}
-    slow = lambda r: heater(r, lag=60.0)  # noqa: E731
-    units = ("scale", "motor_constants", "clock_unit")
-    faults: list[tuple[str, Callable, tuple[str, ...]]] = [
-        ("encoder reversed", lambda r: changed(motor(r), speed_rad_s=turned["speed_rad_s"]), ("sign",)),
-        ("shunt reversed", lambda r: changed(motor(r), current_A=turned["current_A"]), ("sign",)),
-        ("heater reversed", lambda r: changed(heater(r), temperature_C=turned["temperature_C"]), ("sign",)),
-        ("sensor reversed", lambda r: changed(swing(r), level=turned["level"]), ("sign",)),
-        ("scale reversed", lambda r: changed(stage(r), position_m=lambda v: -v), ("sign",)),
-        ("speed in rpm", lambda r: changed(motor(r), speed_rad_s=lambda v: v * rpm), units),
-        ("speed in degrees", lambda r: changed(motor(r), speed_rad_s=np.degrees), units),
-        ("speed in turns", lambda r: changed(motor(r), speed_rad_s=lambda v: v / (2 * np.pi)), units),
-        ("current in mA", lambda r: changed(motor(r), current_A=lambda v: 1e3 * v), units),
-        ("position in mm", lambda r: changed(stage(r), position_m=lambda v: 1e3 * v), units),
-        ("level in thousandths", lambda r: changed(swing(r), level=lambda v: 1e3 * v), units),
-        ("time in ms", lambda r: retimed(motor(r), 1e3), units),
-        ("time in minutes", lambda r: retimed(slow(r), 1.0 / 60.0), units),
-        ("ambient", lambda r: changed(heater(r), temperature_C=lambda v: v + 21.0), ("rest",)),
-        ("cold room", lambda r: changed(slow(r), temperature_C=lambda v: v - 6.0), ("rest",)),
-        ("level has a zero", lambda r: changed(swing(r), level=lambda v: v + 1.5), ("rest",)),
-        ("current has a zero", lambda r: changed(motor(r), current_A=lambda v: v + 0.4), ("rest",)),
-        ("gear", lambda r: motor(r, gear=float(r.choice([4.0, 20.0, 51.0]))), ("motor_constants",)),
-        ("input never moves", lambda r: heater(r, drive=np.full(900, 40.0)), ("excitation",)),
-        ("one sine", lambda r: swing(r, drive=np.sin(4.0 * np.arange(1200) * 0.01)), ("excitation",)),
-        ("too little", lambda r: heater(r, drive=np.where(np.arange(900) < 300, 0.0, 0.1)), ("excitation", "refused")),
-        ("drifts", lambda r: changed(swing(r), level=lambda v: v + np.linspace(-0.8, 0.8, len(v))), ("drift", "rest")),
-        ("warms up", lambda r: changed(motor(r), current_A=lambda v: v + np.linspace(-0.3, 0.3, len(v))), ("drift",)),
-        ("dry friction", lambda r: motor(r, friction=8e-3), ("structure", "rest")),
-        ("valve bends", lambda r: bent(swing(r)), ("structure", "rest")),
-        ("an order is missing", lambda r: too_simple(swing(r)), ("structure",)),
-    ]  # fmt: skip
-    scenes = [
-        Scene(f"{name} {seed}", *make(np.random.default_rng([seed, 100 + number])), expected)
-        for seed in range(first, first + 3)
-        for number, (name, make, expected) in enumerate(faults)
-    ]
-    return scenes[:60]
+    names = [f"{kind} {seed}" for seed in range(first, first + 3) for kind in FAULTS]
+    return [scene(name) for name in names[:60]]

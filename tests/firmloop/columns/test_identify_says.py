@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import MOTOR, changed, closed_loop, faulty, heater, kiln, motor, sound, stage, swing
+from bench.host.identify_faults import MOTOR, changed, closed_loop, heater, kiln, motor, scene, stage, swing
 from firmloop.cli import main
 from firmloop.identify.fitting.checks import checks
 
@@ -146,8 +146,8 @@ def test_a_second_lag_that_goes_to_zero_is_told(tmp_path, capsys):
 
 
 def test_time_in_minutes_is_told_and_not_as_a_sign(tmp_path, capsys):
-    scene = next(each for each in faulty(8124) if each.name == "time in minutes 8124")
-    says, _ = identified(written(tmp_path / "run", (scene.table, scene.time, scene.columns)), capsys)
+    made = scene("time in minutes 8124")
+    says, _ = identified(written(tmp_path / "run", (made.table, made.time, made.columns)), capsys)
     assert "looks like minutes" in says[0] and not any("sign" in said for said in says), says
 
 
@@ -166,10 +166,10 @@ LEFT = ("dry friction 0", "an order is missing 1", "one sine 0", "input never mo
 
 @pytest.mark.parametrize("name", LEFT)
 def test_what_is_left_or_not_excited_is_told(name, tmp_path, capsys):
-    scene = next(each for each in faulty() if each.name == name)
-    says, _ = identified(written(tmp_path / "run", (scene.table, scene.time, scene.columns)), capsys)
+    made = scene(name)
+    says, _ = identified(written(tmp_path / "run", (made.table, made.time, made.columns)), capsys)
     marks = {"structure": "is no noise", "excitation": "record", "drift": "drifts by", "rest": "more than the plant"}
-    assert any(marks[check] in said for check in scene.expected for said in says), says
+    assert any(marks[check] in said for check in made.expected for said in says), says
 
 
 SOUND = (
@@ -183,8 +183,8 @@ SOUND = (
 
 @pytest.mark.parametrize("name", SOUND)
 def test_sound_recordings_are_not_complained_of(name, tmp_path, capsys):
-    scene = next(each for each in sound() if each.name == name)
-    assert identified(written(tmp_path / "run", (scene.table, scene.time, scene.columns)), capsys)[0] == []
+    made = scene(name)
+    assert identified(written(tmp_path / "run", (made.table, made.time, made.columns)), capsys)[0] == []
 
 
 def test_a_loop_that_is_closed_is_no_fault(tmp_path, capsys):
