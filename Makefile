@@ -1,6 +1,8 @@
 # The commands a developer or a visitor needs; scripts/setup makes everything they stand on.
 
 PYTHON ?= python3
+# The tests start some hundred interpreters: without bytecode each of them compiles every module anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test lint format
 
