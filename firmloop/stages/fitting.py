@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from threadpoolctl import threadpool_limits
+
 from firmloop.identify.fitting.checks import first_causes, told
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate, judge
@@ -17,7 +19,7 @@ from firmloop.stages.saturation import cut_input, cut_output, saturated
 def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     assert project.recordings is not None, "require() has seen to it"
-    with located(project):
+    with located(project), threadpool_limits(1):  # small matrices: a second thread would only wait for the first
         plant, conditioning = recorded_plant_of(project), conditioning_of(project)
         fitted = estimate(plant, data.train, data.test, conditioning, report)
         report(0.95, "checking units, signs, levels and residuals")
