@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 
@@ -33,7 +36,8 @@ def dense_law(order: int) -> Law:
     return design("state_space", "dense", table, 0.001, inputs, outputs, None).law
 
 
-def laws() -> dict[str, Law]:
+@cache
+def laws() -> Mapping[str, Law]:
     """Return the PID with every part in use, one with parameters that are tuned, and every kind's example.
 
     The predictive one gets a budget that some searches exceed: the one that its ranges ask for is never exceeded, so
@@ -47,4 +51,4 @@ def laws() -> dict[str, Law]:
         name: kind.design(replace(kind.example, table=kind.example.table | CHANGED.get(name, {}))).law
         for name, kind in kinds().items()
     }
-    return {"full pid": full, "tuned pid": tuned} | own
+    return MappingProxyType({"full pid": full, "tuned pid": tuned} | own)
