@@ -1,7 +1,9 @@
 """Skip with a sentence what this machine cannot run."""
 
+import fcntl
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 # As the command line has it, before anything loads numpy: a second thread would only wait for the first.
@@ -13,6 +15,7 @@ from hypothesis import settings
 from firmloop.codegen.target import Target, load_target, target_names
 
 RECORDINGS = Path(os.environ.get("FIRMLOOP_RECORDINGS", Path(__file__).parent.parent.parent / "shared" / "recordings"))
+Once = Callable[[str, Callable[[Path], object]], Path]  # see the fixture `once`
 
 # The same examples in every run, and no limit of time: what fails here fails everywhere.
 settings.register_profile("firmloop", deadline=None, derandomize=True)
@@ -43,6 +46,30 @@ def _missing_of(target: Target) -> str:
     """The first program that this machine lacks of those that a target's image is built and run with."""
     tools = (target.compiler, *((target.qemu.program,) if target.qemu is not None else ()))
     return next((tool for tool in tools if shutil.which(tool) is None), "")
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
+    """Return the folder of a name, filled by the first test of this run that asks, in whichever process that is.
+
+    Tests look at what is there; none changes it.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "once"
+    shared.mkdir(exist_ok=True)
+
+    def folder_of(name: str, fill: Callable[[Path], object]) -> Path:
+        folder = shared / name
+        with (shared / f"{name}.lock").open("a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # another process may be filling it
+            if os.fstat(lock.fileno()).st_size == 0:
+                shutil.rmtree(folder, ignore_errors=True)  # of one that failed
+                folder.mkdir()
+                fill(folder)
+                lock.write("filled")
+        return folder
+
+    return folder_of
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +20,19 @@ from firmloop.identify.fitting.noise import Noise, white
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
+from tests.conftest import Once
 
 BY_NAME = {machine.name: machine for machine in MACHINES}
 
 
+def concealing(name: str, size: float, colored: bool) -> Case:
+    """Return the case of a motor that conceals one effect (an empty name: none)."""
+    return single_case(5, name, BY_NAME["flat_motor"], ("speed", "current"), "mixed", colored, size)
+
+
 def concealed(folder: Path, name: str, size: float, colored: bool) -> Path:
-    """Write a project whose motor conceals one effect (an empty name: none); return the project file."""
-    case = single_case(5, name, BY_NAME["flat_motor"], ("speed", "current"), "mixed", colored, size)
-    return written(folder, case)
+    """Write the project of such a motor; return the project file."""
+    return written(folder, concealing(name, size, colored))
 
 
 def drawn(folder: Path, seed: int) -> Path:
@@ -66,3 +74,30 @@ def diagnosis(project: Path, out: Path) -> tuple[int, dict[str, Any]]:
     """Diagnose by the command line; return the exit status and diagnosis.json."""
     status = main(["diagnose", str(project), "--out", str(out)])
     return status, json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """One diagnosis that several tests judge."""
+
+    folder: Path  # with `case`, `labels` and `out`
+    status: int
+    printed: str
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What diagnosis.json holds."""
+        said: dict[str, Any] = json.loads((self.folder / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+        return said
+
+
+def diagnosed_once(once: Once, name: str, case: Case) -> Diagnosed:
+    """Diagnose a case by the command line, once in a run of the tests for all that name it so."""
+
+    def fill(folder: Path) -> None:
+        with redirect_stdout(io.StringIO()) as printed:
+            status, _ = diagnosis(written(folder, case), folder / "out")
+        (folder / "printed.json").write_text(json.dumps([status, printed.getvalue()]), encoding="utf-8")
+
+    folder = once(name, fill)
+    return Diagnosed(folder, *json.loads((folder / "printed.json").read_text(encoding="utf-8")))

@@ -9,34 +9,37 @@ from pathlib import Path
 import pytest
 
 from firmloop.cli import main
-from tests.diagnose.cases import concealed, diagnosis
+from tests.conftest import Once
+from tests.diagnose.cases import concealed, concealing, diagnosed_once, diagnosis
 
 
-def test_friction_is_named_in_colored_noise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, said = diagnosis(concealed(tmp_path, "coulomb_friction", 0.3, True), tmp_path / "out")
-    assert status == 1
+def test_friction_is_named_in_colored_noise(once: Once, tmp_path: Path) -> None:
+    made = diagnosed_once(once, "friction in colored noise", concealing("coulomb_friction", 0.3, True))
+    folder, said = made.folder, made.said
+    assert made.status == 1
     assert said["verdict"] == "explained" and said["half"] == "plant"
     (effect,) = said["effects"]  # type: ignore[misc]
     assert effect["name"] == "coulomb_friction"
-    label = json.loads((tmp_path / "labels" / "label.json").read_text(encoding="utf-8"))
+    label = json.loads((folder / "labels" / "label.json").read_text(encoding="utf-8"))
     truth = label["effects"]["coulomb_friction"]["torque"]
     low, high = effect["parameters"]["torque_N_m"]["ci95"]
     assert low < truth < high
     assert said["fit"]["test"]["after"] < 1.3 < said["fit"]["test"]["refit"]  # type: ignore[index]
-    assert "coulomb_friction" in capsys.readouterr().out
-    assert "<svg" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    (written,) = tomllib.loads((tmp_path / "out" / "project.toml").read_text(encoding="utf-8"))["plant"]["effects"]
+    assert "coulomb_friction" in made.printed
+    assert "<svg" in (folder / "out" / "report.html").read_text(encoding="utf-8")
+    (written,) = tomllib.loads((folder / "out" / "project.toml").read_text(encoding="utf-8"))["plant"]["effects"]
     assert written["torque_N_m"]["free"] and written["torque_N_m"]["ci95"] == pytest.approx([low, high], rel=1e-4)
     # The improved project predicts the unseen recording as it is.
     predicted = tmp_path / "predicted.csv"
-    arguments = [str(tmp_path / "out" / "project.toml"), str(tmp_path / "case" / "test.csv")]
+    arguments = [str(folder / "out" / "project.toml"), str(folder / "case" / "test.csv")]
     assert main(["simulate", *arguments, "--out", str(predicted)]) == 0
 
 
 @pytest.mark.parametrize("colored", [False, True])
-def test_nothing_is_invented(tmp_path: Path, colored: bool) -> None:
-    status, said = diagnosis(concealed(tmp_path, "", 1.0, colored), tmp_path / "out")
-    assert status == 0
+def test_nothing_is_invented(once: Once, colored: bool) -> None:
+    made = diagnosed_once(once, f"nothing in {'colored' if colored else 'white'} noise", concealing("", 1.0, colored))
+    said = made.said
+    assert made.status == 0
     assert said["verdict"] == "no_mismatch"
     assert said["effects"] == []
 

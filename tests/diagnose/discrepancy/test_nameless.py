@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,20 +9,18 @@ import pytest
 
 from bench.diagnose.blind_cases import draw_case, single_case, write_case
 from firmloop.cli import main
-from tests.diagnose.cases import BY_NAME
+from tests.conftest import Once
+from tests.diagnose.cases import BY_NAME, Diagnosed, diagnosed_once
 
 
-def _said(
-    folder: Path, outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool
-) -> dict[str, object]:
+def _diagnosed(
+    once: Once, outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool
+) -> Diagnosed:
     case = replace(
         single_case(5, "", BY_NAME[machine], sensors, excitation, colored, 1.0),
         outside=outside,
     )
-    write_case(case, folder / "case", folder / "labels")
-    assert main(["diagnose", str(folder / "case" / "project.toml"), "--out", str(folder / "out")]) == 1
-    said: dict[str, object] = json.loads((folder / "out" / "diagnosis.json").read_text(encoding="utf-8"))
-    return said
+    return diagnosed_once(once, outside, case)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +50,7 @@ def _said(
     ],
 )
 def test_what_has_no_name_is_unknown(
-    tmp_path: Path,
+    once: Once,
     outside: str,
     machine: str,
     sensors: tuple[str, ...],
@@ -62,7 +59,9 @@ def test_what_has_no_name_is_unknown(
     equation: str,
     coordinate: str,
 ) -> None:
-    said = _said(tmp_path, outside, machine, sensors, excitation, colored)
+    made = _diagnosed(once, outside, machine, sensors, excitation, colored)
+    said = made.said
+    assert made.status == 1
     assert said["verdict"] == "unknown_physics" and said["effects"] == []
     location = said["location"]
     assert isinstance(location, dict)
@@ -73,15 +72,15 @@ def test_what_has_no_name_is_unknown(
     assert fit["test"]["after"] == fit["test"]["refit"]  # the project that is written stays the refit
 
 
-def test_the_law_of_what_has_no_name_is_told(tmp_path: Path) -> None:
+def test_the_law_of_what_has_no_name_is_told(once: Once) -> None:
     """A gain that differs between the signs of its input: a torque that grows to one side alone."""
-    said = _said(tmp_path, "one_sided_gain", "flat_motor", ("speed",), "staircase", False)
-    law = said["law"]
+    made = _diagnosed(once, "one_sided_gain", "flat_motor", ("speed",), "staircase", False)
+    law = made.said["law"]
     assert isinstance(law, list)
     (low, left), (at, none), (high, right) = law
     assert low < at == 0.0 < high
     assert abs(none) < 0.01 * min(abs(left), abs(right)) and left * right > 0.0
-    assert "What has no name" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "What has no name" in (made.folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Path) -> None:

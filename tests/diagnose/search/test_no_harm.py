@@ -16,7 +16,8 @@ from firmloop.identify.fitting.noise import white
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import concealed, diagnosis, problem_of
+from tests.conftest import Once
+from tests.diagnose.cases import concealed, concealing, diagnosed_once, diagnosis, problem_of, written
 
 
 def _alone(problem: Problem) -> Fitted:
@@ -26,9 +27,10 @@ def _alone(problem: Problem) -> Fitted:
     )
 
 
-def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(tmp_path: Path) -> None:
-    project = concealed(tmp_path, "coulomb_friction", 0.3, True)
-    _, whole = diagnosis(project, tmp_path / "whole")
+def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(once: Once, tmp_path: Path) -> None:
+    case = concealing("coulomb_friction", 0.3, True)
+    whole = diagnosed_once(once, "friction in colored noise", case).said
+    project = written(tmp_path, case)
     lines = project.read_text(encoding="utf-8").splitlines()
     project.write_text("\n".join(line for line in lines if not re.match(r"\s*test\s*=", line)), encoding="utf-8")
     _, bare = diagnosis(project, tmp_path / "bare")
@@ -39,8 +41,8 @@ def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(t
 
 
 @pytest.mark.parametrize("name", ["", "coulomb_friction"])
-def test_what_is_written_simulates_no_worse_than_the_refit(name: str, tmp_path: Path) -> None:
-    _, said = diagnosis(concealed(tmp_path, name, 0.3, False), tmp_path / "out")
+def test_what_is_written_simulates_no_worse_than_the_refit(name: str, once: Once) -> None:
+    said = diagnosed_once(once, f"{name or 'nothing'} in white noise", concealing(name, 0.3, False)).said
     for plants in said["simulation_rms"]["train"].values():
         assert plants["after"] <= 1.01 * plants["refit"]
         assert bool(name) == (plants["after"] < 0.99 * plants["refit"]) or plants["refit"] < 1.05 * plants["after"]
