@@ -22,6 +22,7 @@ from firmloop.identify.error import IdentifyError
 POUND, INCH, FOOT, GRAVITY = 0.45359237, 0.0254, 0.3048, 9.80665
 _TURN = 2 * math.pi
 _POWERS = {"k": 3, "K": 3, "M": 6, "d": -1, "c": -2, "m": -3, "u": -6, "\u03bc": -6, "n": -9, "p": -12}
+_SPELLED_OUT = {"kilo": "k", "mega": "M", "centi": "c", "milli": "m", "micro": "u", "nano": "n"}
 _PREFIXES = {letter: float(f"1e{power}") for letter, power in _POWERS.items()}
 
 # factor; powers of kg, m, s, A, K; of an angle that is named; of a rate that counts turns in a turning speed
@@ -48,6 +49,8 @@ _PREFIXED: dict[str, _Row] = {
     "rad": (1.0, (0, 0, 0, 0, 0), 1, 0),
     "Hz": (1.0, (0, 0, -1, 0, 0), 0, 1),
     "rpm": (_TURN / 60, (0, 0, -1, 0, 0), 1, 0),
+    "rps": (_TURN, (0, 0, -1, 0, 0), 1, 0),
+    "rev": (_TURN, (0, 0, 0, 0, 0), 1, 0),
     "gf": (1e-3 * GRAVITY, (1, 1, -2, 0, 0), 0, 0),
     "p": (1e-3 * GRAVITY, (1, 1, -2, 0, 0), 0, 0),
     "gn": (GRAVITY, (0, 1, -2, 0, 0), 0, 0),
@@ -56,8 +59,8 @@ _PREFIXED: dict[str, _Row] = {
 _PLAIN: dict[str, _Row] = {
     "min": (60.0, (0, 0, 1, 0, 0), 0, -1),
     "h": (3600.0, (0, 0, 1, 0, 0), 0, -1),
-    "rev": (_TURN, (0, 0, 0, 0, 0), 1, 0),
     "deg": (math.pi / 180, (0, 0, 0, 0, 0), 1, 0),
+    "dps": (math.pi / 180, (0, 0, -1, 0, 0), 1, 0),
     "degC": (1.0, (0, 0, 0, 0, 1), 0, 0),
     "degF": (5 / 9, (0, 0, 0, 0, 1), 0, 0),
     "hp": (550 * FOOT * POUND * GRAVITY, (1, 2, -3, 0, 0), 0, 0),
@@ -85,7 +88,7 @@ _ALSO = {  # other spellings; those of words are compared without regard to capi
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("henry", "henries"), "H"),
     **dict.fromkeys(("gram", "grams"), "g"),
-    **dict.fromkeys(("liter", "liters", "litre", "litres"), "l"),
+    **dict.fromkeys(("l", "liter", "liters", "litre", "litres"), "l"),
     **dict.fromkeys(("radian", "radians", "rads"), "rad"),
     **dict.fromkeys(("revolution", "revolutions", "revs", "turn", "turns", "tr", "umdr"), "rev"),
     **dict.fromkeys(("degree", "degrees", "\u00b0"), "deg"),
@@ -106,6 +109,7 @@ _SIGNS = {
     **dict.fromkeys("\u00ba\u02da", "\u00b0"),
     "\u2044": "/",
 }
+_HIGH = "\u207a\u207b\u00b9\u00b2\u00b3\u2070\u2074-\u2079"  # signs and digits of a power
 _TOKEN = re.compile(r"\s*(?:(\d+(?:\.\d+)?(?:e[-+]?\d+)?)|(\u00b0?[^\W\d_]+|\u00b0|%)|([-*/()^\u221a]))")
 _LONGEST, _MOST_WAYS, _MOST_SYMBOLS = 48, 64, 4  # what is longer is no unit
 
@@ -180,6 +184,11 @@ def conversion(unit: str, wanted: str, key: str) -> Conversion:
     return fits[0]
 
 
+def joined_groups(text: str) -> str:
+    """Return `text` without what parts the thousands of its numbers: "10 600", "10'600"; ISO 80000-1, section 7.3."""
+    return re.sub(r"(?<![\w.,])(\d{1,3})((?:[\s'\u2019_]\d{3})+)(?![\w])", lambda m: re.sub(r"\D", "", m[0]), text)
+
+
 def is_unit(text: str) -> bool:
     """Tell whether `text` can be read as a unit at all."""
     return bool(text.strip()) and bool(_readings(text))
@@ -225,14 +234,16 @@ def _readings(text: str) -> tuple[Unit, ...]:
 
 def _spelled(text: str) -> str:
     """Return a unit in plain signs: one for a product, one for minus, powers without superscripts, 1e-6 for 10^-6."""
-    plain = text.replace("**", "^")
+    plain = re.sub(rf"\^?([{_HIGH}]+)", r"^\1", joined_groups(text).replace("**", "^"))
     for _ in range(2):  # some signs come out of the normal form, some would not survive it
         for sign, ours in _SIGNS.items():
             plain = plain.replace(sign, ours)
         plain = unicodedata.normalize("NFKC", plain)
     plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", plain).replace(" per ", "/")
-    plain = re.sub(r"(?<![^\W\d_])(?:r|U|t)(?=/(?:min|s))", "rev", plain)
-    plain = re.sub(r"(?:(?<![\w.])[xX]\s*|\*\s*|(?<![\w.]))10\^?\(?([-+]\d+)\)?", r"*1e\1 ", plain)
+    plain = re.sub(r"(?<![^\W\d_])(k?)(?:r|U|t)(?=/(?:min|s))", r"\1rev", plain)
+    plain = re.sub(
+        r"(?:(?<![\w.])[xX]\s*|\*\s*|(?<![\w.]))10(?:\^\(?(?=\d)|\^?\(?(?=[-+]))([-+]?\d+)\)?", r"*1e\1 ", plain
+    )
     plain = re.sub(r"(?<=[^\W_])\.(?=[^\W\d_])", "*", plain)
     return re.sub(r"(?<=[^\W\d_])\.", "", plain).replace("sqrt", "\u221a").strip()
 
@@ -284,7 +295,8 @@ def _factors(tokens: Sequence[_Token]) -> list[tuple[Unit, ...]] | None:
         if token == "(":
             ways = tuple(Unit().times(one, root * power) for one in _quotients(tokens[k + 1 : end - 1]))
         elif token[0].isdigit():
-            ways = (Unit(float(token) ** (root * power)),)
+            scale = math.log10(float(token) or math.nan)
+            ways = (Unit(float(token) ** (root * power)),) if scale.is_integer() else ()
         else:
             ways = tuple(_word(token, root * power, _MOST_SYMBOLS))
         if not ways:
@@ -337,9 +349,11 @@ def _symbol(word: str) -> tuple[Unit, ...]:
     name = _name(word)
     if name:
         return tuple(_unit(each) for each in (name, *_MEANT_TOO.get(name, ())))
-    prefixed = _name(word[1:]) if word[0] in _PREFIXES else ""
+    spelled = next((spelled for spelled in _SPELLED_OUT if word.lower().startswith(spelled)), "")
+    prefix, rest = _SPELLED_OUT.get(spelled, word[0]), word[len(spelled or word[0]) :]
+    prefixed = _name(rest) if prefix in _PREFIXES else ""
     if prefixed in _PREFIXED:
-        size = Unit(_PREFIXES[word[0]])
+        size = Unit(_PREFIXES[prefix])
         return tuple(size.times(_unit(each), 1.0) for each in (prefixed, *_MEANT_TOO.get(prefixed, ())[:2]))
     return ()
 
@@ -365,4 +379,4 @@ def _stranger(unit: str) -> str:
     return next((word for word in words if not list(_word(word, 1.0, _MOST_SYMBOLS))), unit)
 
 
-_CAPITALS = {name.lower(): name for name in "min Hz rpm rad rev deg hp lb oz lbf ozf in ft slug psi bar".split()}
+_CAPITALS = {name.lower(): name for name in "min Hz rpm rps rad rev deg hp lb oz lbf ozf in ft slug psi bar".split()}

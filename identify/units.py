@@ -56,6 +56,9 @@ _MOST_WORDS = 5
 _WHOLE = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "rpm": "rpm", "mA": "mA", "mV": "mV", "deg": "deg"}
 # Ends of names that are words in a name, not units: v_in, speed_min, gain_kp, u_pu.
 _WORDS = frozenset("in min p kp Kp g h l T J F K rev turn turns tr second sec".split())
+# What flows or moves in a time without a unit of its own, and what is counted in it: l_s is l/s, but N_s is no N/s.
+_AMOUNTS = frozenset("mm cm km um ft l L ml mL cl g mg kg m rev turns tr rad mrad deg percent K degC".split())
+_COUNTED = frozenset("1 counts ticks pulses steps samples lines px mol".split())
 # Words that a letter counts: Channel A is no current.
 _LETTERED = frozenset("channel ch kanal voie input probe analog sensor port trace".split())
 
@@ -71,15 +74,24 @@ def unit_of(name: str) -> str:
 def ending_of(name: str) -> str:
     """Return the unit as it is spelled in `name` (`speed_rad_s` -> `rad_s`), empty where the ending is none we know.
 
-    Units before it that make no ending we know (`x_V_m_s`) leave it unknown: half a unit is a wrong one.
+    Units before it that make no ending we know (`x_V_m_s`, `speed_mm_s`) leave it unknown: half a unit is a wrong one.
     """
     words = name.split("_")
     for count in range(min(_MOST_WORDS, len(words) - 1), 0, -1):
         ending = "_".join(words[-count:])
         if ending in _ENDINGS:
-            before = words[-count - 1] if len(words) > count + 1 else ""
-            return "" if before.rstrip("234") in _ENDINGS else ending
+            return "" if len(words) > count + 1 and _goes_on(words[-count - 1], ending) else ending
     return ""
+
+
+def _goes_on(before: str, ending: str) -> bool:
+    """Tell whether the word before an ending belongs to the unit: the mm of mm_s, the l of l_s, counts_s, rad_per_s."""
+    word = before.rstrip("234")
+    if word in _ENDINGS or word == "per":
+        return True
+    if ending == "s" and (word in _AMOUNTS or word in _COUNTED):
+        return True
+    return len(word) > 1 and is_symbol(word) and word not in _WORDS
 
 
 def carried_unit(name: str) -> str:
@@ -92,9 +104,24 @@ def carried_unit(name: str) -> str:
     if unit_of(name):
         return unit_of(name)
     words = re.split(r"[_\s/]+", name.strip())
+    if composed := _composed(words):
+        return composed
     last = words[-1]
     if len(words) < 2 or last in _WORDS or (len(last) == 1 and last not in _ENDINGS):
         return ""
     if len(last) == 1 and words[-2].lower() in _LETTERED:
         return ""
     return last if is_symbol(last) or last in ("mNm", "Nm", "Ncm", "uNm") else ""
+
+
+def _composed(words: list[str]) -> str:
+    """Return the unit of several words: an ending we know with a prefix, mN_m, an amount a time, l_s, or rad_per_s."""
+    for count in range(min(_MOST_WORDS, len(words) - 1), 1, -1):
+        known = "_".join((words[-count][1:], *words[1 - count :]))
+        if known in _ENDINGS and is_symbol(words[-count]):
+            return words[-count][0] + _ENDINGS[known]
+    found = re.search(r"_([^_]+)_per_([^_]+)$|_([^_]+)_(s|min|h)$", "_".join(words))
+    if found is None or (found[3] and found[3].rstrip("234") not in _AMOUNTS):
+        return ""
+    quotient = f"{found[1] or found[3]}/{found[2] or found[4]}"
+    return quotient if is_unit(quotient) else ""

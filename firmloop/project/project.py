@@ -15,6 +15,7 @@ from firmloop.codegen.target import target_names
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion, is_unit
 from firmloop.identify.signal import Signal
+from firmloop.identify.units import carried_unit
 from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, ProjectTable, read_table
 from firmloop.quantize.lower.word_length import Allowed
@@ -218,12 +219,12 @@ def check_units(project: Project, plant_inputs: Sequence[Signal], plant_output: 
         (signal, plant_output) for signal in project.controller_inputs if signal.name in ("measurement", "reference")
     ]
     for signal, wire in meets:
-        if wire.unit and not same_unit(signal.unit, wire.unit):  # a name such as tacho tells no unit
-            times = unit_times(signal.unit, wire.unit)
-            hint = f" (1 {signal.unit} is {times:.6g} {wire.unit})" if times else ""
+        unit = wire.unit or carried_unit(wire.name)  # a name such as tacho tells none
+        if unit and not same_unit(signal.unit, unit):
+            times = unit_times(signal.unit, unit)
+            hint = f" (1 {signal.unit} is {times:.6g} {unit})" if times else ""
             raise table.wrong(
-                signal.name,
-                f"is in {signal.unit!r} but the plant's {wire.name} is in {wire.unit!r}{hint}; use one unit",
+                signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {unit!r}{hint}; use one unit"
             )
 
 

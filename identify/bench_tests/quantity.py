@@ -6,7 +6,7 @@ import math
 import re
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.printed_units import conversion
+from firmloop.identify.printed_units import conversion, joined_groups
 
 SMALLEST, LARGEST = 1e-30, 1e30  # an electron's mass in kg is 9e-31, the planet's 6e24
 
@@ -34,7 +34,8 @@ def _bounded(value: float, text: object, key: str) -> float:
 def _read(text: object, dimension: str, key: str) -> float:
     if isinstance(text, int | float) and not isinstance(text, bool) and math.isfinite(text):
         return float(text)
-    found = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*", text) if isinstance(text, str) else None
+    plain = joined_groups(text.replace("\u2212", "-")) if isinstance(text, str) else ""
+    found = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*", plain)
     try:
         value = float(found.group(1)) if found else math.nan
     except ValueError:

@@ -13,7 +13,7 @@ _SLIPS: tuple[Slip, ...] = (
     ("minutes and s", "60", 60.0),
     ("a unit and its thousandth, such as V and mV", "1000", 1e3),
     ("a unit and its millionth", "10^6", 1e6),
-    ("cm and m", "100", 1e2),
+    ("cm and m, or percent and a share", "100", 1e2),
     ("cm^2 and m^2", "10^4", 1e4),
     ("V/krpm and V/(rad/s)", "1000 * 2 pi/60", 1e3 * math.pi / 30.0),
     ("kgf and N", "9.807", 9.80665),

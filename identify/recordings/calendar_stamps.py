@@ -17,6 +17,9 @@ _CLOCK = (
 )
 _STAMP = rf'"?(?<![\d:.])(?:(?P<date>{_DATE})(?:T| +))?{_CLOCK}(?![\d:])"?'
 _ALONE = re.compile(rf'(?<![^,;\t"])"?(?:{_DATE})"?(?=[,;\t]|$)')  # a date in a column of its own
+_TERMINAL = re.compile(
+    rf"\s*(?:\[(?:{_DATE})?[T ]*\d+:\d\d:\d\d[.,:\d]*\]|(?:{_DATE})?[T ]*\d+:\d\d:\d\d[.,:\d]* ?->) ?"
+)
 _DAY = 86400.0  # s
 _FEWEST = 3  # rows that make a table
 
@@ -42,6 +45,18 @@ class _Calendar:
         self.date, self.last = written, at
         self.first = self.first or (self.day, at)
         return _DAY * (self.day - self.first[0]) + (at - self.first[1])
+
+
+def without_terminal_stamps(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return the text without what a terminal has put before every line, such as 12:34:56.789 -> or [12:34:56]."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    if len(lines) < _FEWEST or not all(map(_TERMINAL.match, lines[:1] + lines[-1:])):
+        return text, ()
+    stamp = _TERMINAL.match(lines[0])
+    if stamp is None or not all(map(_TERMINAL.match, lines)):
+        return text, ()
+    bare = "\n".join(_TERMINAL.sub("", line) for line in text.splitlines())
+    return bare, (f"has a stamp of the terminal before every line, left aside: {stamp.group().strip()!r}",)
 
 
 def with_seconds(lines: list[str]) -> tuple[list[str], str]:

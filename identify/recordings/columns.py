@@ -54,6 +54,9 @@ class RowClock:
 def unit_left_out(foreign: str, name: str) -> str:
     """Return the line to write where `foreign` carries a unit that renaming it to `name` would lose, else nothing."""
     carried, wanted = carried_unit(foreign), unit_of(name)
+    last = re.split(r"[\W_]+", foreign)[-1]
+    if name == "time_s" and not carried and last in ("min", "h"):  # no extreme, where it is a time
+        carried = last
     if not carried or not wanted or _agree(carried, wanted):
         return ""
     return rename_line(foreign, name, carried)
@@ -160,14 +163,16 @@ def _no_time(table: RawTable, file: str) -> IdentifyError:
     """Say that there is no time, and which column may be it."""
     units = table.units or ("",) * len(table.names)
     likely = [
-        (name, unit or carried_unit(name))
+        (name, unit or carried_unit(name) or re.split(r"[\W_]+", name)[-1])
         for name, unit in zip(table.names, units, strict=True)
         if TIMES.fullmatch(name) or _agree_in_kind(unit or carried_unit(name))
     ]
     held = ", ".join(table.names)[:200]
     message = f"{file}: column time_s is missing; it has {held}; name the time column in [recordings.rename]"
     if not likely:
-        return IdentifyError(f"{message}, or give the time between rows", "[recordings]\nperiod_s = 0.001")
+        return IdentifyError(
+            f"{message}, or give the time between rows, for which 0.001 s stands here", "[recordings]\nperiod_s = 0.001"
+        )
     name, unit = likely[0]
     guess = unit if _agree_in_kind(unit) else "s"
     return IdentifyError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,17 @@ from firmloop.identify.recordings.table import RawTable
 Array = NDArray[np.float64]
 
 _BITS = (32, 16, 24, 31, 20, 12, 10, 8)
-_CALENDAR = {60.0: "a minute", 3600.0: "an hour", 43200.0: "half a day", 86400.0: "a day"}  # s
+_CALENDAR = {60.0: "a minute", 3600.0: "an hour", 43200.0: "half a day", 86400.0: "a day", 604800.0: "a week"}  # s
 _CYCLES = {2.0**32 / (1e6 * f): f"2^32 cycles of a clock of {f} MHz" for f in range(1, 1001)}  # s
+# Clocks of microcontrollers, MHz, one for those that are apart by a power of two, which a prescaler divides by; and
+# the crystal of clocks, Hz.
+_CLOCKS = (1, 3, 5, 7, 9, 11, 13, 15, 21, 25, 27, 33, 35, 45, 75, 85, 125, 133)
+_PRESCALED = {
+    2.0**power / hertz: f"2^{bits} ticks of {2.0 ** (power - bits) / hertz:.6g} s"
+    for hertz in (*(1e6 * f for f in _CLOCKS), 32768.0)
+    for power in range(8, 45)
+    for bits in (32 if power >= 32 else 24 if power >= 24 else 16,)
+}
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
@@ -81,7 +89,7 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
     falls = steps[steps < 0.0]
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else math.inf
     count = rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)  # s
-    found = _wrap(time, falls, usual, count)
+    found = _wrap(time, steps, usual, count)
     if found:
         size, says = found
         raw = size / count
@@ -92,6 +100,18 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
             f"{plain}: the clock is a counter that wraps: it falls by {-float(falls[0]):.10g} s, and {size:.10g} s is "
             f"{says}. Sorting would tear the recording; keep every row and say where the counter wraps",
             f"[recordings.rename]\n{line}{kept}, wraps = {shown} }}",
+        )
+    fallen = np.flatnonzero(steps < 0.0)
+    after, before = time[np.minimum(fallen + 2, len(time) - 1)], time[np.maximum(fallen - 1, 0)]
+    alone = np.where(
+        after > time[fallen], True, (fallen > 0) & (time[fallen + 1] > before)
+    )  # the later, or the earlier
+    if len(falls) <= _SHARE * len(time) and np.all(alone) and np.all(-falls > 2.0 * usual):
+        return IdentifyError(
+            f"{plain}: time must rise; the rows around go on, so that "
+            f"{'one stamp is' if len(falls) == 1 else f'{len(falls)} stamps are'} wrong: correct it or delete the row, "
+            "or give the time between rows if they are even",
+            f"[recordings]\nperiod_s = {usual:.6g}",
         )
     if np.all(-falls > 0.5 * (time[:-1][steps < 0.0] - time[0])):
         return IdentifyError(
@@ -104,25 +124,37 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
     )
 
 
-def _wrap(time: Array, falls: Array, usual: float, count: float) -> tuple[float, str] | None:
+def _wrap(time: Array, steps: Array, usual: float, count: float) -> tuple[float, str] | None:
     """Return by how much the clock falls, s, and what that is.
 
-    It is a power of two of its ticks; or the end of a minute, an hour or a day, or of a counter of processor cycles:
-    then the row after it comes one step later, and the first row not where such a clock begins, as a recording would.
+    It is a power of two of its ticks; or the end of a minute, an hour, a day or a week, or of a counter of processor
+    cycles: then the first row is not where such a clock begins, as a recording would. Of several the one that puts the
+    row after it where an even clock has it; only where none does, the nearest power of two.
     """
-    span = float(time.max() - time.min())
-    begins = time[1:][np.diff(time) < 0.0]
+    falls, begins = steps[steps < 0.0], time[1:][steps < 0.0]
+    off = np.abs(steps[steps > 0.0] - usual)
+    even = min(0.45 * usual, 2.0 * float(np.quantile(off, 0.95)) + 4.0 * float(np.spacing(np.abs(time).max())))
     anew = bool(np.all(np.abs(begins - time[0]) < 0.5 * usual))
-    for tick, bits in product((count, 1e-6, 1e-3, 1.0, 1e-9), _BITS):
-        size = tick * 2.0**bits
-        across = falls + size
-        most = 1.5 * usual if anew else min(_STRETCH * usual, 0.5 * size)
-        if np.all((across > 0.0) & (across <= most)) and usual < 0.25 * size and span < size * (1.0 + 1e-9):
-            return size, f"2^{bits} ticks of {tick:g} s"
-    for size, says in {**_CALENDAR, **_CYCLES}.items():
-        next_row = bool(np.all(np.abs(falls + size - usual) < 0.5 * usual)) and usual < 0.25 * size
-        if next_row and span < size and time[0] > float(begins.max()) + _STRETCH * usual:
-            return size, says
+    powers = {
+        tick * 2.0**bits: f"2^{bits} ticks of {tick:g} s" for tick in (count, 1e-6, 1e-3, 1.0, 1e-9) for bits in _BITS
+    }
+    begun = time[0] > float(begins.max()) + _STRETCH * usual
+    tables = [(powers, even)]
+    if begun or not anew:
+        tables += [({**_CALENDAR, **_PRESCALED, **_CYCLES}, even)]
+    tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
+    if begun:
+        tables += [({**_CALENDAR, **_CYCLES}, 0.5 * usual)]
+    for table, loose in tables:
+        fits = {
+            float(np.max(np.abs(falls + size - usual))): (size, says)
+            for size, says in table.items()
+            if usual < 0.25 * size
+            and time.max() - time.min() < size * (1.0 + 1e-9)
+            and np.all((falls + size > 0.0) & (falls + size <= 0.5 * size + usual))
+        }
+        if fits and min(fits) <= loose:
+            return fits[min(fits)]
     return None
 
 

@@ -179,10 +179,65 @@ def test_a_unit_of_another_dimension_or_none_is_refused(text: str, wanted: str, 
         ("odd_V_A_s", "", ""),
         ("x_m_s", "m/s", "m_s"),
         ("delay_s", "s", "s"),
+        ("speed_mm_s", "", ""),
+        ("flow_l_s", "", ""),
+        ("speed_rev_s", "", ""),
+        ("encoder_counts_s", "", ""),
+        ("speed_rad_per_s", "", ""),
+        ("torque_mN_m", "", ""),
+        ("motor_T_s", "s", "s"),
+        ("level_1_m", "m", "m"),
+        ("motor_L_H", "H", "H"),
+        ("time_in_s", "s", "s"),
     ],
 )
 def test_half_an_ending_is_not_taken_for_the_whole(name: str, unit: str, ending: str) -> None:
     assert (unit_of(name), ending_of(name)) == (unit, ending)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("speed_mm_s", "mm/s"),
+        ("flow_l_s", "l/s"),
+        ("flow_ml_min", "ml/min"),
+        ("speed_rev_s", "rev/s"),
+        ("speed_rad_per_s", "rad/s"),
+        ("torque_mN_m", "mN*m"),
+        ("ke_mV_s_rad", "mV*s/rad"),
+        ("gyro_dps", "dps"),
+    ],
+)
+def test_a_unit_of_several_words_is_read_whole(name: str, unit: str) -> None:
+    assert carried_unit(name) == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "value"),
+    [
+        ("10 600 rpm", "rad/s", 10600 * RPM),
+        ("10\u202f600 min\u207b\u00b9", "rad/s", 10600 * RPM),
+        ("10'600 1/min", "rad/s", 10600 * RPM),
+        ("1.06\u00d710\u2074 rpm", "rad/s", 10600 * RPM),
+        ("1.06x10^4 rpm", "rad/s", 10600 * RPM),
+        ("1.2 \u00b7 10\u207b\u2076 kg\u00b7m\u00b2", "kg*m^2", 1.2e-6),
+        ("2 V/1 000 rpm", "V*s/rad", 2e-3 / RPM),
+        ("250 milliohms", "ohm", 0.25),
+        ("400 microhenry", "H", 4e-4),
+        ("\u22125 V", "V", -5.0),
+    ],
+)
+def test_a_number_as_printed_is_read_whole(text: str, wanted: str, value: float) -> None:
+    assert in_si(text, wanted, "key") == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [("2 1/2 ohm", "ohm"), ("2\u00b75 ohm", "ohm"), ("5 12 V", "V"), ("2 V/0 rpm", "V*s/rad"), ("10,600 rpm", "rad/s")],
+)
+def test_a_second_number_that_is_no_power_of_ten_is_refused(text: str, wanted: str) -> None:
+    with pytest.raises(IdentifyError, match="key"):
+        in_si(text, wanted, "key")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.recordings.calendar_stamps import with_seconds
+from firmloop.identify.recordings.calendar_stamps import with_seconds, without_terminal_stamps
 from firmloop.identify.recordings.dialect import PLAIN, Dialect, find_dialect, first_name
 from firmloop.identify.recordings.exports import read_export
 from firmloop.identify.recordings.extent import text_extent
@@ -32,6 +32,8 @@ def read_csv(content: bytes) -> RawTable | Misread:
     text, encoding = _decoded(content)
     if isinstance(text, Misread):
         return text
+    text, stamped = without_terminal_stamps(text)
+    encoding += stamped
     lines = [line.strip() for line in text.split("\n")]
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)
     if not len(numbers):
@@ -100,7 +102,8 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     if found is None or isinstance(found, Misread):
         return found
     numbers = np.array([k + 1 for k in range(found.first, len(lines)) if lines[k].strip()], dtype=np.int64)
-    table = _parsed(found.names, found.plain_rows([lines[number - 1] for number in numbers]), numbers, found)
+    rows = found.plain_rows([lines[number - 1] for number in numbers])
+    table = _parsed(found.names, rows, numbers, found)
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
@@ -120,6 +123,10 @@ def _parsed(
     try:
         values = np.loadtxt(rows, delimiter=dialect.delimiter, comments=None, ndmin=2)
     except ValueError as error:
+        mark, width = dialect.delimiter, len(names)
+        even = [row[:-1] if row.endswith(mark) and row.count(mark) == width else row for row in rows]
+        if even != rows and not all(map(str.__ne__, even, rows)):
+            return _parsed(names, even, numbers, dialect)
         return _culprit(names, rows, numbers, dialect, str(error))
     if values.shape[1] != len(names):
         says = f"{values.shape[1]} values below {len(names)} names"
@@ -131,6 +138,10 @@ def _culprit(
     names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect, says: str
 ) -> Misread:
     """Go through the rows one by one until one does not parse; only called when the fast way failed."""
+    widths = [len(row.split(dialect.delimiter)) for row in rows[:_SAMPLE]]
+    if len(rows) > 2 and len({*widths}) == 1 and widths[0] != len(names) > 1:
+        wrong = f"has {len(names)} names above {widths[0]} values in every row"
+        return Misread(f"line {numbers[0] - 1}", wrong, "give the header one name for each column; keep the rows")
     for number, row in zip(numbers, rows, strict=True):
         cells = row.split(dialect.delimiter)
         if tuple(cell.strip().strip('"') for cell in cells) == names:

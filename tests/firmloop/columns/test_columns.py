@@ -60,6 +60,12 @@ WRAPS: dict[str, tuple[np.ndarray, str, str]] = {  # counts in the file, its nam
         't = { name = "time_s", unit = "ms" }',
     ),
     "cycles at 84 MHz": ((50.1 + TIME) % (2.0**32 / 84e6), "time_s", ""),
+    "10 bits of milliseconds": ((0.2 + TIME) % 1.024, "time_s", ""),
+    "16 bits of 32 us": ((0.6 + TIME) % (2.0**21 / 1e6), "time_s", ""),
+    "24 bits at 72 MHz": ((0.1 + TIME) % (2.0**24 / 72e6), "time_s", ""),
+    "24 bits of a crystal at 32768 Hz": ((510.6 + TIME) % 512.0, "time_s", ""),
+    "32 bits of 4 us": ((2.0**34 / 1e6 - 1.02 + TIME) % (2.0**34 / 1e6), "time_s", ""),
+    "seconds of a week": ((604798.5 + TIME) % 604800.0, "time_s", ""),
     "cycles at 168 MHz": ((24.6 + TIME) * 168e6 % 2**32, "n", f'n = {{ name = "time_s", scale = {1 / 168e6!r} }}'),
 }
 
@@ -93,6 +99,8 @@ STANDS: dict[str, tuple[list[str], str]] = {
         [f"{k * 0.5 % 60.0:.1f},{VOLT[k % 60]:.9g},1" for k in range(240)],
         "holds 2 recordings: split it before line 122",
     ),
+    "one stamp 0": ([*ROWS[:20], f"0,{ROWS[20].partition(',')[2]}", *ROWS[21:]], "one stamp is wrong"),
+    "one stamp without its point": ([*ROWS[:20], ROWS[20].replace(".", "", 1), *ROWS[21:]], "one stamp is wrong"),
     "one stamp wrong": ([*ROWS[:20], f"0.95,{ROWS[20].partition(',')[2]}", *ROWS[21:]], "one stamp is wrong"),
 }
 
@@ -110,6 +118,7 @@ def test_time_that_does_not_rise_for_another_reason_is_not_called_a_counter(
     ("name", "ours", "unit"),
     [
         ("t_ms", "time_s", "ms"),
+        ("t_min", "time_s", "min"),
         ("speed_rpm", "speed_rad_s", "rpm"),
         ("i_mA", "current_A", "mA"),
         ('"Time (ms)"', "time_s", "ms"),

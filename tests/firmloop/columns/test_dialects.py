@@ -66,6 +66,14 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
         b"\xff\x8c\x00l\xe3\r\n\x9e\x02rst\x00\r\n" + PLAIN.encode(),
         "first 2 lines are left",
     ),
+    "stamps of the Arduino terminal": (
+        "\n".join(f"12:34:{k % 60:02d}.789 -> {line}" for k, line in enumerate([HEADER, *ROWS])),
+        "a stamp of the terminal before every line",
+    ),
+    "stamps of a terminal in brackets": (
+        "\n".join(f"[2024-05-01 12:34:{k % 60:02d}.789] {line}" for k, line in enumerate([HEADER, *ROWS])),
+        "a stamp of the terminal before every line",
+    ),
     "CRLF, tabs": (PLAIN.replace(",", "\t").replace("\n", "\r\n"), "tabs"),
 }
 
@@ -123,6 +131,12 @@ def test_a_dialect_reads_like_the_plain_file_and_is_told(dialect: str, bench: Ca
 def test_a_packed_dialect_reads_alike(bench: Callable[..., tuple]) -> None:
     status, columns, _ = bench(gzip.compress(comma(PLAIN).encode()), name="r.csv.gz")
     assert status == 0
+    alike(columns)
+
+
+def test_commas_at_the_ends_of_some_rows_are_no_values(bench: Callable[..., tuple]) -> None:
+    status, columns, said = bench("\n".join([HEADER, *(row + "," * (k % 3 > 0) for k, row in enumerate(ROWS))]))
+    assert status == 0, said
     alike(columns)
 
 
@@ -237,6 +251,10 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "no header": ("\n".join(ROWS), ("has no header", "time_s, column_2, column_3")),
     "rows of an older run above the header": ("\n".join([*ROWS[:5], PLAIN]), ("line 6: is the header", "lines 1 to 5")),
     "a time of day": (PLAIN.replace("\n0.", "\n12:00:0."), ("line 2", "write seconds", "period_s")),
+    "a header one name short": (
+        "\n".join([HEADER, *(f"{k},{row}" for k, row in enumerate(ROWS))]),
+        ("line 1: has 3 names above 4 values in every row", "keep the rows"),
+    ),
     "no header, semicolons": ("\n".join(ROWS).replace(",", ";"), ("has no header",)),
     "header again in the middle": ("\n".join([HEADER, *ROWS[:30], HEADER, *ROWS[30:]]), ("line 32", "header again")),
     "semicolons, one row short": (

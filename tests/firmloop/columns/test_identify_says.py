@@ -92,6 +92,17 @@ def test_a_reading_that_runs_backwards_is_told_and_nothing_that_follows_from_it(
     assert len(says) == 1 and "runs against" in says[0] and "turn the sign" in says[0]
 
 
+@pytest.mark.parametrize("wrong", [[85.0], [-127.0], [65535.0, 65535.0], [9.9e37]])
+def test_a_reading_that_failed_is_told_with_its_time_and_nothing_that_follows_from_it(wrong, tmp_path, capsys):
+    rows = [801, 1303][: len(wrong)]
+
+    def failed(values):
+        return np.array([wrong[rows.index(k)] if k in rows else value for k, value in enumerate(values)])
+
+    says, _ = identified(written(tmp_path / "log", changed(heater(seeded(1)), temperature_C=failed)), capsys)
+    assert len(says) == 1 and f"reads {wrong[0]:.6g} at " in says[0] and "delete the row" in says[0], says
+
+
 @pytest.mark.parametrize("gear", [4.0, 20.0, 0.25, 51.0])
 def test_a_gear_is_told_and_its_key_gives_the_motor_back(gear, tmp_path, capsys):
     made = motor(seeded(5), gear=gear)

@@ -48,6 +48,10 @@ names = ["host"]
         ("inflow_l_min", "l/min"),
         ("torque_N_m", "Nm"),
         ("torque_N_m", "N*m"),
+        ("speed_mm_s", "mm/s"),
+        ("torque_mN_m", "mNm"),
+        ("flow_l_s", "l/s"),
+        ("pump_percent", "%"),
         ("flow", "m^3/s"),  # a name that tells no unit
     ],
 )
@@ -64,6 +68,9 @@ def test_one_unit_in_two_spellings_is_one(flow: str, unit: str, tmp_path: Path) 
         ("flow_m3_s", "s", "in 'm^3/s'; use one unit"),
         ("rate_deg_s", "rad/s", "(1 rad/s is 57.2958 deg/s)"),
         ("rate_deg_s", "s", "in 'deg/s'; use one unit"),
+        ("speed_mm_s", "m/s", "(1 m/s is 1000 mm/s)"),
+        ("speed_rev_s", "s", "in 'rev/s'; use one unit"),
+        ("torque_mN_m", "N*m", "(1 N*m is 1000 mN*m)"),
         ("speed_rad_s", "rpm", "(1 rpm is 0.10472 rad/s)"),
         ("torque_N_m", "mNm", "(1 mNm is 0.001 N*m)"),
     ],
