@@ -14,6 +14,7 @@ the delta form's coefficients does.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ from firmloop.design.discretize.rational import Rational, Roots
 Array = npt.NDArray[np.float64]
 
 NEAR = 0.125
+SMALL = 2.0**-24  # a factor below it leaves less than a byte of a 32-bit word
 FORMS = ("auto", "shift", "delta")
 
 
@@ -48,8 +50,30 @@ def sections(rational: Rational, form: str) -> tuple[Section, ...]:
         near = min(fitting, key=lambda k: float(np.min(np.abs(zeros[k][:, None] - poles))), default=None)
         chosen.append((poles, zeros.pop(near) if near is not None else np.zeros(0, np.complex128)))
     chosen.reverse()
-    made = [_section(poles, above, form, 1.0 if k else rational.gain) for k, (poles, above) in enumerate(chosen)]
+    made = [_section(*each, form, gain) for each, gain in zip(chosen, _gains(rational.gain, chosen), strict=True)]
     return tuple(made)
+
+
+def _gains(gain: float, chosen: list[tuple[Roots, Roots]]) -> list[float]:
+    """Return what each section is multiplied by: the first by the whole gain, as far as a word holds that.
+
+    A smaller one, of a low-pass of high order, is shared by powers of two that bring the peaks of the others to about 1
+    (L. B. Jackson, Bell System Technical Journal 49 (1970) 159): all sections then work on signals of like size.
+    """
+    if abs(gain) >= SMALL or gain == 0.0:
+        return [gain, *[1.0] * (len(chosen) - 1)][: len(chosen)]
+    shares = [2.0 ** -round(math.log2(_peak(*each))) for each in chosen[1:]]
+    return [gain / math.prod(shares), *shares]
+
+
+def _peak(poles: Roots, zeros: Roots) -> float:
+    """Return the greatest gain of a section on the unit circle; 1 where a pole lies on it."""
+    if np.any(np.abs(1.0 + poles) >= 1.0 - 1e-12):
+        return 1.0
+    turns = np.concatenate([np.geomspace(1e-9, math.pi, 200), np.abs(np.angle(1.0 + poles))])
+    at = np.exp(1j * turns) - 1.0
+    above, below = (np.prod(at[:, None] - roots, axis=1) for roots in (zeros, poles))
+    return float(np.max(np.abs(above / below)))
 
 
 def _grouped(roots: Roots) -> list[Roots]:

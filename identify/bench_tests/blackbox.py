@@ -249,6 +249,11 @@ def _plain(model: SampledModel) -> SampledModel:
     return _companion(below[1:], above[0][1:], model.late)
 
 
+def unstable(model: SampledModel) -> bool:
+    """Tell whether a pole lies outside of the unit circle."""
+    return bool(np.max(np.abs(np.linalg.eigvals(model.a))) >= 1.0 + 1e-9)
+
+
 def continuous(model: SampledModel, period: float) -> Continuous:
     """Undo the hold: log of [[a, b], [0, 1]] over the period (s).
 
@@ -258,10 +263,11 @@ def continuous(model: SampledModel, period: float) -> Continuous:
         when a pole is unstable, or negative or zero: no continuous model of this order has it.
     """
     poles = np.linalg.eigvals(model.a)
-    if np.max(np.abs(poles)) >= 1.0 + 1e-9:
+    if unstable(model):
         raise IdentifyError(
-            f"model: the fit is unstable (a pole at {np.max(np.abs(poles)):.4g} in z); try another structure, a lower "
-            "order, or name both signals in recordings.conditioning.remove_offset where they rest away from 0"
+            f"model: the fit is unstable (a pole at {np.max(np.abs(poles)):.4g} in z); where the plant is, record it "
+            "in a closed loop and fit a plant with physics; otherwise take a drift of the output out with "
+            "recordings.conditioning.detrend, or try another structure or a lower order"
         )
     bad = [pole for pole in poles if abs(pole.imag) < 1e-9 and pole.real <= 1e-6]
     if bad:

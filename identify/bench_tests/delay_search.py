@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
 import scipy.stats
 
 from firmloop.identify.bench_tests.blackbox import Record, fit_oe, miss, prefiltered
@@ -54,3 +55,24 @@ def spoiled_by_means(records: Sequence[Record], order: int, late: int) -> bool:
     """Tell whether the model leaves much less where the means are taken off."""
     free = without_means(records)
     return least_miss(records, order, late) > WRONG * least_miss(free, order, late)
+
+
+def rest_of_an_integrator(records: Sequence[Record], order: int, late: int) -> float | None:
+    """Return the input at which a plant that integrates stands still; None where that does not explain more than means.
+
+    The output is a line over time and the sum of the input, but for lags that pass: the ratio of both slopes is it.
+    """
+    lines, sums, outputs, about = [], [], [], []
+    for one in records:
+        steps = np.arange(len(one.output), dtype=np.float64)
+        both = np.column_stack([steps, np.cumsum(one.drive) - one.drive])
+        lines.append(both[:, 0] - steps.mean())
+        sums.append(both[:, 1] - both[:, 1].mean())
+        outputs.append(one.output - one.output.mean())
+        about.append(Record(one.source, one.drive, one.output - one.output[0]))
+    slopes = np.linalg.lstsq(np.column_stack([np.concatenate(lines), np.concatenate(sums)]), np.concatenate(outputs))[0]
+    if slopes[1] == 0.0 or not np.all(np.isfinite(slopes)):
+        return None
+    rest = float(-slopes[0] / slopes[1])
+    moved = [Record(one.source, one.drive - rest, one.output) for one in about]
+    return rest if WRONG * least_miss(moved, order, late) < least_miss(without_means(records), order, late) else None

@@ -21,6 +21,7 @@ MOST_COLUMNS = 2000
 MOST_LINE = 1 << 16  # bytes of a line of text, enough for as many columns
 _REMEDY = "cut it into parts, keep every tenth row, or leave out signals"
 _AS_NUMBERS = "save it as .npz, .mat or .parquet, or keep every tenth row"
+_PIECE, _MOST_PIECE = 512, 1 << 20  # bytes that are unpacked at a time: a member behind another may be as short
 _MAT_HEADER, _MAT_COMPRESSED = 128, 15
 
 
@@ -74,17 +75,19 @@ def unzipped(content: bytes) -> bytes | Misread:
     EOFError, zlib.error
         when it is damaged.
     """
-    parts, size = [], 0
-    while content.strip(b"\0"):  # zeros behind the last member are padding
-        member = zlib.decompressobj(wbits=31)
-        part = member.decompress(content, MOST_TEXT + 1 - size)
-        size += len(part)
-        if size > MOST_TEXT:
-            return Misread("", f"unpacks to more than {MOST_TEXT:,} bytes", _AS_NUMBERS)
-        if not member.eof:
-            raise EOFError("it ends early")
-        parts.append(part)
-        content = member.unused_data
+    packed, parts, size, at = memoryview(content), [], 0, 0
+    while at < len(packed) and (packed[at] or any(packed[at:])):  # zeros behind the last member are padding
+        member, step = zlib.decompressobj(wbits=31), _PIECE
+        while not member.eof:
+            piece = packed[at : at + step]
+            if not len(piece):
+                raise EOFError("it ends early")
+            part = member.decompress(piece, MOST_TEXT + 1 - size)
+            size += len(part)
+            if size > MOST_TEXT:
+                return Misread("", f"unpacks to more than {MOST_TEXT:,} bytes", _AS_NUMBERS)
+            parts.append(part)
+            at, step = at + len(piece) - len(member.unused_data), min(2 * step, _MOST_PIECE)
     return b"".join(parts)
 
 

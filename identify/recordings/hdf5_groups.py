@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from firmloop.identify.extras import extra
-from firmloop.identify.recordings.extent import MOST_BYTES, is_too_large
+from firmloop.identify.recordings.extent import MOST_BYTES, MOST_COLUMNS, is_too_large
 from firmloop.identify.recordings.groups import Group, vectors_of
 from firmloop.identify.recordings.table import Misread
 
-_DEEPEST = 8  # groups in groups; a link may lead in circles
+_DEEPEST = 1000  # letters of a place among groups in groups
 _UNITS = ("units", "unit", "Units", "Unit")
 _TEXT = b"char"  # MATLAB stores text as numbers, and says so
 
@@ -28,7 +28,7 @@ def hdf5_groups(content: bytes, needed_for: str) -> tuple[Group, ...] | Misread:
     """
     h5py = extra("h5py", "hdf5", needed_for)
     with h5py.File(io.BytesIO(content), "r") as file:
-        found = list(_groups(file, "", 0))
+        found = list(_groups(file["/"], "", {file["/"].id}))
         size = sum(item.size * item.dtype.itemsize for _, items in found for _, item in items)
         if size > MOST_BYTES:
             return is_too_large(size)
@@ -40,15 +40,29 @@ def hdf5_groups(content: bytes, needed_for: str) -> tuple[Group, ...] | Misread:
     return held[:1] if held and not held[0].name else held
 
 
-def _groups(group: Any, place: str, depth: int) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
-    items = [(str(name), item) for name, item in group.items() if not str(name).startswith("#")]
+def _groups(group: Any, place: str, seen: set[Any]) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
+    """Yield the vectors of a group and of those in it, each once: links may lead in circles, and many ways to one."""
+    if len(group) > MOST_COLUMNS:
+        raise ValueError(f"a group of it holds {len(group):,} entries; at most {MOST_COLUMNS:,} are read")
+    elsewhere = [str(name) for name in group if hasattr(group.get(name, getlink=True), "filename")]
+    items = (
+        [(str(name), item) for name, item in group.items() if not str(name).startswith("#")] if not elsewhere else []
+    )
+    elsewhere += [name for name, item in items if item is None or _reaches_out(item)]
+    if elsewhere:
+        raise ValueError(f"{elsewhere[0]} of it stands in another file, or nowhere")
     own = [(name, item) for name, item in items if hasattr(item, "dtype") and _is_number(item)]
     if own:
         yield place, own
-    if depth < _DEEPEST:
-        for name, item in items:
-            if hasattr(item, "items"):
-                yield from _groups(item, f"{place}/{name}".strip("/"), depth + 1)
+    for name, item in items:
+        if hasattr(item, "items") and item.id not in seen and len(place) < _DEEPEST:
+            seen.add(item.id)
+            yield from _groups(item, f"{place}/{name}".strip("/"), seen)
+
+
+def _reaches_out(item: Any) -> bool:
+    """Tell whether numbers are not in this file: a recording reads no other file of the machine."""
+    return bool(getattr(item, "external", None)) or bool(getattr(item, "is_virtual", False))
 
 
 def _is_number(item: Any) -> bool:

@@ -142,6 +142,29 @@ def test_a_plant_that_integrates_is_found_as_one(
     assert "it integrates" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("rest", "start"), [(1.5, 0.0), (-0.4, 3.0), (0.0, 3.0)])
+def test_a_plant_that_integrates_from_elsewhere_is_refused_with_a_line_that_works_or_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: float, start: float
+) -> None:
+    (above,), below, _ = scipy.signal.cont2discrete(([2.0], [0.3, 1.0, 0.0]), PERIOD)
+    drive = steps()
+    output = scipy.signal.lfilter(above, below, drive) + 0.003 * np.random.default_rng(6).standard_normal(len(drive))
+    project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), "order = 2\n")
+    rows = [
+        f"{k * PERIOD:.6g},{u + rest:.9g},{y + start:.9g}" for k, (u, y) in enumerate(zip(drive, output, strict=True))
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *rows]) + "\n")
+    if rest:
+        assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+        said = capsys.readouterr().err
+        assert f"stands still at drive_V = {rest:.2g}" in said and "remove_offset" not in said
+        line = said.partition("such as ")[2].partition("; the mean")[0].strip()
+        project.write_text(project.read_text().replace("[plant]", f"[recordings.rename]\n{line}\n[plant]", 1))
+    document = found(project)
+    assert document["gain"] is None and [0.0, 0.0] in document["poles_rad_s"]
+    assert min(real for real, _ in document["poles_rad_s"]) == pytest.approx(-1 / 0.3, rel=0.02)
+
+
 def test_what_follows_the_input_still_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found(left(tmp_path, steps(), 0, 0.01, (0.0, 0.0), "order = 1\n"))
     assert "still follows the input" in capsys.readouterr().out

@@ -22,8 +22,14 @@ from firmloop.identify.bench_tests.blackbox import (
     least_squares_arx,
     miss,
     redrawn,
+    unstable,
 )
-from firmloop.identify.bench_tests.delay_search import best_delay, least_miss, spoiled_by_means
+from firmloop.identify.bench_tests.delay_search import (
+    best_delay,
+    least_miss,
+    rest_of_an_integrator,
+    spoiled_by_means,
+)
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit_start
 from firmloop.identify.fitting.residual_tests import residual_tests
@@ -215,6 +221,10 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             late = found if searched else told
             _check_means(project, records, order, late)
             sampled = integrating(STRUCTURES[structure](records, order, late), records)
+            if unstable(sampled):  # what a plant that integrates begins with is no offset, but spoils the equations
+                from_zero = [Record(one.source, one.drive, one.output - one.output[0]) for one in records]
+                again = integrating(STRUCTURES[structure](from_zero, order, late), from_zero)
+                records, sampled = (records, sampled) if unstable(again) else (from_zero, again)
             check_answer(records, sampled)
             made = continuous(sampled, period)
         plant = _ode(project, made)
@@ -240,6 +250,13 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
     if not spoiled_by_means(records, order, late):
         return
     drive, output = project.plant.input, project.plant.outputs[0]
+    rest = rest_of_an_integrator(records, order, late)
+    if rest is not None:
+        raise IdentifyError(
+            f"{records[0].source}: {output} integrates {drive}, and stands still at {drive} = {rest:.4g} in place of "
+            f'0; take that off in [recordings.rename], such as {drive} = {{ name = "{drive}", offset = {-rest:.4g} }}; '
+            "the mean is another value, and removing it would harm"
+        )
     means = [float(np.mean(np.concatenate([getattr(one, part) for one in records]))) for part in ("drive", "output")]
     raise IdentifyError(
         f"{records[0].source}: {drive} and {output} rest away from 0 (their means are {means[0]:.3g} and "

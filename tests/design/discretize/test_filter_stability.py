@@ -14,6 +14,8 @@ from firmloop.design.discretize.unit_circle import poles, within
 from firmloop.design.kinds import design
 from firmloop.design.law import DesignError
 from firmloop.identify.signal import Signal
+from firmloop.quantize.lower.lower import lower
+from firmloop.verify.reference import run
 
 PERIOD = 1e-4
 
@@ -62,6 +64,21 @@ def test_a_stable_filter_that_its_coefficients_hardly_hold_is_told_so() -> None:
     )
     above, below = scipy.signal.butter(5, 0.2)
     assert "note" not in made({"numerator": above.tolist(), "denominator": below.tolist()}).law.says
+
+
+@pytest.mark.parametrize(("order", "cut"), [(9, 3e-4), (12, 3e-3), (9, 3e-2)])
+@pytest.mark.parametrize("shape", ["butter", "cheby1", "bessel"])
+def test_a_low_pass_of_high_order_is_held_in_32_bits(shape: str, order: int, cut: float) -> None:
+    """The gain of the whole is 1e-30 and less; each section's is what its own poles ask for."""
+    options = {"rp": 1.0} if shape == "cheby1" else {}
+    rows = scipy.signal.iirfilter(order, 2 * cut, btype="low", ftype=shape, output="sos", **options)
+    law = made({"sections": rows.tolist()})
+    program = lower(law.law, "fixed32")
+    steps = 100_000
+    inputs = np.full((1, steps, 2), 0)
+    inputs[..., 0] = round(0.5 * 2.0 ** program.inputs[0].number.fraction)
+    answer = run(program, inputs).outputs[0, -1, 0] * 2.0 ** -program.outputs[0].number.fraction
+    assert answer == pytest.approx(0.5 * np.prod(rows[:, :3].sum(axis=1) / rows[:, 3:].sum(axis=1)), abs=0.005)
 
 
 def test_sections_are_the_filter_that_its_polynomial_is() -> None:

@@ -49,9 +49,19 @@ def claiming_mat73() -> bytes:
     return buffer.getvalue()
 
 
+def crowded_h5() -> bytes:
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        for k in range(extent.MOST_COLUMNS + 1):
+            file[f"c{k}"] = k
+    return buffer.getvalue()
+
+
 BOMBS = {
     "gzip": ("r.csv.gz", lambda: gzip.compress(CELL * (extent.MOST_BYTES // 7), 1), "unpacks to"),
     "gzip of many members": ("r.csv.gz", lambda: gzip.compress(CELL * 150_000) * 300, "unpacks to"),
+    "gzip of many empty members": ("r.csv.gz", lambda: gzip.compress(b"") * 500_000, "is empty"),
+    "HDF5 of many columns": ("r.h5", crowded_h5, "holds 2,001 entries"),
     "npz claims": ("r.npz", lambda: npz_of(header(10**12)), "claims 8,000,000,000,000 bytes"),
     "npz claims beyond 64 bits": ("r.npz", lambda: npz_of(header(10**30)), "claims"),
     "npz packed": ("r.npz", lambda: npz_of(header(34_000_000), bytes(8 * 34_000_000)), "holds"),
@@ -77,6 +87,40 @@ def test_a_bomb_is_refused_at_once(bomb: str, tmp_path: Path) -> None:
     with pytest.raises(IdentifyError, match=words):
         read_recording(tmp_path / name, {})
     assert time.monotonic() - begin < 10.0
+
+
+@pytest.mark.parametrize("way", ["external link", "external numbers", "virtual", "nowhere"])
+def test_an_hdf5_file_that_reads_another_file_is_refused(way: str, tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["voltage_V"] = file["temperature_C"] = np.arange(4.0)
+        if way == "external link":
+            file["time_s"] = h5py.ExternalLink("/etc/passwd", "/time_s")
+        elif way == "external numbers":
+            file.create_dataset("time_s", (4,), "f8", external=[("/etc/passwd", 0, 32)])
+        elif way == "virtual":
+            layout = h5py.VirtualLayout((4,), "f8")
+            layout[:] = h5py.VirtualSource("/etc/passwd", "time_s", (4,))
+            file.create_virtual_dataset("time_s", layout)
+        else:
+            file["time_s"] = h5py.SoftLink("/nowhere")
+    with pytest.raises(IdentifyError, match="time_s of it stands in another file, or nowhere"):
+        read_recording(tmp_path / "r.h5", {})
+
+
+def test_groups_that_link_to_one_another_are_read_once(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"] = file["voltage_V"] = np.arange(4.0)
+        groups = [file.create_group(f"g{k}") for k in range(20)]
+        for one in groups:
+            for k, other in enumerate(groups):
+                one[f"to{k}"] = other
+    assert len(read_recording(tmp_path / "r.h5", {}).time) == 4
+
+
+@pytest.mark.parametrize("unit", ["Y", "M", "W", "D"])
+def test_dates_of_any_length_are_seconds(unit: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "r.npz", time_s=np.arange(5).astype(f"M8[{unit}]"), voltage_V=np.arange(5.0))
+    assert read_recording(tmp_path / "r.npz", {}).time[1] >= 86400.0
 
 
 @pytest.mark.parametrize("name", ["pipe.csv", "pipe.npz"])
