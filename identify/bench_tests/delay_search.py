@@ -18,6 +18,7 @@ MOST = 200  # samples of delay that are tried
 COARSE = 8  # samples between the delays that are tried first
 SHARE = 10  # of the rows at most are delay
 CERTAIN = float(scipy.stats.chi2.ppf(0.999, 1))  # least gain of a delay in twice the logarithm of the likelihood
+_PAST = (0, 1, 2, 4, 8, 16, 32)  # samples
 WRONG = 1.5  # times the mean square error by which means that are left in spoil a fit
 
 
@@ -60,19 +61,19 @@ def spoiled_by_means(records: Sequence[Record], order: int, late: int) -> bool:
 def rest_of_an_integrator(records: Sequence[Record], order: int, late: int) -> float | None:
     """Return the input at which a plant that integrates stands still; None where that does not explain more than means.
 
-    The output is a line over time and the sum of the input, but for lags that pass: the ratio of both slopes is it.
+    The output is a line over time, the sum of the input, and lags, which the input's past stands for: the ratio of both
+    slopes is it.
     """
-    lines, sums, outputs, about = [], [], [], []
+    columns, outputs, from_zero = [], [], []
     for one in records:
-        steps = np.arange(len(one.output), dtype=np.float64)
-        both = np.column_stack([steps, np.cumsum(one.drive) - one.drive])
-        lines.append(both[:, 0] - steps.mean())
-        sums.append(both[:, 1] - both[:, 1].mean())
+        past = [np.concatenate([np.full(k, one.drive[0]), one.drive[: len(one.drive) - k]]) for k in _PAST]
+        each = np.column_stack([np.arange(len(one.output)), np.cumsum(one.drive) - one.drive, *past])
+        columns.append(each - each.mean(axis=0))
         outputs.append(one.output - one.output.mean())
-        about.append(Record(one.source, one.drive, one.output - one.output[0]))
-    slopes = np.linalg.lstsq(np.column_stack([np.concatenate(lines), np.concatenate(sums)]), np.concatenate(outputs))[0]
+        from_zero.append(Record(one.source, one.drive, one.output - one.output[0]))
+    slopes = np.linalg.lstsq(np.concatenate(columns), np.concatenate(outputs))[0]
     if slopes[1] == 0.0 or not np.all(np.isfinite(slopes)):
         return None
     rest = float(-slopes[0] / slopes[1])
-    moved = [Record(one.source, one.drive - rest, one.output) for one in about]
+    moved = [Record(one.source, one.drive - rest, one.output) for one in from_zero]
     return rest if WRONG * least_miss(moved, order, late) < least_miss(without_means(records), order, late) else None

@@ -253,8 +253,8 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
     rest = rest_of_an_integrator(records, order, late)
     if rest is not None:
         raise IdentifyError(
-            f"{records[0].source}: {output} integrates {drive}, and stands still at {drive} = {rest:.4g} in place of "
-            f'0; take that off in [recordings.rename], such as {drive} = {{ name = "{drive}", offset = {-rest:.4g} }}; '
+            f"{records[0].source}: {output} integrates {drive}, and stands still at {drive} = {rest:.6g} in place of "
+            f'0; take that off in [recordings.rename], such as {drive} = {{ name = "{drive}", offset = {-rest:.6g} }}; '
             "the mean is another value, and removing it would harm"
         )
     means = [float(np.mean(np.concatenate([getattr(one, part) for one in records]))) for part in ("drive", "output")]
