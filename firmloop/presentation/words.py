@@ -150,7 +150,7 @@ def margin_rows(loop: Loop) -> list[tuple[str, str]]:
     """Margins, each with its unit and, where the plant has intervals, with its own."""
     return [
         ("closed loop", "stable" if loop.margins.stable else "UNSTABLE"),
-        *_figure_rows(loop, loop.margins, MARGINS, NO_LIMIT),
+        *_figure_rows(loop, loop.margins, MARGINS, NO_LIMIT if loop.margins.stable else NOT_REACHED),
     ]
 
 

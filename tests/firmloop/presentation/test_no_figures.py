@@ -94,6 +94,7 @@ def test_a_loop_that_runs_away_has_no_step(tmp_path: Path, capsys: pytest.Captur
     )
     said, _ = designed(tmp_path, capsys, text)
     assert re.search(r"closed loop +UNSTABLE", said) and re.search(r"rise time 10-90 % +none", said)
+    assert "no limit" not in said
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
