@@ -90,6 +90,6 @@ def _is_a_remark(array: NDArray[np.generic]) -> bool:
 def _seconds(array: NDArray[np.generic]) -> NDArray[np.generic]:
     if array.dtype.kind not in "mM" or not len(array):
         return array
-    if np.datetime_data(array.dtype)[0] in ("Y", "M", "generic"):  # of uneven length, or of none
+    if np.datetime_data(array.dtype.str)[0] in ("Y", "M", "generic"):  # of uneven length, or of none
         array = array.astype(f"{array.dtype.kind}8[s]")
     return np.asarray((array - array[0]) / np.timedelta64(1, "ns"), dtype=np.float64) * 1e-9
