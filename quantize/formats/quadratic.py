@@ -20,6 +20,7 @@ LAST_PLACE = {"float32": 2.0**-24, "float64": 2.0**-53}  # of it, where answers 
 SOFT = 2.0**-20  # of a row, at least, that is its softness; less is rounding
 LEAST = {"float32": 2.0**-16, "float64": 2.0**-36}  # of a pivot, whose first value is 1
 STIFF = 0.25  # of that, where limits are soft: their pivots are small, but never 0
+MANY, MANY_ROWS = "fl_qp_many.h", 2  # times the rows that can be active, above which a search keeps a factor of these
 FINE = 0.0625  # of that, where answers are checked: rows that depend on each other are told by their number too
 
 
@@ -62,7 +63,14 @@ def table_of(problem: Quadratic, arithmetic: str, name: str, budget: int, checke
         "softness": rounded(softness),
     }
     says = f"a quadratic program in {count} rows, {problem.freedom} unknowns and {parameters} parameters"
-    return Table(name, says, "fl_qp_t", "fl_qp.h", tuple(sizes.items()), tuple(numbers.items()))
+    return Table(
+        name,
+        says,
+        "fl_qp_t",
+        MANY if not checked and count > MANY_ROWS * sizes["FL_QP_ROOM"] else "fl_qp.h",
+        tuple(sizes.items()),
+        tuple(numbers.items()),
+    )
 
 
 def _least(problem: Quadratic, arithmetic: str, checked: bool) -> float:
@@ -103,5 +111,5 @@ def rows_of(table: Table, kind: np.dtype[Any]) -> Rows:
     return Rows(
         slope, numbers["low"][:count], numbers["high"][:count], gram[:, :count], numbers["scale"], tolerance, share,
         trusted, kept, noise, least, sizes["FL_QP_ROOM"], sizes["FL_QP_BUDGET"], moves, shift, onward,
-        numbers["softness"][:behind],
+        numbers["softness"][:behind], table.support == MANY,
     )  # fmt: skip

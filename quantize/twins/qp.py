@@ -55,7 +55,8 @@ class Rows:
     on the active ones; `budget` is the work of one search at most. Where `moves` is not 0, answers are checked: rows
     are violated beyond `noise` of the largest multiplier, and refined until no move is corrected by `trusted` and no
     hard active row missed by `kept`; the rows behind the first `moves`, those of every move, are `shift` (c, p) of the
-    parameters and `onward` (c, moves) of these, less `softness` (c,) of their multipliers.
+    parameters and `onward` (c, moves) of these, less `softness` (c,) of their multipliers. `many`: a search keeps a
+    factor of the active rows, not a tableau of all.
     """
 
     slope: Raw
@@ -75,6 +76,7 @@ class Rows:
     shift: Raw
     onward: Raw
     softness: Raw
+    many: bool = False
 
     @property
     def longest(self) -> int:
@@ -109,11 +111,9 @@ def tolerance_of(problem: Quadratic) -> float:
 
 def solve(rows: Rows, parameters: Raw) -> Solution:
     """Solve for every row of `parameters` (lanes, p), in the element type of `rows`."""
-    from firmloop.quantize.twins.qp_search import (  # half a second, which only a search should cost
-        QpProblem,
-        QpSearch,
-        search_all,
-    )
+    # Half a second, which only a search should cost.
+    from firmloop.quantize.twins.qp_memory import QpProblem, memory_of
+    from firmloop.quantize.twins.qp_search import search_all
 
     kind, count, lanes = rows.gram.dtype, len(rows.low), len(parameters)
 
@@ -137,15 +137,12 @@ def solve(rows: Rows, parameters: Raw) -> Solution:
         room=rows.room,
         budget=rows.budget,
         moves=rows.moves,
+        many=rows.many,
         shift=typed(rows.shift),
         onward=typed(rows.onward),
         softness=typed(rows.softness),
     )
-    search = QpSearch(
-        np.zeros(count, kind), np.zeros((rows.room + 1, count), kind), np.zeros(rows.room, kind),
-        np.zeros(rows.room, kind), np.zeros(rows.room, np.int64), np.zeros(count, np.int64), np.zeros(4, np.int64),
-        np.zeros(1, kind),
-    )  # fmt: skip
+    search = memory_of(count, rows.room, rows.many, kind)
     moves = np.zeros((lanes, len(rows.scale)), kind)
     status, work, side = np.zeros(lanes, np.int64), np.zeros(lanes, np.int64), np.zeros((lanes, count), np.int64)
     search_all(problem, search, typed(parameters), moves, status, work, side)

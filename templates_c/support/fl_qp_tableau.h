@@ -1,37 +1,12 @@
-/* fl_qp_tableau.h -- the numbers of a quadratic program, the memory of its search, and the tableau that both keep.
+/* fl_qp_tableau.h -- the memory of a search that keeps the tableau of the multipliers and all rows.
  *
- * See fl_qp.h, which says what the sizes are. The tableau is that of the multipliers and the rows; one exchange of a
- * row is a pivot, and its column is stored in product form (Dantzig and Orchard-Hays, 1954).
+ * One exchange of a row is a pivot, and its column is stored in product form (Dantzig and Orchard-Hays, 1954). See
+ * fl_qp.h, which says what the sizes are.
  */
 #ifndef FL_QP_TABLEAU_H
 #define FL_QP_TABLEAU_H
 
-#include <stdint.h>
-
-typedef struct {
-    fl_real slope[FL_QP_PARAMETERS * FL_QP_WIDTH]; /* one parameter after the other */
-    fl_real low[FL_QP_WIDTH];
-    fl_real high[FL_QP_WIDTH];
-    fl_real gram[FL_QP_ROWS * FL_QP_WIDTH];
-    fl_real scale[FL_QP_MOVES]; /* from the first rows to the moves */
-    fl_real tolerance;          /* a row is violated beyond this, */
-    fl_real share;              /* and this share of what the unconstrained optimum violates most */
-    fl_real trusted;            /* a move that is corrected by less is right, */
-    fl_real kept;               /* and an active row that its moves miss by less */
-    fl_real noise;              /* of a multiplier: what its roundings may do to a row, at most where it is checked */
-    fl_real least;              /* smallest pivot */
-    fl_real far;                /* a step that nothing stops */
-    /* The rows behind those of the moves, of the parameters and the moves, less this share of their multipliers. */
-    fl_real beyond[FL_QP_BEYOND * (FL_QP_PARAMETERS + FL_QP_ONWARD)];
-    fl_real softness[FL_QP_BEYOND];
-} fl_qp_t;
-
-enum { FL_QP_SOLVED = 0, FL_QP_CAPPED = 1, FL_QP_INFEASIBLE = 2 };
-
-typedef struct {
-    fl_real move[FL_QP_MOVES];
-    int32_t status;
-} fl_plan_t;
+#include "fl_qp_problem.h"
 
 typedef struct {
     fl_real value[FL_QP_WIDTH];
@@ -47,46 +22,30 @@ typedef struct {
     fl_real tolerance;
 } fl_search_t;
 
-/* Four numbers that stand beside each other, in registers. */
-typedef struct {
-    fl_real a;
-    fl_real b;
-    fl_real c;
-    fl_real d;
-} fl_four_t;
-
-static inline fl_four_t fl_qp_times(const fl_real *four, fl_real factor) {
-    const fl_four_t x = {four[0] * factor, four[1] * factor, four[2] * factor, four[3] * factor};
-    return x;
-}
-
-static inline fl_four_t fl_qp_less(fl_four_t x, const fl_real *four, fl_real factor) {
-    const fl_four_t y = fl_qp_times(four, factor);
-    const fl_four_t z = {x.a - y.a, x.b - y.b, x.c - y.c, x.d - y.d};
-    return z;
-}
-
-static inline fl_four_t fl_qp_plus(fl_four_t x, const fl_real *four, fl_real factor) {
-    const fl_four_t y = fl_qp_times(four, factor);
-    const fl_four_t z = {x.a + y.a, x.b + y.b, x.c + y.c, x.d + y.d};
-    return z;
-}
-
-static inline fl_four_t fl_qp_get(const fl_real *four) {
-    const fl_four_t x = {four[0], four[1], four[2], four[3]};
-    return x;
-}
-
-static inline void fl_qp_put(fl_real *four, fl_four_t x) {
-    four[0] = x.a;
-    four[1] = x.b;
-    four[2] = x.c;
-    four[3] = x.d;
-}
-
 /* The column of the row that enters, in the place of its eta. */
 static inline fl_real *fl_qp_at(fl_search_t *s) {
     return s->eta[s->length];
+}
+
+/* The unconstrained optimum stands in the tableau already. */
+static inline void fl_qp_start(fl_search_t *s) {
+    (void)s;
+}
+
+static inline fl_real fl_qp_multiplier(const fl_search_t *s, int32_t place) {
+    return s->value[s->active[place]];
+}
+
+static inline fl_real fl_qp_rate(const fl_search_t *s, int32_t place) {
+    return s->eta[s->length][s->active[place]];
+}
+
+static inline fl_real fl_qp_pivot(const fl_search_t *s, int32_t row) {
+    return s->eta[s->length][row];
+}
+
+static inline fl_real fl_qp_reached(const fl_search_t *s, int32_t row) {
+    return s->value[row];
 }
 
 /* The tableau's column of a multiplier that is zero. The gram is symmetric, and so is what it becomes: what an eta
@@ -123,11 +82,6 @@ static void fl_qp_column(const fl_qp_t *q, fl_search_t *s, int32_t row) {
     }
 }
 
-/* Whether `row` is not soft; of those no more are independent than there are moves. */
-static inline int32_t fl_qp_hard(const fl_qp_t *q, int32_t row) {
-    return (row < FL_QP_CHECKED) || !(q->softness[row - FL_QP_CHECKED] > 0);
-}
-
 /* Put `row` into the active set by its column. */
 static void fl_qp_store(fl_search_t *s, int32_t row, fl_real toward) {
     fl_real *eta = fl_qp_at(s);
@@ -150,7 +104,8 @@ static inline void fl_qp_swap(fl_real *out, fl_real *eta, fl_real held, fl_real 
 /* Take the row at `place` out of the active set: out of every eta after its own, and out of the column.
  *
  * `out`, the tableau's column of that row without it, moves through the places; the eta it meets is put before it. */
-static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
+static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place, int32_t entering) {
+    (void)entering;
     const int32_t row = s->active[place];
     const int32_t last = s->length - 1;
     const fl_real *column = fl_qp_at(s);
@@ -193,24 +148,6 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place) {
     out[row] = factor * rest;
 }
 
-/* The row that is violated by most of those seen so far; -1 where none is by more than `most` was at first. */
-typedef struct {
-    fl_real most;
-    int32_t row;
-} fl_violated_t;
-
-static inline fl_violated_t fl_qp_see(const fl_qp_t *q, int32_t row, fl_real value, int32_t side, fl_violated_t seen) {
-    fl_violated_t now = seen;
-    if ((side == 0) && ((value > q->high[row]) || (value < q->low[row]))) {
-        const fl_real excess = (value > q->high[row]) ? (value - q->high[row]) : (q->low[row] - value);
-        if (excess > seen.most) {
-            now.most = excess;
-            now.row = row;
-        }
-    }
-    return now;
-}
-
 /* Go `moved` along the column; return the most violated row outside the active set, -1 where none is. */
 static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
     const fl_real *column = fl_qp_at(s);
@@ -218,18 +155,34 @@ static int32_t fl_qp_move(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
     for (int32_t i = 0; i < FL_QP_WIDTH; i += 4) {
         const fl_four_t x = fl_qp_less(fl_qp_get(&s->value[i]), &column[i], moved);
         fl_qp_put(&s->value[i], x);
-        seen = fl_qp_see(q, i, x.a, s->side[i], seen);
-        seen = fl_qp_see(q, i + 1, x.b, s->side[i + 1], seen);
-        seen = fl_qp_see(q, i + 2, x.c, s->side[i + 2], seen);
-        seen = fl_qp_see(q, i + 3, x.d, s->side[i + 3], seen);
+        seen = fl_qp_see_four(q, s->side, i, x, seen);
     }
     return seen.row;
 }
 
-/* Whether the row of this column does not depend on the active ones. */
-static inline int32_t fl_qp_free(const fl_qp_t *q, const fl_search_t *s, int32_t row) {
-    const int32_t filled = ((FL_QP_CHECKED != 0) && (s->hard == FL_QP_CHECKED)) ? fl_qp_hard(q, row) : 0;
-    return (s->eta[s->length][row] > q->least) && (s->length < FL_QP_ROOM) && (filled == 0);
+static inline void fl_qp_go(const fl_qp_t *q, fl_search_t *s, fl_real moved) {
+    (void)fl_qp_move(q, s, moved);
+}
+
+/* Put `row` into the active set, at the end of a step along its column; return the next row to enter, -1 for none. */
+static int32_t fl_qp_join(const fl_qp_t *q, fl_search_t *s, int32_t row, fl_real moved, fl_real multiplier,
+                          fl_real toward) {
+    const int32_t next = fl_qp_move(q, s, moved);
+    s->value[row] = multiplier;
+    fl_qp_store(s, row, toward);
+    return next;
+}
+
+/* Correct multipliers and values by what becomes of a residual of the rows, which takes its place. */
+static void fl_qp_through(const fl_qp_t *q, fl_search_t *s, fl_real *column) {
+    (void)q;
+    for (int32_t k = 0; k < s->length; k++) {
+        const fl_real *eta = s->eta[k];
+        const fl_real held = column[s->active[k]] * s->inverse[k];
+        for (int32_t i = 0; i < FL_QP_ROWS; i++) {
+            column[i] -= eta[i] * held;
+        }
+    }
 }
 
 #endif
