@@ -84,7 +84,7 @@ def join(q: QpProblem, s: QpSearch, row: int, moved: Any, multiplier: Any, towar
         gram, by = q.gram[s.active[k]], s.multiplier[k]
         for i in range(len(q.low)):
             s.value[i] -= gram[i] * by
-    return most_violated(q, s, s.tolerance[0])
+    return int(most_violated(q, s, s.tolerance[0]))
 
 
 @compiled
