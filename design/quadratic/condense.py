@@ -24,7 +24,7 @@ from firmloop.design.law import DesignError, Quadratic
 
 Array = npt.NDArray[np.float64]
 
-MOST_ROWS = 255  # 260 kB of constants in float32; a row is one byte in the active set
+MOST_ROWS = 500  # 1 MB of constants in float32: the flash of a large microcontroller
 CONDITION = 1e8  # of H: beyond it the moves cannot be told apart in float32
 SOFTEST = 2.0**-13  # share of a row that is its softness, at least: float32 cannot tell a stiffer one from a hard one
 NONE = 1e-9  # a row this small beside its kind cannot be moved

@@ -13,7 +13,7 @@ typedef struct {
     fl_real eta[FL_QP_ROOM + 1][FL_QP_WIDTH]; /* the column that each active row came with; behind them the next */
     fl_real inverse[FL_QP_ROOM];              /* one over the pivot of each */
     fl_real toward[FL_QP_ROOM]; /* `side` of each active row */
-    uint8_t active[FL_QP_ROOM];
+    uint16_t active[FL_QP_ROOM];
     int8_t side[FL_QP_WIDTH]; /* 1 at high, -1 at low, else 0 */
     int32_t length;          /* of the active set */
     int32_t work;            /* so far */
@@ -89,7 +89,7 @@ static void fl_qp_store(fl_search_t *s, int32_t row, fl_real toward) {
     s->inverse[s->length] = (fl_real)1 / pivot;
     eta[row] = pivot - (fl_real)1; /* leaves pivot / pivot in that row */
     s->toward[s->length] = toward;
-    s->active[s->length] = (uint8_t)row;
+    s->active[s->length] = (uint16_t)row;
     s->length++;
 }
 
@@ -138,7 +138,7 @@ static void fl_qp_leave(const fl_qp_t *q, fl_search_t *s, int32_t place, int32_t
         rest -= out[row] * share;
         s->inverse[k - 1] = inverse;
         s->toward[k - 1] = s->toward[k];
-        s->active[k - 1] = (uint8_t)at;
+        s->active[k - 1] = (uint16_t)at;
         out = eta;
     }
     const fl_real factor = column[row];

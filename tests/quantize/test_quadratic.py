@@ -119,6 +119,27 @@ def test_c_is_the_reference_where_the_search_is_cut_short() -> None:
     assert wrong == 0 and words >= {0, CAPPED, INFEASIBLE}
 
 
+def test_c_is_the_reference_of_a_program_with_more_rows_than_a_byte_counts() -> None:
+    program = lower(law_of(**HARD, horizon=100), "float32")
+    assert dict(program.tables[0].sizes)["FL_QP_ROWS"] == 300
+    wrong, words = differences(program, 400)
+    assert wrong == 0 and words >= {0, INFEASIBLE}
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_a_factor_of_the_active_rows_finds_what_a_tableau_of_all_finds(kind: type) -> None:
+    law = law_of(**HARD)
+    assert law.solve is not None
+    table_ = table_of(law.solve.problem, np.dtype(kind).name, "plan", 10**4, False)
+    factor = rows_of(table_, np.dtype(kind))
+    assert factor.many and table_.support == "fl_qp_many.h"
+    states = random_states(law, 3000).astype(kind)
+    one, other = (solve(replace(factor, many=many), states) for many in (True, False))
+    np.testing.assert_array_equal(one.status, other.status)
+    assert set(one.status) == {SOLVED, INFEASIBLE} and np.count_nonzero(one.side, axis=1).max() > 5
+    assert np.max(np.abs(one.moves - other.moves)) < (1e-3 if kind is np.float32 else 1e-9)
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_no_number_gives_an_output_within_limits_and_is_forgotten(case: str) -> None:
     """Each input in turn is NaN, infinite or huge for one sample; the state starts afresh in the next one or soon."""
