@@ -17,7 +17,10 @@ and leave again, of which there are few: `bench/mpc/cart_pole.py` prints what ev
 What stands in `value` is m of a row in the active set and y of any other; both change along one column of the tableau,
 which is taken from the gram's column through the pivots so far (product form: Dantzig and Orchard-Hays, 1954).
 
-`quantize/twins/qp_search.py` holds the steps; `fl_qp.h` is the same in C, operation by operation: every product is
+The tableau takes as many numbers as moves times limits. A program with many more rows than can be active keeps a factor
+of the active ones instead (`qp_factor.py`, `fl_qp_many.h`), and all rows follow from the gram when one has entered.
+
+`quantize/twins/qp_search.py` holds the steps; `fl_qp_search.h` is the same in C, step by step: every product is
 rounded before it is added, the first of equal candidates is taken, and a row that is no number is never violated.
 
 Where single precision is near its end (limits of moves and of their changes beside stiff soft ones), multipliers get so
