@@ -58,7 +58,11 @@ BAD = {
     "nameless column": ("r.csv", lines((1, "time_s,,speed_rad_s")), ["column 2 has no name"]),
     "row too short": ("r.csv", lines((3, "0.1,1")), ["line 3", "2 values", "3 columns"]),
     "row too long": ("r.csv", lines((4, "0.2,1,2,3")), ["line 4", "4 values"]),
-    "all rows short": ("r.csv", b"time_s,voltage_V,x\n0,1\n1,1\n2,1\n", ["line 2", "2 values"]),
+    "all rows short": (
+        "r.csv",
+        b"time_s,voltage_V,x\n0,1\n1,1\n2,1\n",
+        ["line 1", "3 names above 2 values in every row"],
+    ),
     "word": ("r.csv", lines((4, "0.2,stop,4")), ["line 4", "column voltage_V", "'stop'"]),
     "empty cell": ("r.csv", lines((4, "0.2,,4")), ["line 4", "column voltage_V", "is empty"]),
     "quoted number": ("r.csv", lines((4, '0.2,"1",4')), ["line 4", "column voltage_V", "quotes"]),
