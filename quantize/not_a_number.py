@@ -1,9 +1,8 @@
-"""Guard a floating-point program: what it does in a sample in which one of its inputs is not a number, or infinite.
+"""Guard a floating-point program: what it does in a sample in which one of its inputs is not a number.
 
 It then commands the values of `safe`, leaves its state as it is and sets one status bit alone. The test is part of the
 body. Where every input reaches the value that the only output limits, a test of that value comes first, which the
-limit asks anyway: then a sample whose inputs are all numbers mostly pays nothing, and an infinite input, which reaches
-it, too, meets the limit and sets the bit of that.
+limit asks anyway: then a sample whose inputs are all numbers mostly pays nothing.
 """
 
 from __future__ import annotations
@@ -89,11 +88,12 @@ def _truth(name: str, function: str, *arguments: str | float) -> Op:
 
 
 def _tests(asks: Sequence[str], name: str, taken: set[str]) -> list[Op]:
-    """Return operations that ask one input after the other, infinite ones too; the last is called `name`."""
+    """Return operations that ask two inputs at a time; the last is called `name`."""
     found: list[Op] = []
     free = (f"n{k}" for k in range(1, 2 * len(asks) + len(taken) + 2) if f"n{k}" not in taken)
-    for k, ask in enumerate(asks):
-        found.append(_truth(next(free), "lost", ask))
+    for k in range(0, len(asks), 2):
+        pair = asks[k : k + 2]
+        found.append(_truth(next(free), "unordered", pair[0], pair[-1]))
         if k:
             found.append(_truth(next(free), "or", found[-2].result.name, found[-1].result.name))
     found[-1] = replace(found[-1], result=replace(found[-1].result, name=name))

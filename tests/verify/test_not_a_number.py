@@ -108,24 +108,6 @@ def test_a_nan_at_any_input_of_any_kind_commands_the_safe_output_and_is_forgotte
         assert (done.steps, done.differences) == (inputs.shape[0] * STEPS, 0)
 
 
-@pytest.mark.parametrize("arithmetic", ["float32", "float64"])
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_an_infinity_at_any_input_of_any_kind_is_told_and_every_output_stays_in_its_range(
-    name: str, arithmetic: str
-) -> None:
-    program = lower(law_of(name), arithmetic)
-    _, calm = lanes(program)
-    places = list(range(len(program.inputs)))
-    lanes_of = [(size, some) for size in (np.inf, -np.inf) for some in (*([j] for j in places), places)]
-    rows = np.repeat(calm, len(lanes_of), axis=0)
-    for lane, (size, some) in zip(rows, lanes_of, strict=True):
-        lane[2, some] = size
-    trace = run(program, rows)
-    assert np.all(trace.status[:, 2] != 0)
-    low, high = ([getattr(value, end) for value in program.outputs] for end in ("low", "high"))
-    assert np.all((trace.outputs >= np.array(low, rows.dtype)) & (trace.outputs <= np.array(high, rows.dtype)))
-
-
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_fixed_point_has_no_such_bit(name: str) -> None:
     law = law_of(name)
