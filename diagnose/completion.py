@@ -23,7 +23,6 @@ from firmloop.diagnose.policy import (
     KINK_SOLVES,
     LEFT_GAIN,
     LITTLE_GAIN,
-    LOST_SHARE,
     MOST_EFFECTS,
     PATCHED_GAIN,
     STEPS_OF_A_FIT,
@@ -65,7 +64,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
-    if strays(found, LOST_SHARE) or alone is not None or not whole:
+    if strays(found) or alone is not None or not whole:
         others = (None if found is tried else in_pieces(found, progress), exhausted(found))
         other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
         if other is not None:

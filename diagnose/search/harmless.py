@@ -56,10 +56,20 @@ def simulation_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
     return found
 
 
+def overall_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
+    """Return the rms (r,) of all recordings together; infinite where one fails."""
+    weights = np.array([len(each.time) for each in recordings], dtype=np.float64)
+    return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings) ** 2 / weights.sum()))
+
+
 def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the plain refit does."""
-    ours, theirs = (simulation_rms(each, recordings) for each in (plant, refit))
-    return bool(np.all(ours <= SAME_RMS * theirs))
+    return no_worse(plant, simulation_rms(refit, recordings), recordings)
+
+
+def no_worse(plant: Plant, rms: Array, recordings: Sequence[Recording]) -> bool:
+    """Tell whether a plant simulates every output of every recording to no more than a rms (recordings, r)."""
+    return bool(np.all(simulation_rms(plant, recordings) <= SAME_RMS * rms))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:
@@ -87,10 +97,8 @@ def simulated_figures(
     for role, recordings in parts.items():
         if not recordings:
             continue
-        weights = np.array([len(each.time) for each in recordings], dtype=np.float64)
         for name, plant in plants.items():
-            power = weights @ simulation_rms(plant, recordings) ** 2 / weights.sum()
-            for signal, size in zip(plant.outputs, np.sqrt(power), strict=True):
+            for signal, size in zip(plant.outputs, overall_rms(plant, recordings), strict=True):
                 if np.isfinite(size):
                     found.setdefault(role, {}).setdefault(signal.name, {})[name] = float(size)
     return found

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import (
     Candidate,
@@ -20,7 +21,7 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import NEARER_RMS, SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.harmless import harmless, same_function
+from firmloop.diagnose.search.harmless import no_worse, same_function, simulation_rms
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, left_out_rms
 from firmloop.diagnose.search.simulation_error import independent
@@ -50,11 +51,12 @@ class _Bench:
 
     refit: Plant
     recordings: Sequence[Recording]
+    refit_rms: NDArray[np.float64]  # (recordings, r)
 
     def part(self, search: Search) -> _Part:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
         plant = improved_plant(search, search.best)
-        safe = believable(search.best.fitted) and harmless(plant, self.refit, self.recordings)
+        safe = believable(search.best.fitted) and no_worse(plant, self.refit_rms, self.recordings)
         figures = self.left_out(search)
         pairs = [(each.get("after", 0.0), each.get("refit", 0.0)) for each in figures.values()]
         ratios = [after / refit for after, refit in pairs if refit > 0.0]
@@ -75,7 +77,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     nearest: as long as some recording is harmed; where it is not simulated clearly nearer than by the plain refit, as
     long as it is clearly nearer without; and those that may be none by their own intervals, as long as it is no worse.
     """
-    bench = _Bench(refit, recordings)
+    bench = _Bench(refit, recordings, simulation_rms(refit, recordings))
     if not found.best.fitted.terms:
         return found, bench.left_out(found)
     here = _whole(found, bench)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmloop.diagnose.policy import CLOSER_RMS, SAME_RMS
-from firmloop.diagnose.search.harmless import simulation_rms
+from firmloop.diagnose.search.harmless import overall_rms
 from firmloop.identify.plants.per_recording import ways_to_differ, with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -22,9 +21,9 @@ def differing(plant: Plant, recordings: Sequence[Recording]) -> tuple[tuple[str,
     """
     if len(recordings) < 2 or plant.varying:
         return (), 1.0
-    together = _rms(plant, recordings)
+    together = overall_rms(plant, recordings)
     ratios = {
-        names: _rms(with_varying(plant, names), recordings) / np.maximum(together, 1e-300)
+        names: overall_rms(with_varying(plant, names), recordings) / np.maximum(together, 1e-300)
         for names in ways_to_differ(plant)
     }
     found = {
@@ -35,9 +34,3 @@ def differing(plant: Plant, recordings: Sequence[Recording]) -> tuple[tuple[str,
     # One before many, where many do no more.
     least = min(found, key=lambda names: found[names] * len(names), default=())
     return least, found.get(least, 1.0)
-
-
-def _rms(plant: Plant, recordings: Sequence[Recording]) -> NDArray[np.float64]:
-    """Return the rms (r,) of all recordings together."""
-    weights = np.array([len(each.time) for each in recordings], dtype=np.float64)
-    return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings) ** 2 / weights.sum()))

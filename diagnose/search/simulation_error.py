@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import memories, rms_of
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.policy import NEARER_RMS, SLOW_RMS
+from firmloop.diagnose.policy import LOST_SHARE, NEARER_RMS, SLOW_RMS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 
 Array = NDArray[np.float64]
 
 
-def strays(found: Search, share: float) -> bool:
-    """Tell whether an explanation leaves a slow misfit that is not small, a `share` of it, beside the motion."""
+def strays(found: Search) -> bool:
+    """Tell whether an explanation leaves so large a slow misfit beside the motion that it follows nothing."""
     problem, noises = found.problem, found.best.noises
     spreads = [np.concatenate([each.columns[s.name] for each in problem.train]).std() for s in problem.plant.outputs]
-    large = any(noise.rms > share * spread for noise, spread in zip(noises, spreads, strict=True))
+    large = any(noise.rms > LOST_SHARE * spread for noise, spread in zip(noises, spreads, strict=True))
     return large and max(noise.rms / noise.scale for noise in noises) > SLOW_RMS
 
 

@@ -2,9 +2,8 @@
 
 The functions are those of `fl_qp_search.h` without their prefix, and what they compute is the same in every bit: a
 number keeps its type, every product is rounded before it is added. What is kept of the rows, a tableau or a factor, is
-a module of its own. See `quantize/twins/qp.py` for the
-method. Nothing but time is won by the compiler (numba, kept for the next run): a search is some ten thousand numbers,
-one after the other.
+a module of its own. See `quantize/twins/qp.py` for the method. Nothing but time is won by the compiler (numba, kept for
+the next run): a search is some ten thousand numbers, one after the other.
 """
 
 from __future__ import annotations
