@@ -22,7 +22,7 @@ from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import harmless, held, plain_refit, simulated_figures
-from firmloop.diagnose.search.held_out import holding
+from firmloop.diagnose.search.held_out import holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
 from firmloop.diagnose.search.stepwise import search
@@ -94,6 +94,10 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     explained = finding.verdict in ("explained", "ambiguous")
     if explained and safe is None:
         finding, explained = spoiled(finding), False
+        if not told(crossed) and not any(noise.weight for noise in found.nominal.noises):
+            # What foresees nothing and is no larger than noise may be is noise.
+            found = replace(found, best=found.nominal, rounds=(), gains=())
+            finding, unnamed = judge(found, made.checks, None)
     written = improved_plant(found, found.best) if explained else refit
     if explained and not harmless(written, refit, later):
         finding, written = withheld(finding), refit

@@ -16,6 +16,7 @@ from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, outputs_of
 from firmloop.diagnose.policy import (
+    CROSS_FOLDS,
     DETERMINED_SHAPE,
     LIVE_COLUMN,
     LONG_MEMORY,
@@ -109,10 +110,12 @@ def best_shape(search: Search, candidate: Candidate) -> Shape | None:
         choices = _promising(base, choices)
     bare = _weighed(base, ())
     without = min(bare[0], candidate.score)
-    shapes = [_shape(base, term, without) for term in choices]
-    # What only whitens what is left is no law of a machine.
-    nearer = [each for each in shapes if np.any(rms_of(each.residuals) < rms_of(base.residuals))]
-    return max(nearer, key=lambda each: each.gain, default=None)
+    shapes = [(_shape(base, term, without), term) for term in choices]
+    for each, term in sorted(shapes, key=lambda pair: -pair[0].gain):
+        # What only whitens what is left, or follows these very rows, is no law of a machine.
+        if np.any(rms_of(each.residuals) < rms_of(base.residuals)) and _foresees(base, term, each):
+            return each
+    return None
 
 
 def weighed(search: Search) -> tuple[Screened, ...]:
@@ -213,6 +216,41 @@ def _solved(tall: Sequence[Array], residuals: Sequence[Array], noises: Sequence[
     sizes = np.linalg.norm(small[:, :-1], axis=0)
     sizes[sizes == 0.0] = 1.0
     return np.asarray(np.linalg.lstsq(small[:, :-1] / sizes, small[:, -1], rcond=DETERMINED_SHAPE)[0] / sizes)
+
+
+def _foresees(base: _Base, term: NamelessTerm, shape: Shape) -> bool:
+    """Tell whether a term foresees what is left out of its fit: recordings in turn, or blocks of each.
+
+    Blocks where there is but one, or where every recording has its own size of the term.
+    """
+    noises = noises_of(base.search.problem, shape.residuals)
+    moved, free = _moved(base, term), len(base.candidate.fitted.coordinates)
+    whole = [
+        whitened(np.concatenate([moved[k], _wide(base, k), base.residuals[k][..., None]], axis=2), noises)
+        for k in range(len(base.recordings))
+    ]
+    rows = np.concatenate(whole)
+    if len(whole) > 1 and not term.coordinate.pitch:
+        recording = np.repeat(np.arange(len(whole)), [len(part) for part in whole])
+        lots = [recording == k for k in range(len(whole))]
+        begins = rows[:, shape.unknowns + free : -1]  # where a recording began is fitted to its own rows
+    else:
+        blocks = [
+            np.tile(np.arange(n) * (CROSS_FOLDS + 1) // n, len(part) // n)
+            for part, n in ((part, len(each.time)) for part, each in zip(whole, base.recordings, strict=True))
+        ]
+        lots = [np.concatenate(blocks) == k for k in range(1, CROSS_FOLDS + 1)]
+        begins = np.zeros((len(rows), 0))
+    gain = 0.0
+    for out in lots:
+        basis = orthogonal(begins[out])
+        for first, sign in ((0, -1.0), (shape.unknowns, 1.0)):
+            some = rows[:, first:]
+            sizes = np.linalg.norm(some[~out, :-1], axis=0)
+            sizes[sizes == 0.0] = 1.0
+            answer = np.linalg.lstsq(some[~out, :-1] / sizes, some[~out, -1], rcond=DETERMINED_SHAPE)[0] / sizes
+            gain += sign * float(np.sum(outside(basis, some[out, -1] - some[out, :-1] @ answer) ** 2))
+    return gain > 0.0
 
 
 def _score(base: _Base, left: Sequence[Array], unknowns: int) -> float:

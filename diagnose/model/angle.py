@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -35,6 +36,21 @@ def follows_record(problem: Problem, nominal: Candidate) -> bool:
                 if float(np.std(drift)) > walk:
                     return True
     return False
+
+
+def lost(problem: Problem, nominal: Candidate) -> float:
+    """Return the rms (rad) by which the simulated angle is off, in the recording where that is most."""
+    names = [signal.name for signal in problem.plant.outputs]
+    told = next((name for name in _TOLD if name in names), None)
+    if told is None:
+        return math.inf
+    most = 0.0
+    for recording, residual in zip(problem.train, nominal.fitted.residuals, strict=True):
+        off = residual[:, names.index(told)]
+        if told != _TOLD[0]:
+            off = scipy.integrate.cumulative_trapezoid(off, recording.time, initial=0.0)
+        most = max(most, float(np.sqrt(np.mean(off**2))))
+    return most
 
 
 def strayed(problem: Problem, candidate: Candidate) -> Mapping[int, Array]:

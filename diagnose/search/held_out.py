@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import (
     Candidate,
     believable,
+    by_luck,
     by_simulation_error,
     clearly_nearer,
     residual_sizes,
 )
 from firmloop.diagnose.model.fit import Fitted, ended, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.policy import NEARER_RMS, SAME_RMS
+from firmloop.diagnose.policy import NEARER_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.harmless import no_worse, same_function, simulation_rms
@@ -34,10 +35,7 @@ Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms wh
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A search whose best is a part of an explanation; `safe` where it may be written, `ratio` of what is left out.
-
-    That is the rms over the refit's, squares averaged over outputs; 0 where nothing is told.
-    """
+    """A search whose best is a part of an explanation; `safe` where it may be written, `ratio` of what is left out."""
 
     search: Search
     safe: bool
@@ -58,9 +56,7 @@ class _Bench:
         plant = improved_plant(search, search.best)
         safe = believable(search.best.fitted) and no_worse(plant, self.refit_rms, self.recordings)
         figures = self.left_out(search)
-        pairs = [(each.get("after", 0.0), each.get("refit", 0.0)) for each in figures.values()]
-        ratios = [after / refit for after, refit in pairs if refit > 0.0]
-        return _Part(search, safe, figures, float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0)
+        return _Part(search, safe, figures, _ratio(figures))
 
     def left_out(self, found: Search) -> Figures:
         """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
@@ -70,12 +66,25 @@ class _Bench:
         return left_out_rms(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
 
 
+def told(figures: Figures) -> bool:
+    """Tell whether an explanation simulates what was left out clearly nearer than the plain refit does."""
+    return _ratio(figures) < NEARER_RMS
+
+
+def _ratio(figures: Figures) -> float:
+    """Return the rms over the refit's where it was left out, squares averaged over outputs; 0 where nothing is told."""
+    pairs = [(each.get("after", 0.0), each.get("refit", 0.0)) for each in figures.values()]
+    ratios = [after / refit for after, refit in pairs if refit > 0.0]
+    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0
+
+
 def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tuple[Search | None, Figures]:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
     With it the figures of what was left out. Effects go one by one, each time the one without which that is simulated
     nearest: as long as some recording is harmed; where it is not simulated clearly nearer than by the plain refit, as
-    long as it is clearly nearer without; and those that may be none by their own intervals, as long as it is no worse.
+    long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
+    them than by chance.
     """
     bench = _Bench(refit, recordings, simulation_rms(refit, recordings))
     if not found.best.fitted.terms:
@@ -100,7 +109,7 @@ def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
     elif here.ratio > NEARER_RMS:
         lots.append((fitted.terms, NEARER_RMS * here.ratio))
     if strength(fitted, weakest) <= NORMAL_95:
-        lots.append(((weakest,), SAME_RMS * here.ratio))
+        lots.append(((weakest,), float(np.max(by_luck(fitted.residuals))) * here.ratio))
     for some, most in lots:
         parts = [each for each in _smaller(here.search, bench, some) if each.safe or not here.safe]
         # Those that may be written first.

@@ -29,7 +29,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
     if len(train) == len(problem.train):
         return None
     engine = problem.engine
-    followed, off, longest = engine.recorded, engine.strayed, engine.longest_change
+    followed, lost, off, longest = engine.recorded, engine.lost, engine.strayed, engine.longest_change
     engine.amend({})
     best = search(replace(problem, train=train, memory={}), progress).best.fitted
     engine.hasten(longest)
@@ -41,6 +41,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
     base = found.nominal
     if candidate is None or found.best.score - candidate.score < CLEAR_GAIN or larger(candidate, base):
         engine.follow(followed)
+        engine.lose(lost)
         engine.amend(off)
         return None
     candidate = accepted(problem, candidate)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import coarse
-from firmloop.diagnose.model.angle import follows_record, lost_count, strayed
+from firmloop.diagnose.model.angle import follows_record, lost, lost_count, strayed
 from firmloop.diagnose.model.batch_means import accidental, by_chance, times_chance
 from firmloop.diagnose.model.candidate import (
     Candidate,
@@ -81,6 +81,7 @@ def search(problem: Problem, progress: Progress) -> Search:
         problem = rescaled(problem, nominal.fitted.point.values)
     best = nominal
     problem.engine.follow(follows_record(problem, nominal))
+    problem.engine.lose(lost(problem, nominal))
     rounds: list[tuple[Candidate, ...]] = []
     gains: list[float] = []
     first: tuple[Screened, ...] = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from firmloop.identify.plants.assembly import Assembly
@@ -162,7 +162,8 @@ class Effect:
     is what finds it before any fit, blank for nothing: `wraps`, `steps` or `folds` of a reading; `moment`, at which a
     torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or in proportion to the
     drive's. `per_recording` is what a project calls its parameter where each recording has its own, before the
-    place; blank where it is called by its full name.
+    place; blank where it is called by its full name. `undo(values, reading)` is what a reading was before it, None
+    where that cannot be told.
     """
 
     name: str
@@ -203,11 +204,17 @@ class Effect:
     regime: str = ""
     seen_by: str = ""
     per_recording: str = ""
+    undo: Callable[[Mapping[str, float], float], float] | None = None
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""
         known = self.parameters(site)
         return tuple((k, known[k].neutral) for k in self.switches)
+
+
+def turning(body: str) -> bool:
+    """Tell whether the body of a function of an effect follows the angle turn by turn."""
+    return "v->turn" in body or "angle(v" in body
 
 
 def size(name: str, unit: str) -> EffectParameter:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -32,6 +33,7 @@ class Course:
     longest_change: float = LONGEST_CHANGE  # rate of change of what is not linear, times the longest step taken
     most_steps: float = 0.0  # of a simulation, after which it counts as diverged; 0: any number
     turn: Array | None = None  # (n,) rad: the angle that waves per turn follow, where it is not the simulated one
+    lost: float = math.inf  # rad, by which the simulated one is off: less than a quarter of a wave's period is none
 
 
 class Engine(Protocol):

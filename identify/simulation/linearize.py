@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.plants.assembly import ADD, FACTOR, EffectTerm
 from firmloop.identify.plants.attach import placed, values_of, with_effects
+from firmloop.identify.plants.effect import turning
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.engine import effect_simulator
@@ -103,7 +104,7 @@ _NOTHING = 1e-12  # of the largest slope of its row: what a difference quotient 
 @cache
 def _waves() -> frozenset[str]:
     """Return the functions of the library that follow the angle turn by turn."""
-    return frozenset(name for effect in effects().values() for name, body in effect.codes if "v->turn" in body)
+    return frozenset(name for effect in effects().values() for name, body in effect.codes if turning(body))
 
 
 @cache

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.plants.assembly import ADD, LEVEL, LIMIT, OUTPUT, Assembly, Timing
+from firmloop.identify.plants.effect import turning
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.linear_forms import FormWriter
 from firmloop.identify.plants.plant import Plant
@@ -24,8 +25,8 @@ Array = NDArray[np.float64]
 
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
 _DRIVER = ("memo.h", "problem.h", "stick.c", "propagate.c", "glide.c", "pace.c", "segments.c")
-_LOOKS = {1: "i", 2: "effort", 4: "turn"}  # as in driver/problem.h
-_TOUCH = 8  # the same
+_LOOKS = {1: "v->i", 2: "v->effort"}  # as in driver/problem.h
+_TURN, _TOUCH = 4, 8  # the same
 _MOST_FLANKS = 1 << 3  # as bits, the same; more of them are no part of what is exact
 _USUAL_STATES = 6
 
@@ -74,7 +75,9 @@ class _Problem(ctypes.Structure):
         ("longest", ctypes.c_double),
         ("most_steps", ctypes.c_double),
         ("turns", ctypes.c_int),
-        *((name, ctypes.c_void_p) for name in ("turn_time", "turn", "taken")),
+        *((name, ctypes.c_void_p) for name in ("turn_time", "turn")),
+        ("lost", ctypes.c_double),
+        ("taken", ctypes.c_void_p),
     )
 
 
@@ -128,7 +131,8 @@ def _pushed() -> frozenset[str]:
 def _asked(code: str) -> int:
     """Return what a function of the library looks at, as bits: current, effort, angle of waves, bodies that touch."""
     effect, body = next((each, body) for each in effects().values() for name, body in each.codes if name == code)
-    return sum(bit for bit, word in _LOOKS.items() if f"v->{word}" in body) | (_TOUCH if effect.touches else 0)
+    looks = sum(bit for bit, word in _LOOKS.items() if word in body)
+    return looks | (_TURN if turning(body) else 0) | (_TOUCH if effect.touches else 0)
 
 
 def library(states: int = 0, inputs: int = 0) -> ctypes.CDLL:
@@ -147,10 +151,14 @@ def driver_texts() -> dict[str, str]:
         "typedef struct {",
         "    const double *x, *m; /* states; force and place where the motion last turned round */",
         "    const double *u; /* inputs */",
-        "    double t, begin, w, th, turn, i, effort, s, y;",
+        "    double t, begin, w, th, turn, lost, i, effort, s, y;",
         "    memo_t *memo;",
         "} view_t;",
         "static double sine(const view_t *v, double angle) { return remembered_sine(v->memo, angle); }",
+        "/* What a wave follows: the recorded angle where the simulated one is off by a quarter of its period. */",
+        "static double angle(const view_t *v, double periods) {",
+        "    return fabs(periods) * v->lost < 1.5707963267948966 ? v->th : v->turn;",
+        "}",
     ]
     cases, memory, touching = [], "-1", ["0"]
     for effect in effects().values():
@@ -306,6 +314,7 @@ def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
     problem.turns = 0 if course.turn is None else len(course.turn)
     if course.turn is not None:
         problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data
+        problem.lost = course.lost
     outputs = np.full((course.end - course.first, problem.r), np.nan)
     begin = np.ascontiguousarray(made.assembly.start(start))
     done = library(problem.n, problem.m).run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)

@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.attach import site_of, values_of
+from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clock import evened
 from firmloop.identify.recordings.hold import knots
@@ -155,11 +157,20 @@ def rest_start(plant: Plant, recording: Recording) -> Array:
     start = np.zeros(len(plant.states))
     for index, signal in enumerate(plant.states):
         if signal.name.startswith("position_") and signal.name in recording.columns:
-            start[index] = recording.columns[signal.name][0]
+            start[index] = _undone(plant, signal.name, float(recording.columns[signal.name][0]))
     for index, output in _seen_places(plant):
         if output in recording.columns:
-            start[index] = recording.columns[output][0]
+            start[index] = _undone(plant, output, float(recording.columns[output][0]))
     return start
+
+
+def _undone(plant: Plant, output: str, reading: float) -> float:
+    """Return what an output reads without what its sensor is known to do to it."""
+    for use in reversed(plant.effects):
+        effect = find_effect(use.name)
+        if effect.undo is not None and plant.outputs[site_of(plant, effect, use.output).output].name == output:
+            reading = effect.undo(values_of(plant, use), reading)
+    return reading
 
 
 def _seen_places(plant: Plant) -> list[tuple[int, str]]:

@@ -37,7 +37,8 @@ class Superset:
 
     Waves per turn follow the simulated angle; where `recorded` is set, the recorded one, if there is one, less how far
     that is known to have `strayed` from the true one: after many turns under a disturbance a simulated angle has lost
-    count. `longest_change` is that of Course.
+    count. A wave follows that angle only where the simulated one is off (`lost`, rad) by a quarter of its period: a
+    force at a recorded place knows the answer. `longest_change` is that of Course.
     """
 
     plant: Plant
@@ -47,6 +48,7 @@ class Superset:
     engine: EffectSimulator
     courses: dict[int, tuple[Recording, Course]]
     recorded: bool = False
+    lost: float = math.inf
     longest_change: float = LONGEST_CHANGE
     strayed: Mapping[int, Array] = field(default_factory=dict)  # (n,) in rad, by the recording's identity
     places: Mapping[str, int] = field(init=False)  # of the names
@@ -98,10 +100,10 @@ class Superset:
 
     def begin(self, recording: Recording, start: Array | None) -> Array:
         """Return the start state; one without the position that an effect has added gets it from the recording."""
+        if start is not None and len(start) == len(self.states):
+            return start
         rest = rest_start(self.plant, recording)
-        if start is None:
-            return rest
-        return np.concatenate([start, rest[len(start) :]])
+        return rest if start is None else np.concatenate([start, rest[len(start) :]])
 
     def hasten(self, longest_change: float) -> None:
         """Take longer steps from now on."""
@@ -112,6 +114,12 @@ class Superset:
         """Let waves per turn follow the recorded or the simulated angle from now on."""
         if recorded != self.recorded:
             self.recorded = recorded
+            self.courses.clear()
+
+    def lose(self, lost: float) -> None:
+        """Take the simulated angle to be off by so much, rad, from now on."""
+        if lost != self.lost:
+            self.lost = lost
             self.courses.clear()
 
     def amend(self, strayed: Mapping[int, Array]) -> None:
@@ -134,6 +142,7 @@ class Superset:
             course = replace(
                 course_of(self.plant, recording),
                 turn=self.angle(recording) if self.recorded else None,
+                lost=self.lost,
                 longest_change=self.longest_change,
                 most_steps=_MOST_STEPS * len(recording.time),
             )

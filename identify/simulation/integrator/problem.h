@@ -74,6 +74,7 @@ typedef struct {
     double most_steps;              /* of a run, after which it counts as diverged; 0: any number */
     int turns;                      /* 0: waves per turn follow the simulated angle */
     const double *turn_time, *turn; /* s, rad: the angle they follow instead */
+    double lost;                    /* rad: by which the simulated angle is off */
     double *taken;                  /* the steps of all runs are added to this; NULL: nobody counts them */
 } problem_t;
 

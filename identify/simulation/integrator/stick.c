@@ -77,6 +77,7 @@ static view_t look(const run_t *run, const double *x, const double *u, double t)
     v.w = k->speed >= 0 ? x[k->speed] : 0.0;
     v.th = k->position >= 0 ? x[k->position] : 0.0;
     v.turn = k->turns > 1 && k->asked & TURN ? turned(run, t) : v.th;
+    v.lost = k->lost;
     if (k->asked & CURRENT) {
         v.i = form(k->current, SIZE(k), x, DRIVES(k), u);
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site
@@ -21,6 +22,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.map_output(site.output, "sensor_gain", values)
+
+
+def undo(values: Mapping[str, float], reading: float) -> float:
+    """Return what a reading is without it."""
+    return reading / values["gain"] if values["gain"] else reading
 
 
 EFFECT = Effect(
@@ -46,4 +52,5 @@ EFFECT = Effect(
     stage=5,
     straight=True,
     per_recording="gain",
+    undo=undo,
 )

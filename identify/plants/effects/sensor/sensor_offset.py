@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, ended, signed
 
@@ -19,6 +21,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.map_output(site.output, "sensor_offset", values)
+
+
+def undo(values: Mapping[str, float], reading: float) -> float:
+    """Return what a reading is without it."""
+    return reading - next(iter(values.values()))
 
 
 EFFECT = Effect(
@@ -45,4 +52,5 @@ EFFECT = Effect(
     lasting=True,
     stage=6,
     per_recording="zero",
+    undo=undo,
 )

@@ -59,7 +59,7 @@ EFFECT = Effect(
     codes=(
         (
             "cogging",
-            """    return -q[0] * sine(v, q[1] * v->turn + q[2]);""",
+            """    return -q[0] * sine(v, q[1] * angle(v, q[1]) + q[2]);""",
         ),
     ),
     switches=(0,),

@@ -45,7 +45,7 @@ EFFECT = Effect(
     codes=(
         (
             "gravity",
-            """    return -q[0] * sine(v, v->turn + q[1]);""",
+            """    return -q[0] * sine(v, angle(v, 1.0) + q[1]);""",
         ),
     ),
     switches=(0,),

@@ -51,7 +51,7 @@ EFFECT = Effect(
     codes=(
         (
             "ripple",
-            """    return -q[0] * v->effort * sine(v, q[1] * v->turn + q[2]);""",
+            """    return -q[0] * v->effort * sine(v, q[1] * angle(v, q[1]) + q[2]);""",
         ),
     ),
     switches=(0,),
