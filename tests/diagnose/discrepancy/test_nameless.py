@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.diagnose import nulls
 from bench.diagnose.blind_cases import draw_case, single_case, write_case
 from firmloop.cli import main
 from tests.conftest import Once
@@ -87,3 +88,15 @@ def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Pa
     """A stage that dwells at a few places while a slow force acts on it: that force seems to follow the place."""
     write_case(draw_case(140026), tmp_path / "case", tmp_path / "labels")
     assert main(["diagnose", str(tmp_path / "case" / "project.toml"), "--out", str(tmp_path / "out")]) == 0
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(955006, id="a load of either run by chance, and a law that holds it"),
+        pytest.param(955031, id="a wave along the way that foresees nothing"),
+    ],
+)
+def test_a_random_force_is_neither_a_law_nor_an_effect(seed: int, tmp_path: Path) -> None:
+    nulls.write(seed, tmp_path / str(seed))
+    assert main(["diagnose", str(tmp_path / str(seed) / "project.toml"), "--out", str(tmp_path / "out")]) == 0

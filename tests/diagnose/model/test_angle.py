@@ -56,3 +56,27 @@ def test_a_recorded_angle_without_what_its_sensor_does(name: str, tmp_path: Path
     moved = float(np.max(np.abs(columns["position_rad"] - true)))
     assert moved > 0.1
     assert float(np.max(np.abs(angle - true))) < 0.01 * moved
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("gravity_torque", {"amplitude_N_m": 5e-3, "phase_rad": 0.3}),
+        ("cogging_torque", {"amplitude_N_m": 5e-3, "periods_per_rev": 10.0, "phase_rad": 0.3}),
+    ],
+)
+def test_a_wave_follows_the_recorded_angle_where_the_simulated_is_off_by_a_quarter_of_its_period(
+    name: str, values: dict[str, float], tmp_path: Path
+) -> None:
+    """A force at a recorded place knows the answer: it pulls the simulation to where the machine was."""
+    plant, shown = made(tmp_path, "flat_motor", "eccentric_encoder")
+    engine = make_problem(with_effects(plant, ()), [shown], [], np.full(2, 1e-9)).engine
+    whole = {f"{name}.{key}": value for key, value in values.items()}
+    start, quarter = np.zeros(len(engine.states)), 0.5 * np.pi / values.get("periods_per_rev", 1.0)
+    engine.follow(False)
+    own = engine.simulate(shown, whole, start)
+    engine.follow(True)
+    engine.lose(0.99 * quarter)
+    np.testing.assert_array_equal(engine.simulate(shown, whole, start), own)
+    engine.lose(1.01 * quarter)
+    assert np.max(np.abs(engine.simulate(shown, whole, start) - own)) > 1e-3

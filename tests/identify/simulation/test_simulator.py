@@ -13,11 +13,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kind import equations
 from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import EffectUse, Plant
 from firmloop.identify.recordings.recording import make_recording
-from firmloop.identify.simulation.simulate import constants_of, course_of, simulate, simulator
+from firmloop.identify.simulation.simulate import constants_of, course_of, rest_start, simulate, simulator
 
 MOTOR = {
     "R_ohm": 8.0,
@@ -186,6 +187,26 @@ def test_starts_at_the_first_position_and_otherwise_at_rest() -> None:
     columns = {"voltage_V": np.zeros(5), "position_rad": np.full(5, 1.25), "speed_rad_s": np.full(5, 40.0)}
     first = simulate(plant, make_recording(np.arange(5) * 0.01, columns, "r", ""), None)
     np.testing.assert_array_equal(first, np.tile([1.25, 0.0], (5, 1)))
+
+
+@pytest.mark.parametrize(
+    ("uses", "start"),
+    [
+        ([("sensor_offset", {"offset_rad": 0.5})], 0.75),
+        ([("sensor_gain", {"gain": 2.0})], 0.625),
+        ([("sensor_gain", {"gain": 2.0}), ("sensor_offset", {"offset_rad": 0.5})], 0.375),
+    ],
+)
+def test_starts_where_the_reading_with_its_offset_and_gain_is_the_first(
+    uses: list[tuple[str, dict[str, float]]], start: float
+) -> None:
+    plant = motor("position_rad")
+    plant = with_effects(plant, [EffectUse(name, None, values) for name, values in uses])
+    columns = {"voltage_V": np.zeros(5), "position_rad": np.full(5, 1.25)}
+    recording = make_recording(np.arange(5) * 0.01, columns, "r", "")
+    place = [signal.name for signal in plant.states].index("position_rad")
+    np.testing.assert_allclose(rest_start(plant, recording)[place], start)
+    np.testing.assert_allclose(simulate(plant, recording, None), np.full((5, 1), 1.25))
 
 
 def test_rows_need_no_output_column_to_be_simulated() -> None:
