@@ -27,6 +27,7 @@ from firmloop.diagnose.policy import (
     WIDER_RMS,
 )
 from firmloop.identify.fitting.noise import Noise, memory, white
+from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.effects import effects, find_effect
 
 Array = NDArray[np.float64]
@@ -99,6 +100,18 @@ def by_luck(residuals: Sequence[Array]) -> Array:
     """
     rows = sum(map(len, residuals))
     return np.asarray(1.0 + RMS_BY_CHANCE * np.sqrt(0.5 * memories(residuals) / rows))
+
+
+def beyond_chance(mine: Sequence[Array], theirs: Sequence[Array]) -> bool:
+    """Tell whether one explanation leaves less of some output than another, by more than chance.
+
+    Both leave residuals (n, r) of the same rows; the mean of what their squares differ by is judged by how far that
+    mean may be off (Diebold and Mariano 1995).
+    """
+    gains = [other**2 - one**2 for one, other in zip(mine, theirs, strict=True)]
+    every = np.concatenate(gains)
+    deviations = np.std(every, axis=0) * np.sqrt(memories(gains) / len(every))
+    return bool(np.any(np.mean(every, axis=0) > NORMAL_95 * deviations))
 
 
 def larger(candidate: Candidate, base: Candidate) -> bool:

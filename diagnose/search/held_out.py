@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import (
     Candidate,
     believable,
-    by_luck,
+    beyond_chance,
     by_simulation_error,
     clearly_nearer,
     residual_sizes,
@@ -24,7 +23,7 @@ from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.harmless import no_worse, same_function, simulation_rms
 from firmloop.diagnose.search.improved import improved_plant
-from firmloop.diagnose.search.left_out import Contender, left_out_rms
+from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
 from firmloop.diagnose.search.simulation_error import independent
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
@@ -35,12 +34,16 @@ Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms wh
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A search whose best is a part of an explanation; `safe` where it may be written, `ratio` of what is left out."""
+    """A search whose best is a part of an explanation; `safe` where it may be written."""
 
     search: Search
     safe: bool
-    figures: Figures
-    ratio: float
+    left: LeftOut
+
+    @property
+    def ratio(self) -> float:
+        """The rms over the refit's, squares averaged over outputs; 0 where nothing is told."""
+        return _ratio(self.left.figures)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,15 +58,14 @@ class _Bench:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
         plant = improved_plant(search, search.best)
         safe = believable(search.best.fitted) and no_worse(plant, self.refit_rms, self.recordings)
-        figures = self.left_out(search)
-        return _Part(search, safe, figures, _ratio(figures))
+        return _Part(search, safe, self.left_out(search))
 
-    def left_out(self, found: Search) -> Figures:
+    def left_out(self, found: Search) -> LeftOut:
         """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
         values = {**found.nominal.fitted.point.values, **{p.name: p.value for p in self.refit.parameters}}
         best, plain = found.best.fitted, Contender((), values)
         shown = Contender(best.terms, best.point.values) if best.terms else plain
-        return left_out_rms(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
+        return left_out(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
 
 
 def told(figures: Figures) -> bool:
@@ -88,35 +90,41 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     """
     bench = _Bench(refit, recordings, simulation_rms(refit, recordings))
     if not found.best.fitted.terms:
-        return found, bench.left_out(found)
+        return found, bench.left_out(found).figures
     here = _whole(found, bench)
     while (slim := _slimmed(here, bench)) is not None:
         here = slim
     fitted = here.search.best.fitted
     none = all(strength(fitted, each) <= NORMAL_95 for each in fitted.terms)
     if none or not here.safe or NEARER_RMS * here.ratio >= 1.0:
-        return None, here.figures
-    return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.figures
+        return None, here.left.figures
+    return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.left.figures
 
 
 def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
     """Return the next smaller part; None where all that is left of it is needed."""
     fitted = here.search.best.fitted
     weakest = min(fitted.terms, key=lambda each: strength(fitted, each))
-    lots: list[tuple[Sequence[LibraryTerm], float]] = []
+    lots: list[tuple[Sequence[LibraryTerm], Callable[[_Part], bool]]] = []
     if not here.safe:
-        lots.append((fitted.terms, math.inf))
+        lots.append((fitted.terms, lambda each: True))
     elif here.ratio > NEARER_RMS:
-        lots.append((fitted.terms, NEARER_RMS * here.ratio))
+        lots.append((fitted.terms, lambda each: each.ratio <= NEARER_RMS * here.ratio))
     if strength(fitted, weakest) <= NORMAL_95:
-        lots.append(((weakest,), float(np.max(by_luck(fitted.residuals))) * here.ratio))
-    for some, most in lots:
+        lots.append(((weakest,), lambda each: not _needs(here, each)))
+    for some, enough in lots:
         parts = [each for each in _smaller(here.search, bench, some) if each.safe or not here.safe]
         # Those that may be written first.
         least = min(parts, key=lambda each: (not each.safe, each.ratio), default=None)
-        if least is not None and least.ratio <= most:
+        if least is not None and enough(least):
             return least
     return None
+
+
+def _needs(here: _Part, slim: _Part) -> bool:
+    """Tell whether what was left out is nearer than by a smaller part by more than chance."""
+    mine, theirs = here.left.residuals.get("after", ()), slim.left.residuals.get("after", ())
+    return len(mine) != len(theirs) or (len(mine) > 0 and beyond_chance(mine, theirs))
 
 
 def _smaller(found: Search, bench: _Bench, some: Sequence[LibraryTerm]) -> Iterator[_Part]:

@@ -43,10 +43,19 @@ class _Fold:
     hidden: Mapping[int, tuple[int, int]]
 
 
-def left_out_rms(
-    problem: Problem, explanations: Mapping[str, Contender], sizes: Sequence[float]
-) -> dict[str, dict[str, float]]:
-    """Return {output: {explanation: rms}} of measured - simulated where it was left out, in the outputs' units.
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """What is left of rows that a fit did not see: `figures` {output: {explanation: rms}}, in the outputs' units.
+
+    `residuals` by explanation are measured - simulated (n, r), part by part.
+    """
+
+    figures: Mapping[str, Mapping[str, float]]
+    residuals: Mapping[str, tuple[Array, ...]]
+
+
+def left_out(problem: Problem, explanations: Mapping[str, Contender], sizes: Sequence[float]) -> LeftOut:
+    """Simulate what is left out of a fit.
 
     Each explanation is fitted again to the rest by plain simulation error, from where it ended, and simulates what was
     left out from its input alone; the initial state is fitted, too. `before` is the plant as given, not fitted.
@@ -80,7 +89,7 @@ def left_out_rms(
         for signal, each in zip(problem.plant.outputs, power, strict=True):
             if np.isfinite(each):
                 found.setdefault(signal.name, {})[name] = float(np.sqrt(each))
-    return found
+    return LeftOut(found, {name: tuple(parts) for name, parts in lefts.items()})
 
 
 def _folds(problem: Problem) -> list[_Fold]:
