@@ -12,7 +12,7 @@ from firmloop.diagnose.data.channels import check_sound
 from firmloop.diagnose.data.checks import Preflight, preflight
 from firmloop.diagnose.data.prepare import prepared
 from firmloop.diagnose.discrepancy.disturbance import disturbances
-from firmloop.diagnose.discrepancy.fit import Shape
+from firmloop.diagnose.discrepancy.fit import Shape, best_shape
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.model.candidate import Candidate, rated, residual_sizes, rms_of
 from firmloop.diagnose.model.descent import residual_of
@@ -90,7 +90,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     safe, crossed = holding(made.search, refit, whole)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
     found = replace(made.search if safe is None else safe, problem=replace(made.search.problem, test=problem.test))
-    finding, unnamed = judge(found, made.checks, made.shape)
+    same = safe is None or safe.best.fitted.terms == made.search.best.fitted.terms
+    finding, unnamed = judge(found, made.checks, made.shape if same else best_shape(found, found.best))
     explained = finding.verdict in ("explained", "ambiguous")
     if explained and safe is None:
         finding, explained = spoiled(finding), False

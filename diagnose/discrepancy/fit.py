@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import coarse
 from firmloop.diagnose.discrepancy.disturbance_smoother import as_others, latent, nominal_plant
-from firmloop.diagnose.discrepancy.terms import SENSOR, NamelessTerm, nameless_terms
+from firmloop.diagnose.discrepancy.terms import SENSOR, Covariate, NamelessTerm, nameless_terms
 from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, outputs_of
 from firmloop.diagnose.policy import (
+    CHANCE_GAIN,
     CROSS_FOLDS,
     DETERMINED_SHAPE,
     LIVE_COLUMN,
@@ -110,12 +111,27 @@ def best_shape(search: Search, candidate: Candidate) -> Shape | None:
         choices = _promising(base, choices)
     bare = _weighed(base, ())
     without = min(bare[0], candidate.score)
-    shapes = [(_shape(base, term, without), term) for term in choices]
+    levels = {(term.kind, term.place): _by_chance(base, term, without) for term in choices}
+    shapes = [
+        (_shape(base, term, levels[term.kind, term.place] if term.coordinate.level else without), term)
+        for term in choices
+    ]
     for each, term in sorted(shapes, key=lambda pair: -pair[0].gain):
         # What only whitens what is left, or follows these very rows, is no law of a machine.
         if np.any(rms_of(each.residuals) < rms_of(base.residuals)) and _foresees(base, term, each):
             return each
     return None
+
+
+def _by_chance(base: _Base, term: NamelessTerm, without: float) -> float:
+    """Return the score with a constant in the term's place, `without` one where that is more than there is by chance.
+
+    A disturbance has a mean, and no law is needed for it.
+    """
+    nowhere = tuple(np.zeros_like(values) for values in term.coordinate.values)
+    constant = replace(term, coordinate=Covariate("constant", False, nowhere))
+    score = _weighed(base, _moved(base, constant))[0]
+    return score if 0.0 < without - score < CHANCE_GAIN else without
 
 
 def weighed(search: Search) -> tuple[Screened, ...]:

@@ -54,6 +54,11 @@ class Covariate:
         """Tell whether the term is no function of where its coordinate is, but of how it came there."""
         return self.step > 0.0
 
+    @property
+    def level(self) -> bool:
+        """Tell whether a constant is one of its shapes."""
+        return not (self.periodic or self.memory or self.pitch or self.factor)
+
     def columns(self, index: int) -> Array:
         """Return hats, waves or springs (n, b) of one recording."""
         values = self.values[index]
