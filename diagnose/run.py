@@ -91,7 +91,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
     found = replace(made.search if safe is None else safe, problem=replace(made.search.problem, test=problem.test))
     same = safe is None or safe.best.fitted.terms == made.search.best.fitted.terms
-    finding, unnamed = judge(found, made.checks, made.shape if same else best_shape(found, found.best))
+    shape = made.shape if same else best_shape(found, found.best)
+    finding, unnamed = judge(found, made.checks, shape)
     explained = finding.verdict in ("explained", "ambiguous")
     if explained and safe is None:
         finding, explained = spoiled(finding), False
@@ -107,7 +108,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     if crossed:
         figures = {**figures, "cross": {name: _crossed(each, explained) for name, each in crossed.items()}}
     shown = None if explained else refit
-    finding = _measured(finding, found, shown, made.shape, figures, differing(written, whole))
+    finding = _measured(finding, found, shown, shape, figures, differing(written, whole))
     return Diagnosis(finding, found, unnamed if not explained else None, written)
 
 
