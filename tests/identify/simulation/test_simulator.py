@@ -195,6 +195,7 @@ def test_starts_at_the_first_position_and_otherwise_at_rest() -> None:
         ([("sensor_offset", {"offset_rad": 0.5})], 0.75),
         ([("sensor_gain", {"gain": 2.0})], 0.625),
         ([("sensor_gain", {"gain": 2.0}), ("sensor_offset", {"offset_rad": 0.5})], 0.375),
+        ([("eccentric_encoder", {"amplitude_rad": 0.2, "phase_rad": -1.0})], 1.20858487),  # x + 0.2 sin(x - 1) = 1.25
     ],
 )
 def test_starts_where_the_reading_with_its_offset_and_gain_is_the_first(
