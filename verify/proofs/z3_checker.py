@@ -28,6 +28,7 @@ import z3
 from firmloop.verify.proofs.claims import LEAST, OF_A_PLAN, PLANS, ClaimedOperation, Claims, ProofError
 
 WIDE = 160  # holds every exact result: sums of 64-bit values, and these shifted to the left by any count that C defines
+ASKED = 1 << 14  # answers that are kept
 CURVED = ("turn", "turn_sine", "turn_cosine", "whole_root", "inverse")
 PRODUCTS = {
     "mul": (0, 1),
@@ -116,10 +117,15 @@ def judge() -> str:
 
 def _check_inside(name: str, got: tuple[int, int], allowed: tuple[int, int]) -> None:
     """Ask for a value that is stored and not allowed."""
-    x = z3.BitVec("x", WIDE)
-    found = _counterexample([x >= got[0], x <= got[1]], [x >= allowed[0], x <= allowed[1]])
-    if found is not None or got[0] > got[1]:
+    if _leaves(got, allowed) or got[0] > got[1]:
         raise ProofError(f"{name} may be given {got[0]} to {got[1]}, its range is {allowed[0]} to {allowed[1]} (raw)")
+
+
+@functools.lru_cache(maxsize=ASKED)
+def _leaves(got: tuple[int, int], allowed: tuple[int, int]) -> bool:
+    width = max(end.bit_length() for end in (*got, *allowed)) + 1
+    x = z3.BitVec(f"x_{width}", width)
+    return _counterexample([x >= got[0], x <= got[1]], [x >= allowed[0], x <= allowed[1]]) is not None
 
 
 def _check_words(op: ClaimedOperation, words: Mapping[str, int]) -> None:
@@ -165,25 +171,35 @@ def _prove_product_lemma() -> None:
 
 
 def _check_case(op: ClaimedOperation, claimed: tuple[int, int], arguments: Sequence[Any], ranges: Ranges) -> None:
+    operands = tuple(ranges[each] if isinstance(each, str) else int(each) for each in arguments)
+    found = _breaks(op.function, claimed, operands)
+    if found is not None:
+        raise ProofError(
+            f"{op.result.name} = {op.function}({', '.join(map(str, arguments))}) breaks its range: {found}"
+        )
+
+
+@functools.lru_cache(maxsize=ASKED)
+def _breaks(function: str, claimed: tuple[int, int], operands: tuple[int | tuple[int, int], ...]) -> str | None:
+    """Ask for values of the operands, each a constant or anything in a range, with which an operation breaks a claim.
+
+    The answer is kept: of a state that holds anything, most questions are those of a state in its range.
+    """
     symbols, assumed = [], []
-    for k, argument in enumerate(arguments):
-        if isinstance(argument, str):
-            lowest, highest = ranges[argument]
+    for k, operand in enumerate(operands):
+        if isinstance(operand, tuple):
+            lowest, highest = operand
             width = max(lowest.bit_length(), highest.bit_length()) + 1
             narrow = z3.BitVec(f"a{k}_{width}", width)
             assumed += [narrow >= lowest, narrow <= highest]
             symbols.append(z3.SignExt(WIDE - width, narrow))
         else:
-            symbols.append(z3.BitVecVal(int(argument), WIDE))
-    result, intermediates = _meaning(op.function, symbols)
+            symbols.append(z3.BitVecVal(operand, WIDE))
+    result, intermediates = _meaning(function, symbols)
     claims = [result >= claimed[0], result <= claimed[1]]
     for value, bits in intermediates:
         claims += [value >= -(1 << (bits - 1)), value <= (1 << (bits - 1)) - 1]
-    found = _counterexample(assumed, claims)
-    if found is not None:
-        raise ProofError(
-            f"{op.result.name} = {op.function}({', '.join(map(str, arguments))}) breaks its range: {found}"
-        )
+    return _counterexample(assumed, claims)
 
 
 def _counterexample(assumed: Sequence[Any], claims: Sequence[Any]) -> str | None:
