@@ -73,9 +73,9 @@ uint32_t semihosting_call(uint32_t operation, uint32_t argument);
 void interrupt_clear(uint32_t interrupt);
 /** Sleeps until this interrupt is pending, be it already, or another event wakes the core; no handler of it runs. */
 void interrupt_wait(uint32_t interrupt);
-/** Fills the stack below the caller with a pattern. */
-void stack_paint(void);
-/** Bytes below the caller that were written since stack_paint(). */
-uint32_t stack_depth(void);
+/** Fills the stack below the caller with a pattern, at most so many bytes of it, a multiple of 4. */
+void stack_paint(uint32_t most);
+/** Bytes below the caller that were written since stack_paint(), as far as the `most` bytes below the caller tell. */
+uint32_t stack_depth(uint32_t most);
 
 #endif

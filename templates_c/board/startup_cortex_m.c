@@ -138,24 +138,34 @@ uint32_t semihosting_call(uint32_t operation, uint32_t argument) {
 
 /* In assembly because both have to know that they put nothing of their own below the caller's stack pointer; a compiler
  * may save a register there, as it does on ARMv8.1-M to count a loop. */
-__attribute__((naked)) void stack_paint(void) {
+__attribute__((naked)) void stack_paint(uint32_t most) {
+    (void)most; /* r0 */
     __asm__ volatile(".syntax unified\n"
-                     "ldr r0, =stack_bottom\n"
+                     "ldr r2, =stack_bottom\n"
                      "mov r1, sp\n"
-                     "ldr r2, =0xA5C35A3C\n"
-                     "1: cmp r0, r1\n"
+                     "subs r3, r1, r2\n"
+                     "cmp r3, r0\n"
+                     "bls 3f\n"
+                     "subs r2, r1, r0\n"
+                     "3: ldr r3, =0xA5C35A3C\n"
+                     "1: cmp r2, r1\n"
                      "bhs 2f\n"
-                     "str r2, [r0]\n"
-                     "adds r0, r0, #4\n"
+                     "str r3, [r2]\n"
+                     "adds r2, r2, #4\n"
                      "b 1b\n"
                      "2: bx lr\n");
 }
 
-__attribute__((naked)) uint32_t stack_depth(void) {
+__attribute__((naked)) uint32_t stack_depth(uint32_t most) {
+    (void)most; /* r0 */
     __asm__ volatile(".syntax unified\n"
                      "ldr r1, =stack_bottom\n"
                      "mov r2, sp\n"
-                     "ldr r3, =0xA5C35A3C\n"
+                     "subs r3, r2, r1\n"
+                     "cmp r3, r0\n"
+                     "bls 3f\n"
+                     "subs r1, r2, r0\n"
+                     "3: ldr r3, =0xA5C35A3C\n"
                      "1: cmp r1, r2\n"
                      "bhs 2f\n"
                      "ldr r0, [r1]\n"

@@ -107,9 +107,13 @@ uint32_t semihosting_call(uint32_t operation, uint32_t argument) {
 }
 
 /* In assembly because both have to know that they put nothing of their own below the caller's stack pointer. */
-__attribute__((naked)) void stack_paint(void) {
+__attribute__((naked)) void stack_paint(uint32_t most) {
+    (void)most; /* a0 */
     __asm__ volatile("la t0, stack_bottom\n"
-                     "li t1, 0xA5C35A3C\n"
+                     "sub t2, sp, t0\n"
+                     "bgeu a0, t2, 3f\n"
+                     "sub t0, sp, a0\n"
+                     "3: li t1, 0xA5C35A3C\n"
                      "1: bgeu t0, sp, 2f\n"
                      "sw t1, 0(t0)\n"
                      "addi t0, t0, 4\n"
@@ -117,9 +121,13 @@ __attribute__((naked)) void stack_paint(void) {
                      "2: ret\n");
 }
 
-__attribute__((naked)) uint32_t stack_depth(void) {
+__attribute__((naked)) uint32_t stack_depth(uint32_t most) {
+    (void)most; /* a0 */
     __asm__ volatile("la t0, stack_bottom\n"
-                     "li t1, 0xA5C35A3C\n"
+                     "sub t2, sp, t0\n"
+                     "bgeu a0, t2, 3f\n"
+                     "sub t0, sp, a0\n"
+                     "3: li t1, 0xA5C35A3C\n"
                      "1: bgeu t0, sp, 2f\n"
                      "lw t2, 0(t0)\n"
                      "bne t2, t1, 2f\n"

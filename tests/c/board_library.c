@@ -89,9 +89,11 @@ uint32_t timer_now(void) {
     return readings;
 }
 
-void stack_paint(void) {
+void stack_paint(uint32_t most) {
+    (void)most;
 }
 
-uint32_t stack_depth(void) {
+uint32_t stack_depth(uint32_t most) {
+    (void)most;
     return 0U;
 }
