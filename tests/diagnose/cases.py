@@ -16,6 +16,8 @@ from firmloop.cli import main
 from firmloop.diagnose.data.checks import preflight
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, make_problem
+from firmloop.door.diagnose import diagnose
+from firmloop.door.load import load
 from firmloop.identify.fitting.noise import Noise, white
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
@@ -70,6 +72,12 @@ def refitted(
     return found, noises
 
 
+def said_of(project: Path) -> dict[str, Any]:
+    """Diagnose; return what diagnosis.json would hold. No page is drawn, which takes as long as the search."""
+    said: dict[str, Any] = json.loads(json.dumps(diagnose(load(project)).finding.as_dict(), allow_nan=False))
+    return said
+
+
 def diagnosis(project: Path, out: Path) -> tuple[int, dict[str, Any]]:
     """Diagnose by the command line; return the exit status and diagnosis.json."""
     status = main(["diagnose", str(project), "--out", str(out)])
@@ -89,6 +97,16 @@ class Diagnosed:
         """What diagnosis.json holds."""
         said: dict[str, Any] = json.loads((self.folder / "out" / "diagnosis.json").read_text(encoding="utf-8"))
         return said
+
+
+def said_once(once: Once, name: str, case: Case) -> dict[str, Any]:
+    """Return what diagnosis.json would hold of a case, diagnosed once in a run of the tests for all that name it so."""
+
+    def fill(folder: Path) -> None:
+        (folder / "said.json").write_text(json.dumps(said_of(written(folder, case))), encoding="utf-8")
+
+    said: dict[str, Any] = json.loads((once(f"what is said of {name}", fill) / "said.json").read_text(encoding="utf-8"))
+    return said
 
 
 def diagnosed_once(once: Once, name: str, case: Case) -> Diagnosed:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from firmloop.cli import main
 from tests.conftest import Once
-from tests.diagnose.cases import concealed, concealing, diagnosed_once, diagnosis
+from tests.diagnose.cases import concealed, concealing, diagnosed_once, said_of
 
 
 def test_friction_is_named_in_colored_noise(once: Once, tmp_path: Path) -> None:
@@ -44,9 +45,22 @@ def test_nothing_is_invented(once: Once, colored: bool) -> None:
     assert said["effects"] == []
 
 
+@pytest.mark.parametrize(
+    ("verdict", "status"), [("no_mismatch", 0), ("explained", 1), ("ambiguous", 1), ("unknown_physics", 1)]
+)
+def test_a_verdict_of_what_is_missing_has_exit_status_1(
+    verdict: str, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finding = SimpleNamespace(verdict=verdict, says=(), as_dict=dict)
+    made = SimpleNamespace(finding=finding, files=lambda folder: {})
+    monkeypatch.setattr("firmloop.door.load.load", lambda path: None)
+    monkeypatch.setattr("firmloop.door.diagnose.diagnose", lambda project, stage: made)
+    assert main(["diagnose", "project.toml", "--out", str(tmp_path / "out")]) == status
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["quadratic_drag", "brush_drop", "input_delay", "dead_zone"])
 def test_single_effects_are_named(tmp_path: Path, name: str) -> None:
-    _, said = diagnosis(concealed(tmp_path, name, 0.3, False), tmp_path / "out")
+    said = said_of(concealed(tmp_path, name, 0.3, False))
     names = [effect["name"] for effect in said["effects"]]  # type: ignore[attr-defined]
     assert said["verdict"] == "explained" and names == [name]

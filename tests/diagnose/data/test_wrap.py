@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.diagnose.blind_cases import draw_case
-from tests.diagnose.cases import diagnosis, drawn
+from tests.diagnose.cases import drawn, said_of
 
 
 # A quick current; a speed; quick up, slow down; a current whose nominal plant says too little of it.
@@ -15,8 +15,7 @@ from tests.diagnose.cases import diagnosis, drawn
 def test_wraps_are_read_off(tmp_path: Path, seed: int) -> None:
     (hidden,) = draw_case(seed).hidden
     assert hidden.name == "sensor_wrap"
-    status, said = diagnosis(drawn(tmp_path, seed), tmp_path / "out")
-    assert status == 1
+    said = said_of(drawn(tmp_path, seed))
     assert said["verdict"] == "explained"
     (effect,) = said["effects"]
     assert effect["name"] == "sensor_wrap"

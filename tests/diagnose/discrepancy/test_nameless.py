@@ -8,27 +8,22 @@ from pathlib import Path
 import pytest
 
 from bench.diagnose import nulls
-from bench.diagnose.blind_cases import draw_case, single_case, write_case
-from firmloop.cli import main
+from bench.diagnose.blind_cases import Case, single_case
 from tests.conftest import Once
-from tests.diagnose.cases import BY_NAME, Diagnosed, diagnosed_once
+from tests.diagnose.cases import BY_NAME, diagnosed_once, drawn, said_of, said_once
+
+ONE_SIDED = ("one_sided_gain", "flat_motor", ("speed",), "staircase", False)
 
 
-def _diagnosed(
-    once: Once, outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool
-) -> Diagnosed:
-    case = replace(
-        single_case(5, "", BY_NAME[machine], sensors, excitation, colored, 1.0),
-        outside=outside,
-    )
-    return diagnosed_once(once, outside, case)
+def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool) -> Case:
+    return replace(single_case(5, "", BY_NAME[machine], sensors, excitation, colored, 1.0), outside=outside)
 
 
 @pytest.mark.parametrize(
     ("outside", "machine", "sensors", "excitation", "colored", "equation", "coordinate"),
     [
         ("periodic_torque", "flat_motor", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
-        ("one_sided_gain", "flat_motor", ("speed",), "staircase", False, "torque", "voltage_V"),
+        (*ONE_SIDED, "torque", "voltage_V"),
         pytest.param(
             "hysteretic_spring",
             "small_motor",
@@ -60,9 +55,8 @@ def test_what_has_no_name_is_unknown(
     equation: str,
     coordinate: str,
 ) -> None:
-    made = _diagnosed(once, outside, machine, sensors, excitation, colored)
-    said = made.said
-    assert made.status == 1
+    case = _case(outside, machine, sensors, excitation, colored)
+    said = diagnosed_once(once, outside, case).said if outside == ONE_SIDED[0] else said_once(once, outside, case)
     assert said["verdict"] == "unknown_physics" and said["effects"] == []
     location = said["location"]
     assert isinstance(location, dict)
@@ -75,7 +69,8 @@ def test_what_has_no_name_is_unknown(
 
 def test_the_law_of_what_has_no_name_is_told(once: Once) -> None:
     """A gain that differs between the signs of its input: a torque that grows to one side alone."""
-    made = _diagnosed(once, "one_sided_gain", "flat_motor", ("speed",), "staircase", False)
+    made = diagnosed_once(once, ONE_SIDED[0], _case(*ONE_SIDED))
+    assert made.status == 1
     law = made.said["law"]
     assert isinstance(law, list)
     (low, left), (at, none), (high, right) = law
@@ -86,8 +81,7 @@ def test_the_law_of_what_has_no_name_is_told(once: Once) -> None:
 
 def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Path) -> None:
     """A stage that dwells at a few places while a slow force acts on it: that force seems to follow the place."""
-    write_case(draw_case(140026), tmp_path / "case", tmp_path / "labels")
-    assert main(["diagnose", str(tmp_path / "case" / "project.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert said_of(drawn(tmp_path, 140026))["verdict"] == "no_mismatch"
 
 
 @pytest.mark.parametrize(
@@ -98,5 +92,5 @@ def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Pa
     ],
 )
 def test_a_random_force_is_neither_a_law_nor_an_effect(seed: int, tmp_path: Path) -> None:
-    nulls.write(seed, tmp_path / str(seed))
-    assert main(["diagnose", str(tmp_path / str(seed) / "project.toml"), "--out", str(tmp_path / "out")]) == 0
+    nulls.write(seed, tmp_path)
+    assert said_of(tmp_path / "project.toml")["verdict"] == "no_mismatch"

@@ -17,7 +17,7 @@ from firmloop.diagnose.model.torque_scale import near_given
 from firmloop.diagnose.search.from_given import runaways
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.effects import find_effect
-from tests.diagnose.cases import diagnosis, drawn, problem_of
+from tests.diagnose.cases import drawn, problem_of, said_of
 
 TORQUES = ("kt_N_m_A", "J_kg_m2", "b_N_m_s_rad")
 
@@ -83,9 +83,7 @@ def test_friction_alike_in_both_directions_is_dry_friction(
 )
 def test_intervals_hold_what_is_true(seed: int, tmp_path: Path) -> None:
     (hidden,) = draw_case(seed).hidden
-    status, said = diagnosis(drawn(tmp_path, seed), tmp_path / "out")
-    assert status == 1
-    (effect,) = said["effects"]
+    (effect,) = said_of(drawn(tmp_path, seed))["effects"]
     assert effect["name"] == hidden.name
     (true,) = list(hidden.told.values())[:1]
     low, high = next(iter(effect["parameters"].values()))["ci95"]

@@ -17,7 +17,7 @@ from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
 from tests.conftest import Once
-from tests.diagnose.cases import concealed, concealing, diagnosed_once, diagnosis, problem_of, written
+from tests.diagnose.cases import concealed, concealing, diagnosed_once, problem_of, said_of, said_once, written
 
 
 def _alone(problem: Problem) -> Fitted:
@@ -33,7 +33,7 @@ def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(o
     project = written(tmp_path, case)
     lines = project.read_text(encoding="utf-8").splitlines()
     project.write_text("\n".join(line for line in lines if not re.match(r"\s*test\s*=", line)), encoding="utf-8")
-    _, bare = diagnosis(project, tmp_path / "bare")
+    bare = said_of(project)
     assert "test" in whole["fit"] and "test" not in bare["fit"]
     for key in ("verdict", "effects", "alternatives", "shifts", "noise", "whiteness", "location"):
         assert whole[key] == bare[key]
@@ -42,7 +42,7 @@ def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(o
 
 @pytest.mark.parametrize("name", ["", "coulomb_friction"])
 def test_what_is_written_simulates_no_worse_than_the_refit(name: str, once: Once) -> None:
-    said = diagnosed_once(once, f"{name or 'nothing'} in white noise", concealing(name, 0.3, False)).said
+    said = said_once(once, f"{name or 'nothing'} in white noise", concealing(name, 0.3, False))
     for plants in said["simulation_rms"]["train"].values():
         assert plants["after"] <= 1.01 * plants["refit"]
         assert bool(name) == (plants["after"] < 0.99 * plants["refit"]) or plants["refit"] < 1.05 * plants["after"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.diagnose.cases import diagnosis, drawn
+from tests.diagnose.cases import drawn, said_of
 
 # Seed of a case, what is to be said of it, and what it had been mistaken for.
 QUICK = (
@@ -134,6 +134,5 @@ CASES = [
 
 @pytest.mark.parametrize(("seed", "verdict", "names"), CASES)
 def test_what_is_named(seed: int, verdict: str, names: str, tmp_path: Path) -> None:
-    status, said = diagnosis(drawn(tmp_path, seed), tmp_path / "out")
-    assert status == (verdict != "no_mismatch")
+    said = said_of(drawn(tmp_path, seed))
     assert (said["verdict"], {each["name"] for each in said["effects"]}) == (verdict, set(names.split()))

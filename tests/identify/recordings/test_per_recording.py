@@ -15,6 +15,7 @@ from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant import EffectUse
 from firmloop.identify.recordings.recording import make_recording, write_recording
 from firmloop.identify.simulation.simulate import simulate
+from tests.diagnose.cases import said_of
 
 MOTOR = {"R_ohm": 2.0, "L_H": 1e-3, "ke_V_s_rad": 0.05, "kt_N_m_A": 0.05, "J_kg_m2": 5e-5, "b_N_m_s_rad": 2e-5}
 ROTOR = {key: {"value": MOTOR[key], "free": True} for key in ("J_kg_m2", "b_N_m_s_rad")}
@@ -223,13 +224,12 @@ def test_friction_is_found_beside_loads_that_differ(tmp_path: Path, capsys: pyte
     assert 'per_recording = ["load_torque_N_m"]' in text and 'name = "load_torque"' in text
 
 
-def test_a_late_sensor_is_found_beside_a_zero_of_every_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_late_sensor_is_found_beside_a_zero_of_every_run(tmp_path: Path) -> None:
     late = EffectUse("sensor_delay", "speed_rad_s", {"delay_s": 0.004})
     for k, offset in enumerate((5.0, -3.0)):
         record(tmp_path, f"{k}.csv", ["speed_rad_s", "current_A"], [late, zero("speed_rad_s", offset)], k)
     path = project(tmp_path, ["speed_rad_s", "current_A"], ["zero.speed_rad_s"], ["0.csv", "1.csv"])
-    code, said = told(capsys, "diagnose", path, "--out", tmp_path / "out")
-    assert code == 1, said
+    said = said_of(path)
     assert [each["name"] for each in said["effects"]] == ["sensor_delay"], said["says"]
     assert said["effects"][0]["parameters"]["delay_s"]["value"] == pytest.approx(0.004, rel=0.03)
     values = said["per_recording"]["zero.speed_rad_s"]
@@ -245,19 +245,17 @@ def test_a_free_decay_tells_friction(tmp_path: Path, capsys: pytest.CaptureFixtu
     code, said = told(capsys, "identify", path, "--out", tmp_path / "fit")
     assert code == 0
     assert "b_N_m_s_rad" in said["plant"]["parameters"]
-    code, said = told(capsys, "diagnose", path, "--out", tmp_path / "out")
-    assert code == 1, said
+    said = said_of(path)
     assert "coulomb_friction" in [each["name"] for each in said["effects"]], said["says"]
 
 
-def test_a_constant_speed_tells_what_repeats_per_turn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_constant_speed_tells_what_repeats_per_turn(tmp_path: Path) -> None:
     """At a constant drive the shaft turns at a constant speed but for its ripple."""
     outputs = ("position_rad", "speed_rad_s")
     cogging = EffectUse("cogging_torque", None, {"amplitude_N_m": 2e-3, "periods_per_rev": 6.0, "phase_rad": 0.5})
     coasting(tmp_path, "0.csv", [cogging], 0, np.full(1200, 30.0 * MOTOR["b_N_m_s_rad"]), 30.0, outputs)
     path = coasting_project(tmp_path, ["0.csv"], outputs)
-    code, said = told(capsys, "diagnose", path, "--out", tmp_path / "out")
-    assert code == 1, said
+    said = said_of(path)
     assert [each["name"] for each in said["effects"]] == ["cogging_torque"], said["says"]
     assert said["effects"][0]["parameters"]["amplitude_N_m"]["value"] == pytest.approx(2e-3, rel=0.1)
     assert said["effects"][0]["parameters"]["periods_per_rev"]["value"] == pytest.approx(6.0, rel=1e-3)
