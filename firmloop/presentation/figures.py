@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
     from firmloop.stages.bode import Bode
     from firmloop.verify.verdict import Searches
@@ -27,11 +28,13 @@ INK = "#0a0b0c"  # stands for the color of the text around the figure
 MODEL, DATA, DRIVE, LIMIT = "#e4572e", "#4c86b8", "#2a9d62", "#8a8f98"  # readable on white and on black
 WIDE, FINE = 1.9, 0.9  # of the recorded and of every other curve: both are seen where they agree
 COLUMNS = 500  # a curve keeps the lowest and the highest sample of this many stretches
+SVG_DPI = 72  # of matplotlib's SVG: a unit is a point
 DOT = 1.5  # points, of a dot of a scatter
 _DOTS = re.compile(
     r'(?P<uses>(?:<use xlink:href="#\w+" x="[-\d.]+" y="[-\d.]+" '
     r'style="fill: (?P<ink>#\w{6}); stroke: (?P=ink)"/>\s*){20,})'
 )
+_NEEDLESS = re.compile(r"(?<=\.\d)\d+")
 _PLACE = re.compile(r'x="([-\d.]+)" y="([-\d.]+)"')
 FARTHEST = 1e100  # that is drawn: ticks are multiples of a span, and leave all numbers near the end of them
 STYLE: Mapping[str, Any] = {
@@ -46,6 +49,7 @@ STYLE: Mapping[str, Any] = {
     "axes.spines.right": False,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # its own choice among two heights costs a layout of all that is there
     "axes.linewidth": 0.6,
     "text.color": INK,
     "text.parse_math": False,
@@ -255,11 +259,21 @@ def svg(figure: Figure, ink: str = "currentColor") -> str:
     """Return the picture as text without date, version or needless digits; INK becomes `ink`."""
     stream = io.StringIO()
     figure.savefig(
-        stream, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None, "Creator": None}
+        stream, format="svg", transparent=True, bbox_inches=_extent(figure), metadata={"Date": None, "Creator": None}
     )
     text = stream.getvalue()
     text = _DOTS.sub(_short_dots, text[text.index("<svg") :].replace(INK, ink))
-    return re.sub(r'( d=")([^"]*)', lambda path: path[1] + re.sub(r"(\.\d)\d+", r"\1", path[2]), text)
+    return re.sub(r' d="[^"]*', lambda path: _NEEDLESS.sub("", path[0]), text)
+
+
+def _extent(figure: Figure) -> Bbox:
+    """Return what `bbox_inches="tight"` crops to, without the drawing that matplotlib makes first to find it."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import RendererSVG
+
+    figure.dpi = SVG_DPI
+    nowhere = RendererSVG(*figure.bbox.size, io.StringIO(), image_dpi=SVG_DPI)  # type: ignore[no-untyped-call]
+    return figure.get_tightbbox(nowhere).padded(matplotlib.rcParams["savefig.pad_inches"])
 
 
 def _short_dots(group: re.Match[str]) -> str:
