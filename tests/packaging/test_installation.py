@@ -10,42 +10,44 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import Once
 from tests.firmloop.conftest import PROJECT
 from tests.packaging.environments import Environment, make_environment, run
 
 ROOT = Path(__file__).parents[2]
 NAME = "firmloop-0.1.0"
 INFO = f"{NAME}.dist-info"
-KINDS = ("wheel", "sdist", "editable")
+# Who is there first, and what of firmloop comes then; what pip makes of an sdist is the wheel of the tree, see below.
+ORDERS = (("pre-commit", ("wheel", "sdist", "editable")), ("firmloop", ("editable", "wheel")))
 PRECOMMIT = ("pre-commit", "identify")  # it stands on a package whose name is that of a folder of ours
 USERS_MODULES = ("design", "verify", "identify", "numpy")  # each would end the program that imports it
 
 
 @pytest.fixture(scope="session")
-def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheels(once: Once) -> Path:
     """Fetch pre-commit and what builds firmloop, once; all that follows needs no network."""
-    folder = tmp_path_factory.mktemp("wheels")
+    return once("wheels", _fetch)
+
+
+def _fetch(folder: Path) -> None:
     wanted = ["pre-commit", "hatchling", "editables"]
     call = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "-q", "-d", str(folder), *wanted]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     if done.returncode:
         pytest.skip(f"pip cannot fetch pre-commit and hatchling here: {done.stderr.strip().splitlines()[-1]}")
-    return folder
 
 
 @pytest.fixture(scope="session")
-def builder(wheels: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
+def builder(wheels: Path, once: Once) -> Environment:
     """Return an environment that holds hatchling."""
-    made = make_environment(tmp_path_factory.mktemp("builder") / "venv", wheels)
-    made.install("hatchling", "editables")
-    return made
+    folder = once("builder", lambda folder: make_environment(folder, wheels).install("hatchling", "editables"))
+    return Environment(folder, wheels)
 
 
 @pytest.fixture(scope="session")
-def archives(builder: Environment, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def archives(builder: Environment, once: Once) -> dict[str, str]:
     """Build what pip is given: a wheel and an sdist of the tree, or the tree itself."""
-    out = tmp_path_factory.mktemp("dist")
-    builder.ask("-m", "hatchling", "build", "-d", str(out), folder=ROOT)
+    out = once("dist", lambda folder: builder.ask("-m", "hatchling", "build", "-d", str(folder), folder=ROOT))
     return {"wheel": str(next(out.glob("*.whl"))), "sdist": str(next(out.glob("*.tar.gz"))), "editable": f"-e{ROOT}"}
 
 
@@ -73,9 +75,15 @@ def _firmloop_works(environment: Environment, folder: Path) -> None:
     environment.take_back()
 
 
-@pytest.mark.parametrize("first", ["pre-commit", "firmloop"])
+def _lends_no_other_name_of_the_tree(environment: Environment) -> None:
+    tops = sorted(path.name for path in ROOT.iterdir() if path.is_dir() and path.name.isidentifier())
+    asked = f"import importlib.util as u; print([n for n in {tops} if u.find_spec(n)])"
+    assert environment.ask("-c", asked).strip() == "['firmloop']"
+
+
+@pytest.mark.parametrize(("first", "kinds"), ORDERS, ids=[first for first, _ in ORDERS])
 def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
-    first: str, archives: dict[str, str], wheels: Path, tmp_path: Path
+    first: str, kinds: tuple[str, ...], archives: dict[str, str], wheels: Path, tmp_path: Path
 ) -> None:
     environment = make_environment(tmp_path / "venv", wheels)
     folder = tmp_path / "project"
@@ -83,10 +91,13 @@ def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
     if first == "pre-commit":
         environment.install("pre-commit")
         _precommit_works(environment, folder)
-    for kind in KINDS:
+    for kind in kinds:
         before = environment.names()
         environment.install("--no-deps", archives[kind])
         added = environment.names() - before
+        if "pre_commit" not in environment.names():  # which brings a package called identify
+            environment.install("editables")  # what an editable install stands on
+            _lends_no_other_name_of_the_tree(environment)
         if first == "firmloop":
             again = ("--force-reinstall", "--no-deps") if "pre_commit" in before else ()
             environment.install(*again, *PRECOMMIT)
@@ -102,16 +113,6 @@ def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
         # Python's own cache of modules that stand in site-packages themselves, as an editable install's does, may stay
         assert environment.names() - {"__pycache__"} == beside - added - {"__pycache__"}
         _precommit_works(environment, folder)
-
-
-def test_an_editable_install_lends_no_other_name_of_the_tree(
-    archives: dict[str, str], wheels: Path, tmp_path: Path
-) -> None:
-    environment = make_environment(tmp_path / "venv", wheels)
-    environment.install("--no-deps", archives["editable"], "editables")
-    tops = sorted(path.name for path in ROOT.iterdir() if path.is_dir() and path.name.isidentifier())
-    asked = f"import importlib.util as u; print([n for n in {tops} if u.find_spec(n)])"
-    assert environment.ask("-c", asked).strip() == "['firmloop']"
 
 
 def _contents(wheel: Path) -> dict[str, bytes]:
