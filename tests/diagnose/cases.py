@@ -119,3 +119,9 @@ def diagnosed_once(once: Once, name: str, case: Case) -> Diagnosed:
 
     folder = once(name, fill)
     return Diagnosed(folder, *json.loads((folder / "printed.json").read_text(encoding="utf-8")))
+
+
+def concealed_once(once: Once, name: str, colored: bool) -> Diagnosed:
+    """Diagnose a motor that conceals one effect (an empty name: none) by the command line, once in a run."""
+    called = f"{name or 'nothing'} in {'colored' if colored else 'white'} noise"
+    return diagnosed_once(once, called, concealing(name, 0.3 if name else 1.0, colored))

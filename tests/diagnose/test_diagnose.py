@@ -11,11 +11,11 @@ import pytest
 
 from firmloop.cli import main
 from tests.conftest import Once
-from tests.diagnose.cases import concealed, concealing, diagnosed_once, said_of
+from tests.diagnose.cases import concealed, concealed_once, said_of
 
 
 def test_friction_is_named_in_colored_noise(once: Once, tmp_path: Path) -> None:
-    made = diagnosed_once(once, "friction in colored noise", concealing("coulomb_friction", 0.3, True))
+    made = concealed_once(once, "coulomb_friction", True)
     folder, said = made.folder, made.said
     assert made.status == 1
     assert said["verdict"] == "explained" and said["half"] == "plant"
@@ -38,7 +38,7 @@ def test_friction_is_named_in_colored_noise(once: Once, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("colored", [False, True])
 def test_nothing_is_invented(once: Once, colored: bool) -> None:
-    made = diagnosed_once(once, f"nothing in {'colored' if colored else 'white'} noise", concealing("", 1.0, colored))
+    made = concealed_once(once, "", colored)
     said = made.said
     assert made.status == 0
     assert said["verdict"] == "no_mismatch"

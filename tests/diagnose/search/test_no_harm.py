@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point
@@ -17,7 +18,9 @@ from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
 from tests.conftest import Once
-from tests.diagnose.cases import concealed, concealing, diagnosed_once, problem_of, said_of, said_once, written
+from tests.diagnose.cases import concealed, concealed_once, drawn, problem_of, said_of, said_once
+
+AT_REST = "240033"  # the seed of a case with dry friction whose test recording shows a peak at rest, and train does not
 
 
 def _alone(problem: Problem) -> Fitted:
@@ -28,9 +31,7 @@ def _alone(problem: Problem) -> Fitted:
 
 
 def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(once: Once, tmp_path: Path) -> None:
-    case = concealing("coulomb_friction", 0.3, True)
-    whole = diagnosed_once(once, "friction in colored noise", case).said
-    project = written(tmp_path, case)
+    whole, project = said_once(once, AT_REST, draw_case(int(AT_REST))), drawn(tmp_path, int(AT_REST))
     lines = project.read_text(encoding="utf-8").splitlines()
     project.write_text("\n".join(line for line in lines if not re.match(r"\s*test\s*=", line)), encoding="utf-8")
     bare = said_of(project)
@@ -40,9 +41,9 @@ def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(o
     assert whole["simulation_rms"]["train"] == bare["simulation_rms"]["train"]
 
 
-@pytest.mark.parametrize("name", ["", "coulomb_friction"])
-def test_what_is_written_simulates_no_worse_than_the_refit(name: str, once: Once) -> None:
-    said = said_once(once, f"{name or 'nothing'} in white noise", concealing(name, 0.3, False))
+@pytest.mark.parametrize(("name", "colored"), [("", False), ("coulomb_friction", True)])
+def test_what_is_written_simulates_no_worse_than_the_refit(name: str, colored: bool, once: Once) -> None:
+    said = concealed_once(once, name, colored).said
     for plants in said["simulation_rms"]["train"].values():
         assert plants["after"] <= 1.01 * plants["refit"]
         assert bool(name) == (plants["after"] < 0.99 * plants["refit"]) or plants["refit"] < 1.05 * plants["after"]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.diagnose.cases import drawn, said_of
+from bench.diagnose.blind_cases import draw_case
+from tests.conftest import Once
+from tests.diagnose.cases import said_once
 
 # Seed of a case, what is to be said of it, and what it had been mistaken for.
 QUICK = (
@@ -133,6 +133,6 @@ CASES = [
 
 
 @pytest.mark.parametrize(("seed", "verdict", "names"), CASES)
-def test_what_is_named(seed: int, verdict: str, names: str, tmp_path: Path) -> None:
-    said = said_of(drawn(tmp_path, seed))
+def test_what_is_named(seed: int, verdict: str, names: str, once: Once) -> None:
+    said = said_once(once, str(seed), draw_case(seed))
     assert (said["verdict"], {each["name"] for each in said["effects"]}) == (verdict, set(names.split()))
