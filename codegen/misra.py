@@ -42,7 +42,7 @@ _ADVISORY = {
     "2.5": "macros of the header (program id, period, Q formats) are for the user",
     "8.7": "init, step and the setters are called by the user, from another file",
     "8.9": "a problem's numbers stand before the function that reads them, not inside it",
-    "15.5": "a search ends where its answer is known, a step where an input is not a number",
+    "15.5": "a search ends where its answer is known, a step where an input is not finite",
     "18.4": "a pointer goes through a matrix row by row, which an index would multiply for",
     "19.2": "a float's bits are read or written as a word; C99 6.5.2.3 keeps the bytes of a union",
     "20.1": "the sizes of a problem stand before the header that they size",

@@ -22,7 +22,7 @@ NUMBER_SAYS = {
 }
 ROUNDS_SAYS = {"nearest": "to nearest", "floor": "down"}
 INPUT_SAYS = {
-    "float": "Where one is not a number, the safe outputs are commanded and the state stays",
+    "float": "Where one is not finite, the safe outputs are commanded and the state stays",
     "fixed": "Every value of the type is allowed",
 }
 PLACES = {"in": "in->", "self": "self->", "table": "", "routine": ""}
@@ -267,7 +267,7 @@ def _guards(op: Op, program: Program) -> bool:
 
 
 def _guard(program: Program, macro: str) -> dict[str, object] | None:
-    """Return what a step does, and then ends, where an input is not a number; None where the format has no such."""
+    """Return what a step does, and then ends, where an input is not finite; None where the format has no such."""
     if not program.safe:
         return None
     bit = program.status[-1]

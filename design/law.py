@@ -188,7 +188,7 @@ class Law:
     watched: tuple[int, ...] = ()  # inputs that carry the plant's outputs, where it is more than y
     first: ca.Function | None = None  # (x, z) -> x of the first sample: as if its inputs z had always stood
     opening: str = ""  # the state variable that is 0 in the first sample and 1 after it
-    safe: tuple[float | None, ...] = ()  # outputs where an input is not a number; None, or empty: its low limit
+    safe: tuple[float | None, ...] = ()  # outputs where an input is not finite; None, or empty: its low limit
     paired: bool = True  # one reference and one measurement close its loop on paper
     tunable: tuple[str, ...] = ()  # state that a step keeps and a user may set within its range, the last of `state`
 

@@ -1,4 +1,4 @@
-"""Read `safe_output` of [controller]: what each output is in a sample in which an input is not a number.
+"""Read `safe_output` of [controller]: what each output is in a sample in which an input is not a number, or infinite.
 
 One number for every output, or a table of numbers by the outputs' names::
 

@@ -152,8 +152,8 @@ def controllers_page() -> str:
     parts = [
         "# Controllers",
         '`[controller] kind = ...`, with `period_s` (s), `outputs` (default `["output"]`), `safe_output` (what a NaN '
-        "at an input commands, in floating point: a number, or a table by output; default the low limit) and the "
-        "keys of the kind. "
+        "or infinity at an input commands, in floating point: a number, or a table by output; default the low limit) "
+        "and the keys of the kind. "
         "Inputs are the other entries of `[signals]`, in the order of the file. A key may say more in another kind's "
         "section: follow the link.",
         f"| kind | what it is |\n|---|---|\n{rows}",

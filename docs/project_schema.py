@@ -134,7 +134,7 @@ def _controller() -> Schema:
         "kind": {**one_of(kinds()), "description": "the control law"},
         "period_s": {**NUMBER, "description": "time between two steps of the C, s"},
         "outputs": {**TEXTS, "description": 'signals that the controller puts out (default ["output"])'},
-        "safe_output": {"description": "what a NaN at an input commands: a number, or a table by output"},
+        "safe_output": {"description": "what a NaN or infinite input commands: a number, or a table by output"},
     }
     tuned = {key: f"of the tuning rule {rule.name}" for rule in rules().values() for key in rule.keys}
     cases = []

@@ -1,40 +1,49 @@
-"""Guard a floating-point program: what it does in a sample in which one of its inputs is not a number.
+"""Guard a floating-point program: what it does in a sample in which one of its inputs is not a number, or infinite.
 
 It then commands the values of `safe`, leaves its state as it is and sets one status bit alone. The test is part of the
-body. Where every input reaches the value that the only output limits, a test of that value comes first, which the
-limit asks anyway: then a sample whose inputs are all numbers mostly pays nothing.
+body, in front: a difference of an input with itself is 0, or no number, and so is its product with another. Where every
+input reaches the value that the only output limits, the test is the last thing a step does, and only where that limit
+acts: then a sample whose inputs are all finite mostly pays nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
 from firmloop.quantize.program import Assign, Number, Op, Program, StatusBit, Value
 
 NAME = "not_a_number"
-SAYS = "an input is not a number: the outputs are the safe ones, the state stays, and no other bit is set"
+SAYS = "an input is not a number, or infinite: the outputs are the safe ones, the state stays, and no other bit is set"
 TRUTH = Number("fixed", 32, 0)
-# Not a number where one operand is not; `select` where both that it chooses from are not.
+# Not finite where one operand is not, of a quotient the first; `select` where both that it chooses from are not.
 PASSING = ("add", "sub", "mul", "neg", "copy", "abs", "div")
 
 
 def guarded(program: Program, safe: Sequence[float | None]) -> Program:
-    """Return a floating-point `program` that commands `safe` where an input is not a number.
+    """Return a floating-point `program` that commands `safe` where an input is not finite.
 
     `safe` has one value an output, None for its low limit; empty: the low limit of each.
     """
     taken = {op.result.name for op in program.body}
     name = next(name for name in (NAME, *(f"{NAME}{k}" for k in range(2, len(taken) + 3))) if name not in taken)
-    asks = [f"in.{value.name}" for value in program.inputs]
-    limit = _limit(program)
-    if limit is not None and len(asks) <= 2:
-        place, limited = limit
-        tests = [_truth(name, "unordered_below", *limited, asks[0], asks[-1])]
+    free = (f"n{k}" for k in count(1) if f"n{k}" not in taken)
+    tests = _noughts(program.inputs, free)
+    last = tests[-1].result.name
+    limited = _limited(program)
+    if limited is None:
+        place = 0
+        tests.append(_truth(name, "none", last))
     else:
-        place, tests = 0, _tests(asks, name, taken)
+        place = len(program.body)
+        if limited.function != "outside":
+            limited = _truth(next(free), "outside", *limited.arguments)
+            tests.append(limited)
+        tests.append(_truth(name, "none_where", limited.result.name, last))
     lowest = _low_limits(program)
     wanted = [low if x is None else x for x, low in zip(safe or lowest, lowest, strict=True)]
     rounded = np.array(wanted).astype(program.arithmetic).tolist()
@@ -87,16 +96,13 @@ def _truth(name: str, function: str, *arguments: str | float) -> Op:
     return Op(Value(name, "", TRUTH, 0, 1), function, arguments)
 
 
-def _tests(asks: Sequence[str], name: str, taken: set[str]) -> list[Op]:
-    """Return operations that ask two inputs at a time; the last is called `name`."""
+def _noughts(inputs: Sequence[Value], free: Iterator[str]) -> list[Op]:
+    """Return operations on one input more each; the last gives 0, or no number where any of them is not finite."""
+    first, *others = (f"in.{value.name}" for value in inputs)
     found: list[Op] = []
-    free = (f"n{k}" for k in range(1, 2 * len(asks) + len(taken) + 2) if f"n{k}" not in taken)
-    for k in range(0, len(asks), 2):
-        pair = asks[k : k + 2]
-        found.append(_truth(next(free), "unordered", pair[0], pair[-1]))
-        if k:
-            found.append(_truth(next(free), "or", found[-2].result.name, found[-1].result.name))
-    found[-1] = replace(found[-1], result=replace(found[-1].result, name=name))
+    for wire in others or [first]:
+        nought = Value(next(free), "", inputs[0].number, 0, 0)
+        found.append(Op(nought, "nought", (found[-1].result.name if found else first, wire)))
     return found
 
 
@@ -111,26 +117,27 @@ def _low_limits(program: Program) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _limit(program: Program) -> tuple[int, tuple[str, float]] | None:
-    """Return where the only output is limited first, what is limited there and the low limit; None where not so."""
+def _limited(program: Program) -> Op | None:
+    """Return what asks for, or else sets, the limits of the only output; None where an input may not reach them."""
     sources = {a.source for a in program.results}
     limit = next((op for op in program.body if op.function == "clamp" and op.result.name in sources), None)
     if limit is None or len(program.outputs) != 1:
         return None
-    v, low, _ = limit.arguments
-    if not isinstance(v, str) or isinstance(low, str):
+    v, *ends = limit.arguments
+    if any(isinstance(end, str) or not math.isfinite(end) for end in ends):
         return None
     if not all(v in _reached(program, f"in.{value.name}") for value in program.inputs):
         return None
-    place = next(k for k, op in enumerate(program.body) if op.arguments[:2] == (v, low))
-    return place, (v, low)
+    asks = (op for op in program.body if op.function == "outside" and op.arguments == limit.arguments)
+    return next(asks, limit)
 
 
 def _reached(program: Program, source: str) -> set[str]:
-    """Return the values that are not a number wherever `source` is not."""
+    """Return the values that are not finite wherever `source` is not."""
     lost = {source}
     for op in program.body:
-        passes = op.function in PASSING and lost.intersection(map(str, op.arguments))
+        reads = op.arguments[:1] if op.function == "div" else op.arguments
+        passes = op.function in PASSING and lost.intersection(map(str, reads))
         if passes or (op.function == "select" and lost.issuperset(map(str, op.arguments[1:]))):
             lost.add(op.result.name)
     return lost

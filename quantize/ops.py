@@ -100,10 +100,6 @@ def _truth(value: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.asarray(value).astype(np.int64)
 
 
-def _unordered(a: Operand, b: Operand) -> Operand:
-    return _truth((a != a) | (b != b))
-
-
 def _product(a: Interval, b: Interval) -> Interval:
     corners = [x * y for x in a for y in b]
     return min(corners), max(corners)
@@ -269,22 +265,18 @@ OPERATIONS: dict[str, Operation] = {
         {"float32": "fl_none_f32({0})", "float64": "fl_none_f64({0})"},
         truth=True,
     ),
-    "unordered": Operation(
-        "one of two is no number",
-        _unordered,
+    "none_where": Operation(
+        "no number, asked only where a condition holds",
+        lambda c, a: np.where(c != 0, _truth(a != a), 0),
         _compared,
-        {"float32": "fl_unordered_f32({0}, {1})", "float64": "fl_unordered_f64({0}, {1})"},
+        {"float32": "({0} != 0) ? fl_none_f32({1}) : 0", "float64": "({0} != 0) ? fl_none_f64({1}) : 0"},
         truth=True,
     ),
-    "unordered_below": Operation(
-        "a value is not at or above a limit, and one of two is no number",
-        lambda x, low, a, b: np.where(x >= low, 0, _unordered(a, b)),
-        _compared,
-        {
-            "float32": "({0} >= {1}) ? 0 : fl_unordered_f32({2}, {3})",
-            "float64": "({0} >= {1}) ? 0 : fl_unordered_f64({2}, {3})",
-        },
-        truth=True,
+    "nought": Operation(
+        "0, or no number where one of two is none or infinite",
+        lambda a, b: (a - a) * b,
+        lambda a, b: (0, 0),
+        {"float32": "fl_nought_f32({0}, {1})", "float64": "fl_nought_f64({0}, {1})"},
     ),
     "lost": Operation(
         "no number, or an infinite one",

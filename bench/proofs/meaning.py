@@ -225,6 +225,10 @@ class Meaning:
         def most(a: Any, b: Any) -> Any:
             return z3.If(a > b, a, b)
 
+        def nought(a: Any, b: Any) -> Any:
+            gone = [is_it(x) for x in (a, b) for is_it in (z3.fpIsNaN, z3.fpIsInf)]
+            return z3.If(z3.Or(*gone), z3.fpNaN(self.sort), z3.FPVal(0, self.sort))
+
         def ite(condition: Any, a: Any, b: Any) -> Any:
             return z3.If(condition if z3.is_bool(condition) else condition != 0, a, b)
 
@@ -246,7 +250,7 @@ class Meaning:
             found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)
             found[f"fl_outside_{end}"] = lambda x, low, high: z3.If(z3.And(x >= low, z3.Not(x > high)), zero, one)
             found[f"fl_beyond_{end}"] = lambda x, low, high: z3.If(x >= low, high, low)
-            found[f"fl_unordered_{end}"] = lambda a, b: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsNaN(b)), one, zero)
+            found[f"fl_nought_{end}"] = nought
             found[f"fl_none_{end}"] = lambda a: z3.If(z3.fpIsNaN(a), one, zero)
             found[f"fl_unset_{end}"] = lambda: z3.fpNaN(self.sort)
         for end in ("i32", "f32", "f64"):

@@ -6,8 +6,8 @@ One operation in round-to-nearest adds at most half a unit in the last place of 
 beside a float32 program and long double beside a float64 one: that rounding is part of the bound. Where a sum is
 limited to a range, its own rounding matters only where law or program is within that range: beyond it both stand at the
 limit. Neither inputs nor state are limited: bounds hold while inputs keep their ranges, and state keeps its range by
-the controller's own argument. A state that an input has made infinite or no number is found in the next sample, and the
-controller starts afresh.
+the controller's own argument. A state that an overflow has made infinite or no number is found in the next sample,
+and the controller starts afresh.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A law says in `first` what its state is where the first inputs had always stood. The program keeps one state variable at
 a value that it cannot have otherwise, until the first sample: the least integer in fixed point, not a number in
-floating point. There the same test finds a controller that a NaN or an infinite input has reached, and starts it
+floating point. There the same test finds a controller that a NaN or an infinity has reached, and starts it
 afresh.
 """
 

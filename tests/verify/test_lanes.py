@@ -20,7 +20,6 @@ ONE = ("copy", "neg", "abs", "not", "none", "lost", "magnitude", "shr", "high", 
 ARITY = {
     **dict.fromkeys(ONE, 1),
     **dict.fromkeys(("select", "clamp", "mac", "outside", "beyond"), 3),
-    "unordered_below": 4,
 }
 WORD = 2**31
 

@@ -11,6 +11,6 @@ WHOLE = {
     **{"shl": 22, "wrap": 23},
 }
 REAL = {
-    **{"div": 24, "outside": 25, "beyond": 26, "none": 27, "unordered": 28, "unordered_below": 29, "lost": 30},
+    **{"div": 24, "outside": 25, "beyond": 26, "none": 27, "nought": 28, "none_where": 29, "lost": 30},
     "magnitude": 31,
 }

@@ -97,8 +97,8 @@ void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t 
                 EACH(25, (a[k] >= b[k]) ? ((a[k] > c[k]) ? 1 : 0) : 1)       /* outside */
                 EACH(26, (a[k] >= b[k]) ? c[k] : b[k])                       /* beyond */
                 EACH(27, (a[k] != a[k]) ? 1 : 0)                             /* none */
-                EACH(28, (a[k] != a[k] || b[k] != b[k]) ? 1 : 0)             /* unordered */
-                EACH(29, (a[k] >= b[k]) ? 0 : ((c[k] != c[k] || d[k] != d[k]) ? 1 : 0)) /* unordered_below */
+                EACH(28, (a[k] - a[k]) * b[k])                               /* nought */
+                EACH(29, (a[k] != 0 && b[k] != b[k]) ? 1 : 0)                /* none_where */
                 EACH(30, ((a[k] - a[k]) != (a[k] - a[k])) ? 1 : 0)           /* lost */
                 EACH(31, (NUMBER)fabs((double)a[k]))                         /* magnitude */
 #endif

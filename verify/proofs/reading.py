@@ -148,12 +148,12 @@ def _check_names(claims: Claims) -> None:
 
 
 def _check_safe(claims: Claims) -> None:
-    """Assert that an operation tells that an input is not a number, and that what is commanded then keeps its range."""
+    """Assert that an operation tells that an input is not finite, and that what is commanded then keeps its range."""
     if claims.safe and (not claims.status or claims.status[-1][2] not in {op.result.name for op in claims.operations}):
-        raise ProofError("the last status bit is no operation that tells that an input is not a number")
+        raise ProofError("the last status bit is no operation that tells that an input is not finite")
     for output, safe in zip(claims.outputs, claims.safe, strict=bool(claims.safe)):
         if output.low is None or output.high is None or not output.low <= safe <= output.high:
-            raise ProofError(f"output {output.name} is {safe} where an input is not a number, out of its range")
+            raise ProofError(f"output {output.name} is {safe} where an input is not finite, out of its range")
 
 
 def _check_bits(claims: Claims) -> None:

@@ -38,7 +38,7 @@ CALLS = {  # function: C name, and how many counts its arguments end with
     **CURVED,
 }
 TYPED = (
-    *("min", "max", "clamp", "abs", "outside", "beyond", "none", "unordered", "lost"),
+    *("min", "max", "clamp", "abs", "outside", "beyond", "none", "nought", "lost"),
     *("sin", "cos", "exp", "tanh", "sqrt"),
 )
 FURTHER = {
@@ -199,8 +199,8 @@ class Writer:
             match function:
                 case "improve":
                     return f"fl_rti(&{a[0]}, {a[1]}, (const {self._element()}[]){{ {', '.join(a[2:])} }})"
-                case "unordered_below":
-                    return f"({a[0]} >= {a[1]}) ? 0 : {self._called('unordered', a[2:])}"
+                case "none_where":
+                    return f"({a[0]} != 0) ? {self._called('none', a[1:])} : 0"
                 case "copy" | "neg":
                     return a[0] if function == "copy" else f"-{a[0]}"
                 case "capped" | "infeasible":

@@ -34,9 +34,9 @@ static inline int32_t fl_none_f32(float a) {
     return (a == a) ? 0 : 1;
 }
 
-/* Whether `a` or `b` is not a number. */
-static inline int32_t fl_unordered_f32(float a, float b) {
-    return ((a <= b) || (a > b)) ? 0 : 1;
+/* 0, or not a number where `a` or `b` is not a number or infinite. */
+static inline float fl_nought_f32(float a, float b) {
+    return (a - a) * b;
 }
 
 /* Whether `a` is not a number, or infinite. */
@@ -47,8 +47,12 @@ static inline int32_t fl_lost_f32(float a) {
 
 /* Not a number: what a controller holds until its first sample. */
 static inline float fl_unset_f32(void) {
-    const float zero = 0.0F;
-    return zero / zero;
+    union {
+        float value;
+        uint32_t bits;
+    } none;
+    none.bits = 0xFFFFFFFFU;
+    return none.value;
 }
 
 static inline float fl_abs_f32(float a) {
@@ -144,9 +148,9 @@ static inline int32_t fl_none_f64(double a) {
     return (a == a) ? 0 : 1;
 }
 
-/* Whether `a` or `b` is not a number. */
-static inline int32_t fl_unordered_f64(double a, double b) {
-    return ((a <= b) || (a > b)) ? 0 : 1;
+/* 0, or not a number where `a` or `b` is not a number or infinite. */
+static inline double fl_nought_f64(double a, double b) {
+    return (a - a) * b;
 }
 
 /* Whether `a` is not a number, or infinite. */
@@ -157,8 +161,12 @@ static inline int32_t fl_lost_f64(double a) {
 
 /* Not a number: what a controller holds until its first sample. */
 static inline double fl_unset_f64(void) {
-    const double zero = 0.0;
-    return zero / zero;
+    union {
+        double value;
+        uint64_t bits;
+    } none;
+    none.bits = 0xFFFFFFFFFFFFFFFFU;
+    return none.value;
 }
 
 static inline double fl_abs_f64(double a) {

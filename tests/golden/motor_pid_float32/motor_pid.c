@@ -37,11 +37,6 @@ uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_o
     const float unlimited = (fresh != 0) ? proportional : t10; /* V, -138.682 to 138.682 */
     const float t13 = (fresh != 0) ? t3 : t6; /* -70.7182 to 70.7182 */
     const float filtered_new = (fresh != 0) ? t2 : t12; /* rad/s, -572.509 to 572.509 */
-    const int32_t not_a_number = (unlimited >= (-12.0F)) ? 0 : fl_unordered_f32(in->reference, in->measurement); /* truth */
-    if (not_a_number != 0) { /* an input is not a number */
-        out->output = (-12.0F);
-        return (uint32_t)MOTOR_PID_NOT_A_NUMBER;
-    }
     const int32_t saturated = fl_outside_f32(unlimited, -12.0F, 12.0F); /* truth */
     const float output_limited = fl_clamp_f32(unlimited, -12.0F, 12.0F); /* V, -12 to 12 */
     const float t14 = fl_beyond_f32(unlimited, -12.0F, 12.0F); /* -12 to 12 */
@@ -49,6 +44,12 @@ uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_o
     const float t16 = 0.02F * t15; /* -3.01364 to 3.01364 */
     const float t17 = t13 + t16; /* -73.7318 to 73.7318 */
     const float integral_new = (saturated != 0) ? t17 : t13; /* V, -73.7318 to 73.7318 */
+    const float n1 = fl_nought_f32(in->reference, in->measurement); /* 0 to 0 */
+    const int32_t not_a_number = (saturated != 0) ? fl_none_f32(n1) : 0; /* truth */
+    if (not_a_number != 0) { /* an input is not finite */
+        out->output = (-12.0F);
+        return (uint32_t)MOTOR_PID_NOT_A_NUMBER;
+    }
 
     out->output = output_limited;
     self->integral = integral_new;

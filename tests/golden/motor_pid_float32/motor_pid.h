@@ -4,7 +4,7 @@
  *
  *   period    0.001 s between two calls of step()
  *   number    single precision, round to nearest, no fused multiply-add (compile with -ffp-contract=off)
- *   program   7aef9785697e206b
+ *   program   7cdc51aa3a5dbee5
  *   rounding  output differs from the exact law by at most 2.13e-05 V in one step
  */
 #ifndef MOTOR_PID_H
@@ -16,16 +16,16 @@
 extern "C" {
 #endif
 
-#define MOTOR_PID_PROGRAM_ID "7aef9785697e206b" /* a board answers with this; the verifier compares it */
+#define MOTOR_PID_PROGRAM_ID "7cdc51aa3a5dbee5" /* a board answers with this; the verifier compares it */
 #define MOTOR_PID_PERIOD_S 0.001
 
 /** Bits of what step() returns; 0 when none holds. */
 enum {
     MOTOR_PID_SATURATED = 1, /**< the output stands at its limit */
-    MOTOR_PID_NOT_A_NUMBER = 2 /**< an input is not a number: the outputs are the safe ones, the state stays, and no other bit is set */
+    MOTOR_PID_NOT_A_NUMBER = 2 /**< an input is not a number, or infinite: the outputs are the safe ones, the state stays, and no other bit is set */
 };
 
-/** What one sample reads. Where one is not a number, the safe outputs are commanded and the state stays; the bound on rounding holds within the ranges. */
+/** What one sample reads. Where one is not finite, the safe outputs are commanded and the state stays; the bound on rounding holds within the ranges. */
 typedef struct {
     float reference; /**< rad/s, -400 to 400 */
     float measurement; /**< rad/s, -400 to 400 */
