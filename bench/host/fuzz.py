@@ -45,7 +45,7 @@ def main() -> int:
             said = "no fault"
         except Exception as error:
             failed += 1
-            said = f"{type(error).__name__}: {error}"
+            said = "\n".join([f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])])
         print(f"{name:>12}: {cases:,} cases in {time.monotonic() - begin:.0f} s: {said}", flush=True)
     return 1 if failed else 0
 
