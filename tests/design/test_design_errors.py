@@ -31,6 +31,8 @@ GOOD = {"kp": 0.1, "ki": 1.0}
         ({"kp": 0.0, "ki": 0, "kd": 0}, ["all 0", "tune"]),
         ({**GOOD, "tf_s": -0.1}, ["tf_s", "-0.1", "at least 0"]),
         ({"kp": 0.0, "kd": 0.1}, ["tf_s", "missing"]),
+        ({**GOOD, "tf_s": 1e30}, ["tf_s = 1e+30", "no filter", "shorter"]),
+        ({**GOOD, "kd": 0.1, "tf_s": 1e-30, "form": "tustin"}, ["tf_s = 1e-30", "no filter", "longer"]),
         ({**GOOD, "kd": 0.1, "tf_s": 0.0, "form": "tustin"}, ["tf_s", "tustin", "above 0"]),
         ({**GOOD, "tt_s": 0.0}, ["tt_s", "above 0"]),
         ({**GOOD, "tt_s": 0.0005}, ["tt_s", "0.0005", "period_s"]),

@@ -128,6 +128,16 @@ def test_datasheet_says_what_leads_below_zero_without_a_share_of_it(
     assert json.loads((out / "datasheet.json").read_text())["contradictions"][0]["share"] is None
 
 
+@pytest.mark.parametrize("tolerance", ["-1e30", "-0.1", "1.0", "1e30"])
+def test_a_tolerance_that_is_no_share_is_refused(
+    tolerance: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head, *rest = SHEET.partition("[datasheet]\n")
+    path = _file(tmp_path, "".join([head, rest[0], f"tolerance = {tolerance}\n", *rest[1:]]))
+    assert main(["datasheet", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert f"tolerance = {float(tolerance)!r}: must be a share from 0 to below 1" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("beside", ["\u00b110 %", "+/- 10 %", "@ 25 degC", "at 25 degC", "max."])
 def test_datasheet_tells_a_condition_beside_a_unit_from_a_unit(
     beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

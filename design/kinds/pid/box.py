@@ -34,8 +34,9 @@ def box_ranges(
     """Put the wider ranges that changing factors allow in place of those of constant ones."""
     ends = (reference.low, reference.high), (measurement.low, measurement.high)
     x = [c * r - y for c in {pid.c for pid in pids} for r, y in itertools.product(*ends)]
-    slope, forget = max(abs(pid.slope) for pid in pids), max(abs(pid.forget) for pid in pids)
-    d_high = slope * (max(x) - min(x)) / (1 - forget) if whole.differentiates else 0.0
+    slope = max(abs(pid.slope) for pid in pids)
+    left = min(min(pid.follow, 1 + pid.forget) for pid in pids)  # 1 - |forget|
+    d_high = slope * (max(x) - min(x)) / left if whole.differentiates else 0.0
     low = high = 0.0
     if whole.integrates:
         for values in itertools.product(*({getattr(pid, name) for pid in pids} for name in MOVED)):

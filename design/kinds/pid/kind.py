@@ -221,6 +221,9 @@ def read_pid(table: Mapping[str, object], period: float, wires: Wires, gains: Ga
     for what, factor in {"ki h": pid.ki * period, "kd/(tf+h)": pid.slope, "kp b": pid.kp * pid.b}.items():
         if not math.isfinite(factor):
             raise DesignError(f"the factor {what} of the pid is {factor}: the gains are too large; give smaller ones")
+    if pid.tf > 0 and abs(pid.forget) >= 1:
+        way = "longer" if pid.forget < 0 else "shorter"
+        raise DesignError(f"controller.tf_s = {pid.tf:g} is no filter at period_s = {period:g}; give a {way} time")
     return pid
 
 

@@ -180,6 +180,8 @@ def datasheet(project: Project) -> Datasheet:
         sheet = _sheet(project)
         part = document.table("datasheet")
         tolerance = part.number("tolerance", "tolerance = 0.05") if "tolerance" in part.values else TOLERANCE
+        if not 0.0 <= tolerance < 1.0:
+            raise part.wrong("tolerance", "must be a share from 0 to below 1, such as tolerance = 0.05")
         try:
             reading = read_sheet(sheet, part.without("tolerance", "plant"), tolerance)
             found = _parameters(project, sheet, reading)
