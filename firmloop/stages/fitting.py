@@ -29,4 +29,4 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     seen = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
     own = () if first_causes(remarks) else fitted.warnings
     said = (*data.notes, *(one.says for one in remarks), *own, *filter(None, seen))
-    return replace(fitted, warnings=said)
+    return replace(fitted, warnings=tuple(dict.fromkeys(said)))

@@ -18,6 +18,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.columns import Column, RowClock, arranged
 from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
+from firmloop.identify.recordings.lost_rows import leapt_over, uncounted
 from firmloop.identify.recordings.stamps import check_stamps
 from firmloop.identify.recordings.table import Misread, RawTable, without_row_numbers
 from firmloop.identify.signal import Signal
@@ -64,7 +65,9 @@ def read_recording(
     check_stamps(table, given.get("time_s", ("time_s", Column("time_s"))), str(path))
     columns = dict(zip(table.names, table.columns, strict=True))
     made = make_recording(columns.pop("time_s"), columns, path.name, digest)
-    return replace(made, hold=hold, notes=tuple(f"{path.name} {note}" for note in table.notes))
+    lost = (*leapt_over(made.time), *uncounted(made.time, made.columns))
+    notes = (*(f"{path.name} {note}" for note in table.notes), *(f"{path.name}: {note}" for note in lost))
+    return replace(made, hold=hold, notes=notes)
 
 
 def read_raw(path: Path) -> tuple[RawTable, str]:

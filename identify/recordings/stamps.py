@@ -29,6 +29,7 @@ _PRESCALED = {
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
+_USUAL, _AWAY = 0.95, 4.0  # share of a signal's steps that are usual ones; how many it is away by that has moved
 _STRETCH = 20.0  # typical steps a counter may go across its end
 
 
@@ -89,7 +90,7 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
     falls = steps[steps < 0.0]
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else math.inf
     count = rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)  # s
-    found = _wrap(time, steps, usual, count)
+    found = _wrap(time, steps, usual, count, _goes_on(table, np.flatnonzero(steps < 0.0)))
     if found:
         size, says = found
         raw = size / count
@@ -124,7 +125,21 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
     )
 
 
-def _wrap(time: Array, steps: Array, usual: float, count: float) -> tuple[float, str] | None:
+def _goes_on(table: RawTable, falls: NDArray[np.intp]) -> bool:
+    """Tell whether a signal is away from where the file begins, and goes on as it was, wherever the clock falls.
+
+    Another recording would begin as the first did.
+    """
+    for name, column in zip(table.names, table.columns, strict=True):
+        step = float(np.quantile(np.abs(np.diff(column)), _USUAL))
+        on = np.abs(column[falls + 1] - column[falls]) <= step
+        away = np.abs(column[falls + 1] - column[0]) > _AWAY * step
+        if name != "time_s" and np.all(on & away):
+            return True
+    return False
+
+
+def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) -> tuple[float, str] | None:
     """Return by how much the clock falls, s, and what that is.
 
     It is a power of two of its ticks; or the end of a minute, an hour, a day or a week, or of a counter of processor
@@ -140,7 +155,7 @@ def _wrap(time: Array, steps: Array, usual: float, count: float) -> tuple[float,
     }
     begun = time[0] > float(begins.max()) + _STRETCH * usual
     tables = [(powers, even)]
-    if begun or not anew:
+    if begun or not anew or goes_on:
         tables += [({**_CALENDAR, **_PRESCALED, **_CYCLES}, even)]
     tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
     if begun:

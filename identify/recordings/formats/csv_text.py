@@ -158,8 +158,13 @@ def _culprit(
                     remedy = "write seconds, or leave the column out and give recordings.period_s"
                 return Misread(f"line {number}, column {name}", wrong, remedy)
             if cell.strip().startswith('"'):
-                wrong = f"is {cell.strip()[:40]!r}, a number in quotes"
-                return Misread(f"line {number}, column {name}", wrong, "write numbers without quotes")
+                wrong, remedy = f"is {cell.strip()[:40]!r}, a number in quotes", "write numbers without quotes"
+                if not cell.strip().endswith('"'):
+                    wrong, remedy = (
+                        f"is {cell.strip()[:40]!r}: its quote does not close",
+                        "delete that quote; keep the row",
+                    )
+                return Misread(f"line {number}, column {name}", wrong, remedy)
     return Misread("", f"cannot be parsed: {says}", "write plain decimal numbers separated by commas")
 
 
