@@ -58,6 +58,7 @@ _WHOLE = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "rpm": "rpm", 
 _WORDS = frozenset("in min p kp Kp g h l T J F K rev turn turns tr second sec".split())
 # What flows or moves in a time without a unit of its own, and what is counted in it: l_s is l/s, but N_s is no N/s.
 _AMOUNTS = frozenset("mm cm km um ft l L ml mL cl g mg kg m rev turns tr rad mrad deg percent K degC".split())
+_STEEP = dict.fromkeys(("ms", "us"), frozenset("V mV kV A mA".split()))  # slew rates: V_us; V_s is a flux
 _COUNTED = frozenset("1 counts ticks pulses steps samples lines px mol".split())
 # Words that a letter counts: Channel A is no current.
 _LETTERED = frozenset("channel ch kanal voie input probe analog sensor port trace".split())
@@ -120,8 +121,8 @@ def _composed(words: list[str]) -> str:
         known = "_".join((words[-count][1:], *words[1 - count :]))
         if known in _ENDINGS and is_symbol(words[-count]):
             return words[-count][0] + _ENDINGS[known]
-    found = re.search(r"_([^_]+)_per_([^_]+)$|_([^_]+)_(s|min|h)$", "_".join(words))
-    if found is None or (found[3] and found[3].rstrip("234") not in _AMOUNTS):
+    found = re.search(r"_([^_]+)_per_([^_]+)$|_([^_]+)_(s|min|h|ms|us)$", "_".join(words))
+    if found is None or (found[3] and found[3].rstrip("234") not in (_AMOUNTS | _STEEP.get(found[4], frozenset()))):
         return ""
     quotient = f"{found[1] or found[3]}/{found[2] or found[4]}"
     return quotient if is_unit(quotient) else ""

@@ -206,6 +206,10 @@ def test_half_an_ending_is_not_taken_for_the_whole(name: str, unit: str, ending:
         ("torque_mN_m", "mN*m"),
         ("ke_mV_s_rad", "mV*s/rad"),
         ("gyro_dps", "dps"),
+        ("slew_V_us", "V/us"),
+        ("rise_A_ms", "A/ms"),
+        ("t_us", "us"),
+        ("voltage_V_s", "V*s"),
     ],
 )
 def test_a_unit_of_several_words_is_read_whole(name: str, unit: str) -> None:

@@ -54,8 +54,9 @@ def read_csv(content: bytes) -> RawTable | Misread:
 
 def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
     """Return the text and what is told of its encoding."""
-    half = content[1:4000:2].count(0), content[0:4000:2].count(0)
-    sixteen = content.startswith(_UTF_16) or max(half) > 0.4 * len(content[1:4000:2]) > 4
+    half, most = (content[1:4000:2].count(0), content[0:4000:2].count(0)), len(content[1:4000:2])
+    # Each digit has a byte of zero: a mark without any is noise of a line that starts.
+    sixteen = max(half) > 0.05 * most if content.startswith(_UTF_16) else max(half) > 0.4 * most > 4
     try:
         if sixteen:
             little = content.startswith(codecs.BOM_UTF16_LE) or (content[:2] not in _UTF_16 and half[0] > half[1])

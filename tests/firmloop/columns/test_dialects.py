@@ -66,6 +66,7 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
         b"\xff\x8c\x00l\xe3\r\n\x9e\x02rst\x00\r\n" + PLAIN.encode(),
         "first 2 lines are left",
     ),
+    "noise that begins like UTF-16": (b"\xff\xfe\x00\x80garb\r\n" + PLAIN.encode(), "its first line is left"),
     "stamps of the Arduino terminal": (
         "\n".join(f"12:34:{k % 60:02d}.789 -> {line}" for k, line in enumerate([HEADER, *ROWS])),
         "a stamp of the terminal before every line",
