@@ -95,8 +95,17 @@ set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
 
 def need(*programs: str) -> pytest.MarkDecorator:
-    missing = [program for program in programs if shutil.which(program) is None]
-    return pytest.mark.skipif(bool(missing), reason=f"{', '.join(missing)} is not installed")
+    missing = [program for program in programs if not _runs(program)]
+    return pytest.mark.skipif(bool(missing), reason=f"{', '.join(missing)} is not installed, or does not start")
+
+
+def _runs(program: str) -> bool:
+    """Tell whether a program is there, and starts: rustup may stand for a cargo that is not."""
+    if shutil.which(program) is None:
+        return False
+    if program not in ("cargo", "rustc"):
+        return True
+    return subprocess.run([program, "--version"], capture_output=True, check=False).returncode == 0
 
 
 def ran(command: list[str], folder: Path, status: int = 0) -> str:

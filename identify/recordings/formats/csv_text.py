@@ -55,8 +55,9 @@ def read_csv(content: bytes) -> RawTable | Misread:
 def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
     """Return the text and what is told of its encoding."""
     half, most = (content[1:4000:2].count(0), content[0:4000:2].count(0)), len(content[1:4000:2])
+    marked = content.startswith(_UTF_16)
     # Each digit has a byte of zero: a mark without any is noise of a line that starts.
-    sixteen = max(half) > 0.05 * most if content.startswith(_UTF_16) else max(half) > 0.4 * most > 4
+    sixteen = max(half) > 0.05 * most if marked else max(half) > 0.4 * most > 4
     try:
         if sixteen:
             little = content.startswith(codecs.BOM_UTF16_LE) or (content[:2] not in _UTF_16 and half[0] > half[1])
@@ -65,7 +66,7 @@ def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
             text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         text = content.decode("cp1252", errors="replace")
-        if sixteen or any(ord(sign) < 32 and sign not in "\r\n\t" for sign in text) or "\ufffd" in text:
+        if sixteen or marked or any(ord(sign) < 32 and sign not in "\r\n\t" for sign in text) or "\ufffd" in text:
             return _without_noise(content, error.start)
         return text, ("is not UTF-8; its signs beyond ASCII are read as Windows-1252",)
     if "\0" in text:

@@ -16,7 +16,7 @@ from firmloop.diagnose.model.hypothesis import Point, make_problem
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import EffectUse
-from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.simulate import rest_start, simulate
 from tests.diagnose.test_truth import made
 
 WRONG: Mapping[str, tuple[str | None, Mapping[str, float]]] = {
@@ -36,8 +36,9 @@ def test_a_recorded_angle_without_what_its_sensor_does(name: str, tmp_path: Path
     bare = with_effects(plant, ())
     output, values = WRONG[name]
     use = EffectUse(name, output, values)
-    true = simulate(bare, shown, None)[:, 0]
-    columns = dict(zip(("position_rad", "current_A"), simulate(with_effects(bare, [use]), shown, None).T, strict=True))
+    begin = rest_start(bare, shown)
+    true = simulate(bare, shown, begin)[:, 0]
+    columns = dict(zip(("position_rad", "current_A"), simulate(with_effects(bare, [use]), shown, begin).T, strict=True))
     recording = replace(shown, columns={**shown.columns, **columns})
     problem = make_problem(bare, [recording], [], np.full(2, 1e-9))
     (term,) = (each for each in problem.terms if (each.effect.name, each.output) == (name, output))

@@ -68,7 +68,7 @@ def test_every_key_of_a_project_is_explained(said: Said, schema: dict[str, Any])
         ("dc_motor", "L di/dt = u - R i - ke w"),
         ("pid", "I[k+1] = I[k] + ki h e[k]"),
         ("tau_c_s", "simc"),
-        ("safe_output", "a NaN at an input"),
+        ("safe_output", "a NaN or infinity at an input"),
     ],
 )
 def test_an_explanation_says_what_the_reference_says(name: str, words: str, said: Said) -> None:
