@@ -61,10 +61,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NO_READER
     except (KeyboardInterrupt, _Stopped):
-        complain("stopped; nothing was left half-written")
-        return STOPPED
+        return _ended()
     except Exception as error:
-        return _failed(error, console)
+        return _ended() if _stop_within(error) else _failed(error, console)
+
+
+def _ended() -> int:
+    complain("stopped; nothing was left half-written")
+    return STOPPED
+
+
+def _stop_within(error: BaseException | None) -> bool:
+    """Tell whether a library has made an error of its own of a Ctrl-C: an import that is stopped does."""
+    while error is not None and not isinstance(error, KeyboardInterrupt | _Stopped):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _failed(error: Exception, console: Console) -> int:

@@ -325,11 +325,17 @@ def test_terminated_in_the_middle(project: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["bench"]
 
 
+@pytest.mark.parametrize("imports", [False, True], ids=["", "while a library is imported"])
 def test_interrupted(
-    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    imports: bool, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(path: Path) -> None:
-        raise KeyboardInterrupt
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            if not imports:
+                raise
+            raise ImportError("the core failed to import") from error
 
     monkeypatch.setattr("firmloop.door.load.read_project", interrupted)
     assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 130
