@@ -15,6 +15,7 @@ from firmloop.diagnose.policy import SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
+from firmloop.identify.fitting.fit import fit_start
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.fitting.own_values import own_start
 from firmloop.identify.plants.plant import Plant
@@ -40,15 +41,18 @@ def as_identified(plant: Plant, train: Sequence[Recording]) -> Plant | None:
         return None
 
 
-def simulation_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
+def simulation_rms(plant: Plant, recordings: Sequence[Recording], recorded: bool = False) -> Array:
     """Return the rms (recordings, r) of measured - simulated, from the input alone and from rest; infinite if it fails.
 
-    As `firmloop simulate` does it.
+    As `firmloop simulate` does it; where the readings say, if `recorded`, as by its --fit-initial.
     """
     found = np.full((len(recordings), len(plant.outputs)), np.inf)
     for k, recording in enumerate(recordings):
         try:
-            start = own_start(plant, recording, constants_of(plant))
+            if recorded:
+                start: Array | None = fit_start(plant, recording, NONE)
+            else:
+                start = own_start(plant, recording, constants_of(plant))
             left = measured(plant, recording) - simulate(plant, recording, start)
         except IdentifyError:
             continue
@@ -64,12 +68,17 @@ def overall_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
 
 def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the plain refit does."""
-    return no_worse(plant, simulation_rms(refit, recordings), recordings)
+    return no_worse(plant, both_starts(refit, recordings), recordings)
+
+
+def both_starts(plant: Plant, recordings: Sequence[Recording]) -> Array:
+    """Return the rms (2, recordings, r) from rest and from where the readings say: a recording may begin in motion."""
+    return np.stack([simulation_rms(plant, recordings, recorded) for recorded in (False, True)])
 
 
 def no_worse(plant: Plant, rms: Array, recordings: Sequence[Recording]) -> bool:
-    """Tell whether a plant simulates every output of every recording to no more than a rms (recordings, r)."""
-    return bool(np.all(simulation_rms(plant, recordings) <= SAME_RMS * rms))
+    """Tell whether a plant simulates every output of every recording to no more than a rms (2, recordings, r)."""
+    return bool(np.all(both_starts(plant, recordings) <= SAME_RMS * rms))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:

@@ -21,7 +21,7 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import NEARER_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.harmless import no_worse, same_function, simulation_rms
+from firmloop.diagnose.search.harmless import both_starts, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
 from firmloop.diagnose.search.simulation_error import independent
@@ -52,7 +52,7 @@ class _Bench:
 
     refit: Plant
     recordings: Sequence[Recording]
-    refit_rms: NDArray[np.float64]  # (recordings, r)
+    refit_rms: NDArray[np.float64]  # (2, recordings, r)
 
     def part(self, search: Search) -> _Part:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
@@ -88,7 +88,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
     them than by chance.
     """
-    bench = _Bench(refit, recordings, simulation_rms(refit, recordings))
+    bench = _Bench(refit, recordings, both_starts(refit, recordings))
     if not found.best.fitted.terms:
         return found, bench.left_out(found).figures
     here = _whole(found, bench)
