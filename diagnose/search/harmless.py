@@ -15,9 +15,8 @@ from firmloop.diagnose.policy import SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
-from firmloop.identify.fitting.fit import fit_start
 from firmloop.identify.fitting.noise import white
-from firmloop.identify.fitting.own_values import own_start
+from firmloop.identify.fitting.own_values import fit_start, own_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
@@ -49,10 +48,11 @@ def simulation_rms(plant: Plant, recordings: Sequence[Recording], recorded: bool
     found = np.full((len(recordings), len(plant.outputs)), np.inf)
     for k, recording in enumerate(recordings):
         try:
+            constants = constants_of(plant)
             if recorded:
-                start: Array | None = fit_start(plant, recording, NONE)
+                start = fit_start(plant, recording, constants, NONE)
             else:
-                start = own_start(plant, recording, constants_of(plant))
+                start = own_start(plant, recording, constants)
             left = measured(plant, recording) - simulate(plant, recording, start)
         except IdentifyError:
             continue

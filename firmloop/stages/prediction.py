@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.fitting.fit import fit_start
-from firmloop.identify.fitting.own_values import own_start, own_value
+from firmloop.identify.fitting.own_values import fit_start, own_start, own_value
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import constants_of, simulate
@@ -56,4 +55,4 @@ def at_rest(project: Project, plant: Plant, recording: Recording) -> Array | Non
 
 def as_recorded(project: Project, plant: Plant, recording: Recording) -> Array | None:
     """Start where the recorded outputs fit best."""
-    return fit_start(plant, recording, conditioning_of(project))
+    return fit_start(plant, recording, constants_of(plant), conditioning_of(project))

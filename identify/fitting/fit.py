@@ -38,7 +38,7 @@ from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.course import Engine
-from firmloop.identify.simulation.simulate import constants_of, rest_start, simulator
+from firmloop.identify.simulation.simulate import constants_of, simulator
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -173,16 +173,6 @@ def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning)
     shared = estimate(in_common(plant, named), train, (), conditioning).plant
     values = {p.name: p.value for p in shared.parameters}
     return replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
-
-
-def fit_start(plant: Plant, recording: Recording, conditioning: Conditioning) -> Array:
-    """Estimate the initial state (n,) of a recording for the plant as it is, whatever the windows of `conditioning`."""
-    (made,) = experiments(plant, recording, replace(conditioning, window_s=0.0))
-    spread = np.std(made.target, axis=0)
-    weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
-    return best_start(
-        made, simulator(plant, recording.hold), constants_of(plant), rest_start(plant, recording), weights
-    )
 
 
 def _silent(fraction: float, label: str) -> None:

@@ -1,4 +1,4 @@
-"""Tell what each recording has of what differs between them, and where the rest of a recording begins at rest."""
+"""Tell what each recording has of what differs between them, and where it begins: at rest, or as its readings say."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from firmloop.identify.fitting.covariance import uncertainty
 from firmloop.identify.fitting.experiment import best_start, experiments, misfit
 from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
-from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import course_of, rest_start, simulator
 
@@ -90,26 +90,37 @@ def _as_read(plant: Plant, recording: Recording, start: Array) -> Array:
     return found
 
 
+def fit_start(plant: Plant, recording: Recording, constants: Array, conditioning: Conditioning) -> Array:
+    """Estimate the initial state (n,) of a recording for the plant as it is, whatever the windows of `conditioning`."""
+    (made,) = experiments(plant, recording, replace(conditioning, window_s=0.0))
+    engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
+    rest, weights = rest_start(plant, recording), 1.0 / np.where(spread > 0.0, spread, 1.0)
+    if not by_itself(plant, recording):
+        return best_start(made, engine, constants, rest, weights)
+    # From rest, what only coasts may end in another turn.
+    found = best_start(made, engine, constants, _as_read(plant, recording, rest), weights)
+    left, _ = misfit(made, engine, constants, found, ())
+    sizes = np.maximum(np.sqrt(np.mean(left**2, axis=0)), _ROUNDING * spread)
+    # A way of many turns spreads far more than its noise, a constant speed hardly more.
+    return best_start(made, engine, constants, found, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
+
+
 def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
     """Return the initial state (n,) at rest, with what the recording has of its own; its readings tell that alone.
 
     Where no input ever changes, what moves moves by itself: a decay begins where its readings say.
     """
     start = rest_start(plant, recording)
+    if not {signal.name for signal in plant.outputs} <= set(recording.columns):
+        return start
+    if by_itself(plant, recording):
+        return fit_start(plant, recording, constants, NONE)
     states = [one.state for one in plant.varying]
-    coasts = by_itself(plant, recording)
-    names = {signal.name for signal in plant.outputs}
-    if not (states or coasts) or not names <= set(recording.columns):
+    if not states:
         return start
     (made,) = experiments(plant, recording, NONE)
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
     weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
-    if coasts:
-        found = best_start(made, engine, constants, _as_read(plant, recording, start), weights)
-        left, _ = misfit(made, engine, constants, found, ())
-        sizes = np.maximum(np.sqrt(np.mean(left**2, axis=0)), _ROUNDING * spread)
-        # A way of many turns spreads far more than its noise, a constant speed hardly more.
-        return best_start(made, engine, constants, found, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
 
     def with_own(own: Array) -> Array:
         moved = start.copy()

@@ -31,13 +31,13 @@ from firmloop.identify.bench_tests.delay_search import (
     spoiled_by_means,
 )
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import fit_start
+from firmloop.identify.fitting.own_values import fit_start
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.fitting.scores import scores
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE, condition_input, condition_output
 from firmloop.identify.recordings.recording import Recording, column
-from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.simulate import constants_of, simulate
 from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectTable
 from firmloop.stages.data import conditioning_of, read_data
@@ -116,7 +116,8 @@ def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Re
     plant, conditioning = plant_from_table(table_of_plant), conditioning_of(project)
     assert project.plant is not None
     drive, output = project.plant.input, project.plant.outputs[0]
-    simulated = simulate(plant, recording, fit_start(plant, recording, conditioning))[:, 0]
+    start = fit_start(plant, recording, constants_of(plant), conditioning)
+    simulated = simulate(plant, recording, start)[:, 0]
     measured = column(recording, output)
     if output in conditioning.remove_offset:
         measured, simulated = measured - measured.mean(), simulated - simulated.mean()

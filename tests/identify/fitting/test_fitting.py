@@ -13,11 +13,13 @@ import scipy.linalg
 import scipy.signal
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import Fit, fit, fit_start
+from firmloop.identify.fitting.fit import Fit, fit
+from firmloop.identify.fitting.own_values import fit_start
 from firmloop.identify.fitting.scores import scores
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import make_recording, read_recording
+from firmloop.identify.simulation.simulate import constants_of
 
 TRUE = {"R_ohm": 8.0, "L_H": 2e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.02, "J_kg_m2": 3e-6, "b_N_m_s_rad": 4e-6}
 
@@ -213,7 +215,7 @@ def test_initial_state_is_fitted_not_assumed() -> None:
     recording = make_recording(long.time[700:], cut, "cut", "")
     exact = {name: {"value": TRUE[name], "free": False} for name in TRUE}
     plant = make_plant("dc_motor", "voltage_V", ["position_rad", "speed_rad_s"], exact)
-    start = fit_start(plant, recording, NONE)
+    start = fit_start(plant, recording, constants_of(plant), NONE)
     assert start[1] == pytest.approx(cut["speed_rad_s"][0], abs=4.0)
     assert start[2] == pytest.approx(cut["position_rad"][0], abs=0.01)
     result = fit(make_plant("dc_motor", "voltage_V", ["speed_rad_s", "current_A"], nameplate()), [recording], [], NONE)
