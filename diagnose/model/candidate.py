@@ -43,10 +43,12 @@ class Candidate:
 
 
 def rated(problem: Problem, fitted: Fitted) -> Candidate:
-    """Score by each output's own innovations.
+    """Score by each output's own innovations, without what the newest effect has left nothing for.
 
     Where an effect has values that are not its own, that is no explanation.
     """
+    if gone := [term for term in fitted.terms[:-1] if _vanished(fitted, term)]:
+        fitted = fit(problem, problem.train, *without(fitted, *gone), fitted.noises, 0)
     noises = noises_of(problem, fitted.residuals)
     if not believable(fitted):
         return Candidate(fitted, noises, IMPOSSIBLE)
@@ -60,6 +62,12 @@ def believable(fitted: Fitted) -> bool:
         or term.effect.believable([fitted.point.values[key] for key in term.keys], term.scales)
         for term in fitted.terms
     )
+
+
+def _vanished(fitted: Fitted, term: LibraryTerm) -> bool:
+    """Tell whether an effect has ended as large as nothing."""
+    sizes = zip(term.keys[:1], term.parameters[:1], strict=True)
+    return any(fitted.point.values[key] == each.low == each.neutral for key, each in sizes)
 
 
 def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:

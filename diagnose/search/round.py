@@ -93,8 +93,19 @@ def tried_beside(
         return ()
     candidates = [each for each in candidates if not larger(each, best)] or candidates
     best_one = min(candidates, key=lambda each: each.score)
-    known = {each.fitted.terms for each in candidates if each.score < IMPOSSIBLE}
-    return tuple(sorted([*candidates, *relatives(problem, best_one, known)], key=lambda each: each.score))
+    while kin := relatives(problem, best_one, {each.fitted.terms for each in candidates if _ended(each, best_one)}):
+        candidates = [*candidates, *kin]
+        nearest = min(candidates, key=lambda each: each.score)
+        if nearest is best_one:
+            break
+        best_one = nearest
+    return tuple(sorted(candidates, key=lambda each: each.score))
+
+
+def _ended(candidate: Candidate, best: Candidate) -> bool:
+    """Tell whether a fit has come to an end: what has the best as a special case is no worse than it where it has."""
+    rich = best.fitted.terms[-1].effect.name in candidate.fitted.terms[-1].effect.contains
+    return candidate.score <= best.score if rich else candidate.score < IMPOSSIBLE
 
 
 def _met(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:

@@ -31,6 +31,7 @@ QUICK = (
     (660012, "explained", "sensor_quantization", "a current that shows one step and else nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
     (886034, "ambiguous", "coulomb_friction stribeck_friction", "a rise at rest that would not show"),
+    (994907, "explained", "stribeck_friction", "a fall from rest whose own first fit had led elsewhere"),
     (870083, "no_mismatch", "", "a wave of a ten-millionth of the way"),
 )
 SLOW = (
