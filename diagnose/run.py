@@ -85,7 +85,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
             made, unseen = other, held(unseen, given)
     hold = made.search.problem.train[0].hold
     whole, later = held(train, hold), held(test, hold)
-    refit = plain_refit(plant, whole, improved_plant(made.search, made.search.nominal))
+    refit = plain_refit(made.search, plant, whole)
     progress(0.9, "simulating what is left out of the fit")
     safe, crossed = holding(made.search, refit, whole)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem

@@ -9,6 +9,7 @@ from firmloop.diagnose.model.candidate import Candidate, contain
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.search.exchange import amounts_to
 from firmloop.diagnose.search.screen import Screened
+from firmloop.identify.plants.plant import Plant
 
 Progress = Callable[[float, str], None]
 
@@ -23,6 +24,7 @@ class Search:
     rounds: tuple[tuple[Candidate, ...], ...]  # best first
     screened: tuple[Screened, ...]  # of the first round
     gains: tuple[float, ...]  # drop of BIC by each accepted effect, in the order found
+    refit: Plant | None = None  # what `identify` makes of the train recordings
 
 
 def candidates_of(search: Search) -> tuple[Candidate, ...]:

@@ -13,6 +13,8 @@ from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.policy import SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
+from firmloop.diagnose.search.found import Search
+from firmloop.diagnose.search.improved import improved_plant
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
 from firmloop.identify.fitting.noise import white
@@ -25,11 +27,16 @@ from firmloop.identify.simulation.simulate import constants_of, measured, simula
 Array = NDArray[np.float64]
 
 
-def plain_refit(plant: Plant, train: Sequence[Recording], other: Plant) -> Plant:
-    """Return the plant that `identify` would write; `other` where it would refuse the recordings, or that diverges."""
+def plain_refit(found: Search, plant: Plant, train: Sequence[Recording]) -> Plant:
+    """Return the plant that `identify` would write of recordings; the search's where it would not, or that diverges."""
+    other = improved_plant(found, found.nominal)
     if not np.all(np.isfinite(simulation_rms(other, train))):
         return other
-    return as_identified(plant, train) or other
+    whole = all(
+        one.columns is seen.columns and one.time is seen.time and one.hold == seen.hold
+        for one, seen in zip(train, found.problem.train, strict=True)
+    )
+    return (found.refit if whole else as_identified(plant, train)) or other
 
 
 def as_identified(plant: Plant, train: Sequence[Recording]) -> Plant | None:

@@ -66,6 +66,7 @@ from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
 from firmloop.identify.fitting.noise import colored, flat, white
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
@@ -76,7 +77,8 @@ _SOUGHT = (MOMENT, ".periods_per_rev", ".periods_per_m")
 def search(problem: Problem, progress: Progress) -> Search:
     """Explain the train recordings of a problem; tests only count when explanations are ranked."""
     progress(0.05, "refitting the nominal plant")
-    nominal = _nominal(problem)
+    refit = as_identified(problem.plant, problem.train)
+    nominal = _nominal(problem, refit)
     if runaways(problem, nominal.fitted):
         problem = rescaled(problem, nominal.fitted.point.values)
     best = nominal
@@ -120,10 +122,10 @@ def search(problem: Problem, progress: Progress) -> Search:
         if turn == 0:
             nominal = base
     if not gains:
-        return Search(problem, best, best, tuple(rounds), first, ())
+        return Search(problem, best, best, tuple(rounds), first, (), refit)
     before = set(best.fitted.terms)
     best, tried = _settled(problem, best, gains)
-    found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains))
+    found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit)
     if set(best.fitted.terms) - before and len(best.fitted.terms) < MOST_EFFECTS:
         return further(found) or found  # what was mistaken for it had hidden the rest
     return found
@@ -308,9 +310,9 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
     return least + (SEARCHED_PRICE if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
 
 
-def _nominal(problem: Problem) -> Candidate:
+def _nominal(problem: Problem, refit: Plant | None) -> Candidate:
     """Fit the nominal plant from where `identify` ends with white noise, then with the noise it left over."""
-    begin, refit = first_point(problem, problem.train), as_identified(problem.plant, problem.train)
+    begin = first_point(problem, problem.train)
     known = {p.name: p.value for p in refit.parameters} if refit else {}
     spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
     whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
