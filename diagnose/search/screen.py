@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import unlikely
-from firmloop.diagnose.model.descent import slopes_of, whitened
+from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, entered, outputs_of
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
 from firmloop.diagnose.policy import PARALLEL, SCREEN_PATIENCE
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts
@@ -121,9 +121,8 @@ def secants(
     for change in [dict(start), {**start, **turned}] if turned else [dict(start)]:
         parts = []
         for k, recording in enumerate(recordings):
-            values = entered(base.point.values, term, change)
-            simulated = problem.engine.simulate(recording, values, base.point.starts[k])
-            parts.append(simulated - (outputs_of(problem, recording) - base.residuals[k]))
+            point = Point(entered(base.point.values, term, change), base.point.starts)
+            parts.append(base.residuals[k] - residual_of(problem, recording, point, k))
         found.append(tuple(parts))
     return tuple(found)
 
