@@ -42,6 +42,7 @@ SAME_RMS = 1.01  # closer ones differ by chance: 1 / sqrt(2 n) of an rms of 5,00
 WIDER_RMS = 1.1  # ratio of residual rms from which an explanation is none
 CLOSER_RMS = 0.7  # ratio of residual rms, from which an effect is no trace of others
 HELD_SHARE = 0.05  # of what the nominal plant misses of unseen recordings: what leaves no more of that does hold there
+UNSEEN = 1e-280  # squared trace of a coordinate that leaves none
 ABSURD_COST = 1e3  # ratio of costs from which initial states are none
 FAINT_SHARE = 5e-7  # of what an output moves, rms: what simulations by other steps differ by
 RMS_BY_CHANCE = 2.0  # deviations of an rms, by which it may be larger where a few slow swings are all it is made of
@@ -135,7 +136,7 @@ DIFFERENCE_STEP = 1e-5  # of a coordinate, for difference quotients
 FINE_DIFFERENCE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
 ROUGH_DIFFERENCE_STEP = 3e-3  # the same where bodies meet: each time a moment later, outputs move by a small leap
 
-# Budgets, in million steps of simulation.
+# Budgets, in million steps of simulation; one in which all but the input is linear counts a quarter, as it costs.
 SEARCH_PATIENCE = 180.0  # after which no further effect is looked for
 CONTACT_SEARCH_PATIENCE = 240.0  # the same beside bodies that meet, whose fits take far longer
 COMPLETION_PATIENCE = 100.0  # after which nothing further is looked for

@@ -20,6 +20,7 @@ from firmloop.diagnose.policy import (
     LAST_STEPS,
     SAME_CONSTANT,
     SETTLED_START,
+    UNSEEN,
 )
 from firmloop.identify.fitting.noise import Noise, bounded, fit_noise
 from firmloop.identify.recordings.recording import Recording
@@ -134,7 +135,7 @@ def strength(fitted: Fitted, term: LibraryTerm) -> float:
 def deviations(fitted: Fitted) -> Mapping[str, float]:
     """Return one standard deviation of every parameter, in its unit."""
     spread = np.sqrt(np.maximum(variances(fitted.normal, len(fitted.coordinates)), 0.0))
-    met = np.diag(fitted.normal) > 1e-280
+    met = np.diag(fitted.normal) > UNSEEN
     found = {}
     for index, each in enumerate(fitted.coordinates):
         inner = each.gradient(fitted.point.values.get(each.name, 0.0))
@@ -166,10 +167,15 @@ def with_other_answer(fitted: Fitted, values: Mapping[str, float]) -> Fitted:
 def inverse(normal: Array, least: float = 1e-12) -> Array:
     """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates.
 
-    Combinations whose singular value is below `least` of the largest are taken to have none.
+    Combinations whose singular value is below `least` of the largest are taken to have none, and so is a coordinate
+    that leaves no trace: the phase of a wave of nothing.
     """
-    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.asarray(np.linalg.pinv(normal / np.outer(sizes, sizes), rcond=least) / np.outer(sizes, sizes))
+    seen = np.diag(normal) > UNSEEN
+    sizes = np.sqrt(np.diag(normal)[seen])
+    found = np.zeros_like(normal)
+    scaled = normal[np.ix_(seen, seen)] / np.outer(sizes, sizes)
+    found[np.ix_(seen, seen)] = np.linalg.pinv(scaled, rcond=least) / np.outer(sizes, sizes)
+    return found
 
 
 def tethers(problem: Problem, unknowns: Sequence[Unknown]) -> Array:

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from bench.diagnose.blind_cases import single_case
-from firmloop.diagnose.model.fit import cost_at, deviations, ended
+from firmloop.diagnose.model.fit import cost_at, deviations, ended, fit, inverse
 from firmloop.diagnose.model.hypothesis import Point, first_point
 from firmloop.diagnose.model.profile_likelihood import profiled
-from tests.diagnose.cases import BY_NAME, problem_of, refitted, truths, written
+from firmloop.identify.fitting.noise import white
+from tests.diagnose.cases import BY_NAME, concealed, problem_of, refitted, truths, written
 
 
 def test_a_moment_is_taken_to_its_best_place(tmp_path: Path) -> None:
@@ -32,3 +33,18 @@ def test_a_moment_is_taken_to_its_best_place(tmp_path: Path) -> None:
     true = Point({**best.point.values, moment: told["time"]}, best.point.starts)
     assert cost_at(problem, best, best.point, noises) < cost_at(problem, best, true, noises)
     assert best.wider is not None and np.all(best.wider >= 1.0)
+
+
+def test_a_wave_of_nothing_leads_nowhere(tmp_path: Path) -> None:
+    """Its phase leaves no trace, so that no step of its size may turn it."""
+    problem = problem_of(concealed(tmp_path, "", 1.0, False))
+    term = problem.term("gravity_torque")
+    assert term is not None
+    begin = first_point(problem, problem.train)
+    none = Point({**begin.values, **dict(zip(term.keys, (0.0, 0.5), strict=True))}, begin.starts)
+    fitted = fit(problem, problem.train, (term,), none, [white(1.0), white(0.1)], 0)
+    phase = [each.name for each in fitted.coordinates].index(term.keys[1])
+    assert fitted.normal[phase, phase] == 0.0, "or the case shows nothing"
+    covariance = inverse(fitted.normal)
+    assert np.all(covariance[phase] == 0.0) and np.all(covariance[:, phase] == 0.0)
+    assert deviations(fitted)[term.keys[1]] == np.inf
