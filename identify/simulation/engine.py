@@ -48,7 +48,9 @@ class EffectSimulator:
     jobs: dict[bytes, Job] = field(default_factory=dict)
     written: dict[bytes, Forms] = field(default_factory=dict)  # by the nominal constants
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
-    taken: Array = field(default_factory=lambda: np.zeros(1))  # steps of all runs so far
+    taken: Array = field(
+        default_factory=lambda: np.zeros(1)
+    )  # steps of all runs so far; what is linear but for its input, a quarter of one
 
     @property
     def states(self) -> int:
