@@ -29,6 +29,7 @@ from firmloop.codegen.bundle import write_files
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import Target, load_target
 from firmloop.design.law import Law
+from firmloop.identify.simulation.compiler import ToolError
 from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.proof import proof
@@ -98,7 +99,11 @@ def cores(steps: int, targets: Sequence[str]) -> int:
     for name in targets or known:
         for arithmetic in FORMATS:
             begin = time.perf_counter()
-            found = measured(arithmetic, known[name], steps)
+            try:
+                found = measured(arithmetic, known[name], steps)
+            except ToolError as error:
+                print(f"{name:24} not run: {error}")
+                break
             print(
                 f"{name:24} {arithmetic:8} {found.steps:9,} steps {found.differences:3} differences "
                 f"{time.perf_counter() - begin:6.1f} s",
