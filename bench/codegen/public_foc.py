@@ -151,9 +151,7 @@ def program_of(arithmetic: str, decoupling: bool) -> Program:
     """Return our current loop with the gains that both get; the angle goes from 0 to a whole turn, as theirs does."""
     example = kinds()["foc"].example
     table = {**GAINS, **(MACHINE if decoupling else {}), "decoupling": decoupling, "d_share": 0.9, "tt_s": 1.0}
-    inputs = tuple(
-        replace(wire, low=0.0, high=6.2831) if wire.name == "angle_rad" else wire for wire in example.inputs
-    )
+    inputs = tuple(replace(wire, low=0.0, high=6.2831) if wire.name == "angle_rad" else wire for wire in example.inputs)
     return lower(kinds()["foc"].design(replace(example, table=table, inputs=inputs)).law, arithmetic)
 
 
