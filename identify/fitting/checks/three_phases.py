@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.bridge_columns import pace
 
 Array = NDArray[np.float64]
 
@@ -190,13 +191,9 @@ def _angle(recording: Recording, pairs: float) -> str:
     if read is None:
         return ""
     position, speed = read
-    turned = (speed[1:] + speed[:-1]) / 2.0 * np.diff(recording.time)
-    size = float(turned @ turned)
-    if size == 0.0 or float(np.sum(np.abs(turned))) < 1.0:
+    factor = pace(np.diff(position), (speed[1:] + speed[:-1]) / 2.0 * np.diff(recording.time))
+    if factor is None:
         return ""
-    moved = np.diff(position)
-    steps = np.abs(moved - np.median(moved)) < 10.0 * np.median(np.abs(moved - np.median(moved))) + 1e-12
-    factor = float(moved[steps] @ turned[steps]) / float(turned[steps] @ turned[steps])
     if abs(math.log(max(-factor, 1e-300))) < math.log1p(_NEAR):
         return (
             f"position_rad of {recording.source} moves against speed_rad_s: change the sign of one of the columns by "
