@@ -259,8 +259,8 @@ def _closed_loop(looped: LoopCheck | None) -> ClosedLoop | None:
     if looped is None:
         return None
     run = looped.run
-    columns = [tuple(column.tolist()) for column in (run.reference, run.measurement, run.command)]
-    return ClosedLoop(len(run.reference), len(looped.different), *columns)
+    told, seen, given = (tuple(column.tolist()) for column in (run.reference, run.measurement, run.command))
+    return ClosedLoop(len(run.reference), len(looped.different), told, seen, given, looped.says)
 
 
 def _count(blocks: Sequence[Block]) -> Mapping[str, int]:

@@ -98,6 +98,12 @@ class ClosedLoop:
     reference: Sequence[float]
     measurement: Sequence[float]
     command: Sequence[float]
+    against: str = "the plant"  # or what stood in the place of its equations
+
+    def as_dict(self) -> dict[str, object]:
+        """Return what verdict.json tells of it."""
+        told: dict[str, object] = {"steps": self.steps, "differences": self.differences}
+        return told if self.against == "the plant" else told | {"against": self.against}
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,9 +240,7 @@ class Verdict:
                 "lane": self.cost.worst.lane,
                 "inputs": {name: _finite(value) for name, value in self.cost.worst.inputs.items()},
             },
-            "closed_loop": None
-            if self.closed_loop is None
-            else {"steps": self.closed_loop.steps, "differences": self.closed_loop.differences},
+            "closed_loop": None if self.closed_loop is None else self.closed_loop.as_dict(),
             "search": None
             if self.searches is None
             else {

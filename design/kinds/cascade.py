@@ -15,6 +15,10 @@ and `u_min` and `u_max`, the range of that command. The period of a loop is `eve
 
 A loop around a `foc` may be tuned: `tune` takes what `models/shaft.py` makes of the [plant] and of the loops inside as
 its plant. A status bit of a slower loop is set in the samples in which that loop runs.
+
+Limit: the arithmetic of every loop is computed in every period, and what a loop gives while it is not due is dropped. A
+program is one list of operations without branches, which its proofs, its checkers and its reference all read. A loop
+that is skipped would lower the mean of a step's instructions and not the most: in the first sample all loops run.
 """
 
 from __future__ import annotations

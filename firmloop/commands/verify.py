@@ -28,6 +28,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--growth", type=_percent, default=2.0, metavar="PERCENT", help="that a cost may grow by (default 2)"
     )
+    parser.add_argument(
+        "--fmu", type=Path, metavar="FILE.fmu", help="closes the loop in the place of the equations of [plant]"
+    )
     parser.add_argument("--junit", type=ask.place, metavar="FILE", help="a JUnit report for continuous integration")
     parser.add_argument(
         "--sarif", type=ask.place, metavar="FILE", help="a SARIF report, with what static checks find in the C"
@@ -65,7 +68,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             save({arguments.sarif.name: text}, arguments.sarif.parent)
 
     with results_folder(arguments.out, VERDICTS) as folder:
-        asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port}
+        asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port, "fmu": arguments.fmu}
         try:
             made = verify(project, targets=targets, **asked, stage=progress, tell=lambda noun: tell_noun(console, noun))
         except ToolError as error:

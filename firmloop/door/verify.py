@@ -20,7 +20,7 @@ from firmloop.stages.data import Data, available_data, recorded_inputs
 from firmloop.stages.plant import located
 from firmloop.stages.progress import Stage, quietly
 from firmloop.stages.tracking import Tracking, tracking
-from firmloop.stages.verification import Outcome, try_here, verify_target
+from firmloop.stages.verification import Outcome, check_fmu, try_here, verify_target
 from firmloop.verify.trial import Trial
 from firmloop.verify.verdict import Verdict
 
@@ -82,6 +82,7 @@ def verify(
     steps: int = STEPS,
     seed: int = SEED,
     port: str | None = None,
+    fmu: str | Path | None = None,
     stage: Stage = quietly,
     tell: Tell = silent,
 ) -> Verified:
@@ -99,6 +100,8 @@ def verify(
         of the noise stimuli
     port
         where the board is, such as /dev/ttyACM0, COM3, socket://host:port
+    fmu
+        a co-simulation FMU that closes the loop in the place of the equations of `[plant]`, whose names it bears
     tell
         called with each noun as soon as it is there: Code, Tracking, Outcome
 
@@ -106,11 +109,14 @@ def verify(
     ------
     ProjectError
         when a part of the project or the name of a target is wrong.
+    IdentifyError
+        when the FMU cannot be the plant.
     ToolError
         when no target could be run.
     """
     project = source if isinstance(source, Project) else source.project
-    campaign = Campaign(campaign_targets(project, targets), steps, seed, port)
+    where = Path(fmu) if fmu is not None else None
+    campaign = Campaign(campaign_targets(project, targets), steps, seed, port, fmu=where)
     check_targets(project, campaign)
     if isinstance(source, Project):
         source = generate(source, stage=stage)
@@ -132,6 +138,8 @@ def verify_for(campaign: Campaign, code: Code, data: Data, stage: Stage, tell: T
     """Verify on every target of the campaign; `data` holds what the controller is played besides its stimuli."""
     project, design, generated = code.project, code.design, code.generated
     found, why = None, ""
+    if campaign.fmu is not None:
+        check_fmu(project, design, code.plant, campaign, campaign.fmu)
     with stage("following a wave"):
         try:
             found = tracking(project, design, generated.program, code.plant)

@@ -265,7 +265,7 @@ def loop_rows(verdict: Verdict) -> list[tuple[str, str]]:
     if loop is None:
         return []
     same = "the same bits as on the host" if not loop.differences else f"{loop.differences:,} NOT as on the host"
-    return [("closed loop", f"{loop.steps:,} steps against the plant, {same}")]
+    return [("closed loop", f"{loop.steps:,} steps against {loop.against}, {same}")]
 
 
 def rounding_rows(verdict: Verdict) -> list[tuple[str, str]]:

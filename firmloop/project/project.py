@@ -98,6 +98,7 @@ class Campaign:
     port: str | None
     baseline: Path | None = None  # an older cost.json or verdict.json that the costs are compared with
     growth: float = 2.0  # % by which a cost may exceed it
+    fmu: Path | None = None  # closes the loop in the place of the plant's equations
 
 
 def campaign_targets(project: Project, asked: Sequence[str]) -> tuple[str, ...]:

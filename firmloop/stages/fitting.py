@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 from firmloop.identify.fitting.checks import first_causes, told
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate, judge
+from firmloop.identify.simulation.bridge_columns import check_bridges
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.plant import located, recorded_plant_of
@@ -21,6 +22,7 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     assert project.recordings is not None, "require() has seen to it"
     with located(project), threadpool_limits(1):  # small matrices: a second thread would only wait for the first
         plant, conditioning = recorded_plant_of(project), conditioning_of(project)
+        check_bridges(plant, (*data.train, *data.test))
         fitted = estimate(plant, data.train, data.test, conditioning, report)
         report(0.95, "checking units, signs, levels and residuals")
         remarks = told(Evidence(plant, data.train, conditioning, fitted))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +20,10 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.compiler import ToolError
+from firmloop.identify.simulation.fmu_plant import FmuPlant
 from firmloop.identify.simulation.stepped import SteppedPlant, with_place, with_states
 from firmloop.project.project import Campaign, Project
+from firmloop.project.table import ProjectError
 from firmloop.stages.making import Generated
 from firmloop.stages.plant import located
 from firmloop.stages.progress import Report
@@ -75,8 +79,11 @@ def verify_target(
     with located(project):
         target = load_target(name)
     port = campaign.port if "library" not in target.links else None
+    loop = loop_of(project, designed, plant)
+    if campaign.fmu is not None and loop is not None:
+        loop = replace(loop, begin=partial(FmuPlant, campaign.fmu), says=campaign.fmu.name)
     try:
-        verdict = verify_on(trial, target, port, report, loop_of(project, designed, plant))
+        verdict = verify_on(trial, target, port, report, loop)
     except (ToolError, LinkError) as error:
         return Outcome(target.name, None, str(error))
     proofs = generated.checked.judgements if generated.checked is not None else ()
@@ -117,6 +124,30 @@ def loop_of(project: Project, designed: Design, plant: Plant | None) -> PlantLoo
     if len(names) == len(plant.states):
         return _stepped(law, _with_states(plant, course, (told.name, ""), names))
     return _stepped(law, PlantLoop(plant, course, roles))
+
+
+def check_fmu(project: Project, designed: Design, plant: Plant | None, campaign: Campaign, fmu: Path) -> None:
+    """Refuse an FMU that cannot be the plant of the project's loop, before minutes of work.
+
+    Raises
+    ------
+    ProjectError
+        when the project closes no loop, or no target does.
+    IdentifyError, ToolError
+        when the FMU cannot be that plant, or FMPy is not there.
+    """
+    loop = loop_of(project, designed, plant)
+    if loop is None:
+        raise ProjectError(
+            f"{project.path}: it closes no loop that an FMU could be the plant of: give it a [plant] with the FMU's "
+            "inputs and outputs, and a controller with a reference to follow"
+        )
+    if all("library" in load_target(name).links for name in campaign.targets):
+        raise ProjectError(
+            f"{project.path}: the loop is closed on emulated cores and on boards, and {', '.join(campaign.targets)} is "
+            "none: name one with --target, such as qemu_mps2_an386"
+        )
+    FmuPlant(fmu, loop.plant, designed.law.period)
 
 
 def _steps(told: Signal) -> Array:

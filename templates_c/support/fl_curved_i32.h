@@ -60,10 +60,13 @@ static inline int32_t fl_whole_root_i32(int32_t a, uint32_t s) {
         m <<= 2U;
         k += 1U;
     }
-    int32_t start = -654565611;
-    start = fl_upper_i32((int32_t)m, start) + 836167627;
-    start = fl_upper_i32((int32_t)m, start) - 396673923;
-    start = fl_upper_i32((int32_t)m, start) + 104433954;
+    /* Both factors with the other sign: a compiler multiplies words of which it knows that one is not negative, and
+     * nothing of the other, in three instructions for one. */
+    const int32_t n = -(int32_t)m;
+    int32_t start = 654565611;
+    start = -836167627 - fl_upper_i32(n, start);
+    start = 396673923 - fl_upper_i32(n, start);
+    start = fl_upper_i32(n, start) + 104433954;
     uint32_t y = (uint32_t)start << 5U;
     y = (uint32_t)(((uint64_t)y * (0x18000000U - fl_upper_u32(m, fl_upper_u32(y, y)))) >> 28U);
     y = (uint32_t)(((uint64_t)y * (0x18000000U - fl_upper_u32(m, fl_upper_u32(y, y)))) >> 28U);
@@ -73,9 +76,11 @@ static inline int32_t fl_whole_root_i32(int32_t a, uint32_t s) {
 /* About 2^(31 + k + j) / x; x / 2^k rounds to 1 to 16 bits. A short division, and one of Newton's steps. */
 static inline int32_t fl_inverse_i32(int32_t x, uint32_t k, uint32_t j) {
     const uint32_t few = ((uint32_t)x + (((uint32_t)1 << k) >> 1U)) >> k;
-    const int32_t y = (int32_t)(0x80000000U / few);
-    const int64_t left = (int64_t)((uint64_t)0x80000000U << k) - ((int64_t)x * y);
-    return (y * (int32_t)((uint32_t)1 << j)) + (int32_t)(((int64_t)y * (int32_t)(left >> k)) >> (31U - j));
+    /* Both factors with the other sign, as above; `left` is that of what is left of 2^(31 + k), over 2^k, rounded down. */
+    const int32_t y = (int32_t)(0U - (0x80000000U / few));
+    const int64_t reached = (int64_t)(-x) * y;
+    const int32_t left = (int32_t)((uint32_t)((uint64_t)(reached - 1) >> k) - 0x7FFFFFFFU);
+    return (int32_t)(((int64_t)y * left) >> (31U - j)) - (y * (int32_t)((uint32_t)1 << j));
 }
 
 #endif

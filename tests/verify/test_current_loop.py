@@ -202,6 +202,14 @@ SWAPPED = {
     "counts": (("angle_rad", "counts", 0.0, 4096.0), "a foc takes it in 'rad': convert it"),
     "a supply that can be 0": (("supply_V", "V", 0.0, 30.0), "without a supply there is no duty"),
     "degrees": (("angle_rad", "deg", -180.0, 180.0), "signals.angle_rad is in 'deg'; a foc takes it in 'rad'"),
+    "degrees called rad": (("angle_rad", "rad", 0.0, 360.0), "ranges from 0 to 360, a turn of degrees"),
+    "degrees called rad, both ways": (("angle_rad", "rad", -180.0, 180.0), "a turn of degrees"),
+    "counts called rad": (("angle_rad", "rad", 0.0, 4095.0), "ranges from 0 to 4095, a turn of counts"),
+    "counts called rad, both ways": (("angle_rad", "rad", -32768.0, 32767.0), "a turn of counts"),
+    "turns called rad": (("angle_rad", "rad", 0.0, 1.0), "1 of the 6.283 rad of a turn, as turns have it"),
+    "a part of a turn": (("angle_rad", "rad", 0.0, 3.1416), "3.142 of the 6.283 rad of a turn; a foc"),
+    "a sensor too small": (("current_a_A", "A", -3.0, 3.0), "asks for up to 20 A, which a phase carries both ways"),
+    "a sensor of one sign": (("current_b_A", "A", 0.0, 30.0), "signals.current_b_A ranges from 0 to 30 A and"),
     "another name": (("theta", "rad", -3.0, 3.0), "they must be reference_d_A, reference_q_A"),
 }
 
@@ -215,6 +223,20 @@ def test_a_wire_that_is_wrong_is_named(case: str) -> None:
     with pytest.raises(DesignError) as refused:
         kinds()["foc"].design(replace(made, inputs=inputs))
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize("span", [(0.0, 6.28), (-3.14, 3.14), (-1000.0, 1000.0), (-4096.0, 4096.0), (0.0, 400.0)])
+def test_an_angle_may_be_counted_on_over_turns(span: tuple[float, float]) -> None:
+    made = request(bandwidth_rad_s=1e3)
+    inputs = tuple(replace(s, low=span[0], high=span[1]) if s.name == "angle_rad" else s for s in made.inputs)
+    assert kinds()["foc"].design(replace(made, inputs=inputs)).law.inputs == inputs
+
+
+def test_a_duty_in_percent_is_refused() -> None:
+    made = request(bandwidth_rad_s=1e3)
+    outputs = tuple(replace(signal, unit="%", high=100.0) for signal in made.outputs)
+    with pytest.raises(DesignError, match=r"signals.duty_a is in '%'; a foc gives shares of the period"):
+        kinds()["foc"].design(replace(made, outputs=outputs))
 
 
 @pytest.mark.parametrize("arithmetic", ["float32", "fixed32", "fixed16"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,16 @@ from firmloop.verify.reference import Raw, element_type, start_parameters
 from firmloop.verify.scaling import to_physical, to_raw
 
 Array = NDArray[np.float64]
+
+
+class Stepped(Protocol):
+    """A plant from rest that takes its inputs once a period."""
+
+    def read(self) -> Array:
+        """Return the outputs (r,) before the next input acts."""
+
+    def apply(self, values: Array) -> None:
+        """Hold the inputs (m,) for one period; IdentifyError where the plant cannot go on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +52,15 @@ class PlantLoop:
 
     `roles` are the controller's inputs for the reference and for the plant's first output, empty where nothing has it;
     `others` further inputs, each with the number of the output that it carries. What is none of these reads zero.
+    `begin` makes of plant and period what moves: the plant's own equations, or what `says` names in their place.
     """
 
     plant: Plant
     reference: Array  # one value a step, in its unit
     roles: tuple[str, str]
     others: tuple[tuple[str, int], ...] = ()
+    begin: Callable[[Plant, float], Stepped] = SteppedPlant
+    says: str = "the plant"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +70,7 @@ class LoopCheck:
     run: LoopRun
     expected: LoopRun
     different: tuple[int, ...]
+    says: str = "the plant"
 
 
 def check_loop(program: Program, loop: PlantLoop, host: Link, target: Link) -> LoopCheck:
@@ -63,7 +79,7 @@ def check_loop(program: Program, loop: PlantLoop, host: Link, target: Link) -> L
     both = min(len(run.raw), len(expected.raw))
     one, other = (each.measurement[:both].view("<u8") for each in (run, expected))
     bits = (one != other) | (run.raw[:both] != expected.raw[:both])
-    return LoopCheck(run, expected, tuple(int(step) for step in np.flatnonzero(bits)))
+    return LoopCheck(run, expected, tuple(int(step) for step in np.flatnonzero(bits)), loop.says)
 
 
 def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
@@ -71,7 +87,7 @@ def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
 
     A plant that grows without bound ends the run there.
     """
-    model, reference = SteppedPlant(loop.plant, program.period), loop.reference
+    model, reference = loop.begin(loop.plant, program.period), loop.reference
     kind = record_type(program)
     row = np.dtype([(value.name, element_type(value.number)) for value in (*program.inputs, *program.parameters)])
     inputs = {value.name: value for value in program.inputs}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from firmloop.design.design import Bench, Request
 from firmloop.design.law import DesignError
 from firmloop.identify.plants.bridges import on_bridges
@@ -17,6 +20,9 @@ INPUTS = {
     "supply_V": "V",
 }
 DUTIES = ("duty_a", "duty_b", "duty_c")
+LEAST_TURN = 0.98 * 2.0 * math.pi  # rad: whoever writes -3.1 to 3.1 means a turn
+NEARLY = 0.01
+COUNTS = tuple(2**n for n in range(7, 24))  # half a turn of an encoder or converter
 SEEN = ("angle_rad", "speed_rad_s")  # with an observer no inputs; outputs where they are named
 
 
@@ -58,6 +64,45 @@ def check_wires(request: Request) -> None:
                 f"signals.supply_V ranges from {wire.low:g} V; without a supply there is no duty: give the least that "
                 "the drive runs on as low"
             )
+        if wire.name == "angle_rad":
+            _check_angle(wire)
     for wire in request.outputs:
+        if wire.name in DUTIES and wire.unit not in ("", "1"):
+            raise DesignError(
+                f"signals.{wire.name} is in '{wire.unit}'; a foc gives shares of the period, from 0 to 1: write "
+                'unit = "1" and convert them where they are used'
+            )
         if wire.name in DUTIES and not wire.low <= 0.0 < 1.0 <= wire.high:
             raise DesignError(f"signals.{wire.name} ranges from {wire.low:g} to {wire.high:g}; a duty is from 0 to 1")
+    _check_sensors({wire.name: wire for wire in request.inputs})
+
+
+def _check_angle(wire: Signal) -> None:
+    """Refuse a range that is one of degrees, of counts or of turns: the unit was written, the numbers were not."""
+    span, looks = wire.high - wire.low, ""
+    if span < LEAST_TURN:
+        looks = f"{span:.4g} of the {2.0 * math.pi:.4g} rad of a turn" + (", as turns have it" if span <= 1.0 else "")
+    elif abs(span / 360.0 - 1.0) < NEARLY and -wire.low in (0.0, wire.high):
+        looks = "a turn of degrees"
+    elif wire.low in (0.0, -(wire.high + 1.0)) and math.ceil(span / 2.0) in COUNTS:
+        looks = "a turn of counts"
+    if looks:
+        raise DesignError(
+            f"signals.angle_rad ranges from {wire.low:g} to {wire.high:g}, {looks}; a foc takes the electrical angle "
+            "in rad: convert it, and give the range that it has then, such as -3.1416 to 3.1416"
+        )
+
+
+def _check_sensors(wires: Mapping[str, Signal]) -> None:
+    """Refuse a current that is asked for and that no sensor can read."""
+    for axis in ("reference_d_A", "reference_q_A"):
+        asked = max(abs(wires[axis].low), abs(wires[axis].high))
+        for name in ("current_a_A", "current_b_A"):
+            read = min(abs(wires[name].low), abs(wires[name].high))
+            if wires[name].low >= 0.0 or wires[name].high <= 0.0 or asked > read:
+                span = f"{wires[name].low:g} to {wires[name].high:g} A"
+                raise DesignError(
+                    f"signals.{name} ranges from {span} and signals.{axis} asks for up to {asked:g} A, which a phase "
+                    "carries both ways: the loop could not see it and would give all its voltage; lower the one or "
+                    "widen the other"
+                )

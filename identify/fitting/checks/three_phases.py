@@ -4,14 +4,16 @@ None of it needs the parameters. With u, i, w as logged, from row to row (h apar
 
     i_d[k+1] - i_d = h (v_d/Ld - R/Ld i_d + A w i_q)        i_q[k+1] - i_q = h (v_q/Lq - R/Lq i_q - B w i_d - C w)
 
-A B = p^2, whatever Ld and Lq are: the pole pairs. Phases in their order show currents along the axes that stand
-still, or turn backwards where they settle; of two that are swapped they turn twice as fast backwards.
+A B = p^2, whatever Ld and Lq are: the pole pairs. Phases that the wrong pole pairs turn into the rotor's frame, or one
+with its sign turned, leave far more over in this than the right ones. Phases in their order show currents along the
+axes that stand still, or turn backwards where they settle; of two that are swapped they turn twice as fast backwards.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +21,17 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.bridge_columns import pace
 
 Array = NDArray[np.float64]
 
+_DRIVEN = ("voltage_d_V", "voltage_q_V", "speed_rad_s")
 _ROWS = 50  # at least, to judge by
 _SURE = 0.1  # relative standard deviation of p^2
 _NEAR = 0.25  # of a factor: what two neighbouring whole numbers of pole pairs differ by, at most
+_MOST_PAIRS, _MOST_ROWS = 30, 20_000  # that phase currents are asked for
+_ITSELF = 0.1  # relative: a number of pole pairs that the currents turned by it show again
+_BETTER = 0.25  # of the squares that the given pole pairs leave
 _BACKWARDS = -1.3  # of the electrical turn: 0 to -1 of phases in their order, -1 to -2 of two that are swapped
 _TURNS = 2.0  # electrical ones that a log must see
 _SUM = 0.05  # of the largest current
@@ -37,7 +44,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if evidence.given.kind != "pmsm":
         return ()
     pairs = next(p.value for p in evidence.given.parameters if p.name == "pole_pairs")
-    asked: Sequence[Callable[[Recording, float], str]] = (_angle, _sum, _order, _pairs)
+    asked: Sequence[Callable[[Recording, float], str]] = (_angle, _sum, _order, _signs, _pairs)
     found = []
     for ask in asked:
         said = (ask(recording, pairs) for recording in evidence.recordings if len(recording.time) >= _ROWS)
@@ -53,35 +60,93 @@ def _columns(recording: Recording, *names: str) -> list[Array] | None:
 
 
 def _pairs(recording: Recording, pairs: float) -> str:
-    read = _columns(recording, "voltage_d_V", "voltage_q_V", "current_d_A", "current_q_A", "speed_rad_s")
-    if read is None:
+    voltages, currents = _columns(recording, *_DRIVEN), _columns(recording, "current_d_A", "current_q_A")
+    if voltages is None:
         return ""
-    v_d, v_q, i_d, i_q, w = read
-    h = np.diff(recording.time)
-    middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
-    along = np.column_stack([v_d[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
-    across = np.column_stack([v_q[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
-    factors, doubts = [], []
-    for regressors, change in ((along, np.diff(i_d)), (across, np.diff(i_q))):
-        size = np.linalg.norm(regressors, axis=0)
-        if np.any(size == 0.0):
-            return ""
-        found, *_ = np.linalg.lstsq(regressors / size, change, rcond=None)
-        left = change - (regressors / size) @ found
-        spread = np.linalg.pinv((regressors / size).T @ (regressors / size)) * float(left @ left) / len(change)
-        factors.append(float(found[2] / size[2]))
-        doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
-    square = -factors[0] * factors[1]
-    if square <= 0.0 or math.hypot(*doubts) > _SURE:
-        return ""
-    seen = math.sqrt(square)
-    if abs(math.log(seen / pairs)) < math.log1p(_NEAR):
+    if currents is None:
+        seen = _pairs_of_phases(recording, voltages, pairs)
+    else:
+        seen = _seen(recording.time, voltages, currents[0] + 1j * currents[1]).pairs
+        seen = seen if seen is not None and abs(math.log(seen / pairs)) > math.log1p(_NEAR) else None
+    if seen is None:
         return ""
     turned = f", or speed_rad_s is {'the electrical speed' if round(seen) == 1 else 'off by that factor'}"
     return (
         f"pole_pairs = {pairs:g}, but the currents of {recording.source} fit {seen:.3g}: correct pole_pairs to "
         f"{max(round(seen), 1)}{turned}: give the column its unit in [recordings.rename]"
     )
+
+
+def _pairs_of_phases(recording: Recording, voltages: Sequence[Array], pairs: float) -> float | None:
+    """Return what the phases show where other pole pairs turn them into a rotor's frame far better; None elsewhere."""
+    read = _columns(recording, "current_a_A", "current_b_A", "position_rad")
+    if read is None:
+        return None
+    part = slice(_MOST_ROWS)  # each number of pole pairs is a pass over them
+    a, b, position = (one[part] for one in read)
+    driven = [one[part] for one in voltages]
+
+    def turned(asked: float) -> _Seen:
+        return _seen(recording.time[part], driven, _stator(a, b) * np.exp(-1j * asked * position))
+
+    known = turned(pairs).left
+    found = {float(asked): turned(asked) for asked in range(1, _MOST_PAIRS + 1)}
+    best = min(found, key=lambda asked: found[asked].left)
+    seen, left = found[best].pairs, found[best].left
+    return best if seen is not None and abs(seen / best - 1.0) < _ITSELF and left < _BETTER * known else None
+
+
+def _signs(recording: Recording, pairs: float) -> str:
+    read = _columns(recording, *_DRIVEN, "current_a_A", "current_b_A", "position_rad")
+    if read is None:
+        return ""
+    a, b, position = read[3:]
+    turn = np.exp(-1j * pairs * position)
+    known = _seen(recording.time, read[:3], _stator(a, b) * turn).left
+    for name, current in (("current_a_A", _stator(-a, b)), ("current_b_A", _stator(a, -b))):
+        seen = _seen(recording.time, read[:3], current * turn)
+        if seen.upright and seen.left < _BETTER * known:
+            return (
+                f"{name} of {recording.source} looks turned around: with its sign changed the currents follow the "
+                'voltages far better; give the column "scale = -1" in [recordings.rename], or turn the sensor'
+            )
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Pole pairs, None if unsure; the squares left over in A^2; whether the voltages drive the currents upwards."""
+
+    pairs: float | None
+    left: float
+    upright: bool
+
+
+def _seen(time: Array, read: Sequence[Array], current: NDArray[np.complex128]) -> _Seen:
+    """Return what voltages, speed and the current (d along the real axis) show."""
+    v_d, v_q, w = read
+    h, i_d, i_q = np.diff(time), current.real, current.imag
+    middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
+    along = np.column_stack([v_d[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
+    across = np.column_stack([v_q[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
+    factors, doubts, over, upright = [], [], 0.0, True
+    for regressors, change in ((along, np.diff(i_d)), (across, np.diff(i_q))):
+        size = np.linalg.norm(regressors, axis=0)
+        if np.any(size == 0.0):
+            return _Seen(None, math.inf, False)
+        found, *_ = np.linalg.lstsq(regressors / size, change, rcond=None)
+        left = change - (regressors / size) @ found
+        over, upright = over + float(left @ left), upright and bool(found[0] > 0.0)
+        spread = np.linalg.pinv((regressors / size).T @ (regressors / size)) * float(left @ left) / len(change)
+        factors.append(float(found[2] / size[2]))
+        doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
+    square = -factors[0] * factors[1]
+    return _Seen(math.sqrt(square) if square > 0.0 and math.hypot(*doubts) <= _SURE else None, over, upright)
+
+
+def _stator(a: Array, b: Array) -> NDArray[np.complex128]:
+    """Return the current in the stator's frame, of two phases."""
+    return np.asarray(a + 1j * (a + 2.0 * b) / math.sqrt(3.0))
 
 
 def _order(recording: Recording, pairs: float) -> str:
@@ -92,7 +157,7 @@ def _order(recording: Recording, pairs: float) -> str:
     angle = pairs * position
     if np.ptp(angle) < _TURNS * 2.0 * math.pi:
         return ""
-    current = (a + 1j * (a + 2.0 * b) / math.sqrt(3.0)) * np.exp(-1j * angle)
+    current = _stator(a, b) * np.exp(-1j * angle)
     turned, moved = np.angle(np.conj(current[:-1]) * current[1:]), np.diff(angle)
     size = np.abs(current[1:] * current[:-1])
     told = (np.abs(moved) > 0.1 * np.max(np.abs(moved))) & (size > 0.1 * np.max(size))
@@ -126,13 +191,14 @@ def _angle(recording: Recording, pairs: float) -> str:
     if read is None:
         return ""
     position, speed = read
-    turned = (speed[1:] + speed[:-1]) / 2.0 * np.diff(recording.time)
-    size = float(turned @ turned)
-    if size == 0.0 or float(np.sum(np.abs(turned))) < 1.0:
+    factor = pace(np.diff(position), (speed[1:] + speed[:-1]) / 2.0 * np.diff(recording.time))
+    if factor is None:
         return ""
-    moved = np.diff(position)
-    steps = np.abs(moved - np.median(moved)) < 10.0 * np.median(np.abs(moved - np.median(moved))) + 1e-12
-    factor = float(moved[steps] @ turned[steps]) / float(turned[steps] @ turned[steps])
+    if abs(math.log(max(-factor, 1e-300))) < math.log1p(_NEAR):
+        return (
+            f"position_rad of {recording.source} moves against speed_rad_s: change the sign of one of the columns by "
+            "scale = -1 in [recordings.rename]"
+        )
     if not factor > 0.0 or abs(math.log(factor)) < math.log1p(_NEAR):
         return ""
     for name, times, unit in _ANGLES:

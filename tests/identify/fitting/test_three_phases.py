@@ -65,6 +65,19 @@ def test_pole_pairs_that_are_wrong_by_a_factor(given: int, true: int) -> None:
     )
 
 
+@pytest.mark.parametrize(("given", "true"), [(8, 4), (2, 4), (5, 4), (14, 7), (1, 3)])
+def test_pole_pairs_that_are_wrong_beside_phase_currents(given: int, true: int) -> None:
+    columns = {name: value for name, value in log(true).items() if name not in ("current_d_A", "current_q_A")}
+    (one,) = [one for one in said(columns, given) if "pole_pairs" in one]
+    assert f"correct pole_pairs to {true}" in one
+
+
+@pytest.mark.parametrize("pairs", [1, 4, 7])
+def test_a_sound_log_of_two_phases_is_met_with_silence(pairs: int) -> None:
+    columns = {name: value for name, value in log(pairs).items() if name[8:] not in ("d_A", "q_A", "c_A")}
+    assert said(columns, pairs) == ()
+
+
 def test_the_electrical_speed_in_the_place_of_the_shafts() -> None:
     columns = log(4)
     columns["speed_rad_s"] = 4 * columns["speed_rad_s"]
@@ -78,6 +91,9 @@ WRONG = {
         {"current_a_A": ("current_b_A", 1.0, 0.0), "current_b_A": ("current_a_A", 1.0, 0.0)},
         "look swapped",
     ),
+    "one sign": ({"current_a_A": ("current_a_A", -1.0, 0.0)}, "current_a_A of log.csv looks turned around"),
+    "the other sign": ({"current_b_A": ("current_b_A", -1.0, 0.0)}, "current_b_A of log.csv looks turned around"),
+    "the position's sign": ({"position_rad": ("position_rad", -1.0, 0.0)}, "position_rad of log.csv moves against"),
     "an offset": ({"current_c_A": ("current_c_A", 1.0, 3.0)}, "an offset of a sensor: subtract it"),
     "a gain": ({"current_c_A": ("current_c_A", 0.7, 0.0)}, "do not sum up to 0"),
     "degrees": ({"position_rad": ("position_rad", 180 / math.pi, 0.0)}, "it looks like degrees"),
