@@ -157,10 +157,11 @@ def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) 
     begun = time[0] > float(begins.max()) + _STRETCH * usual
     tables = [(powers, even)]
     if begun or not anew or goes_on:
-        tables += [({**_CALENDAR, **_DECIMAL, **_PRESCALED, **_CYCLES}, even)]
-    tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
+        tables += [({**_PRESCALED, **_CYCLES, **_DECIMAL, **_CALENDAR}, even)]
+    if not anew or goes_on:  # what begins as the file does is another recording, unless its clock goes on to the row
+        tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
     if begun:
-        tables += [({**_CALENDAR, **_DECIMAL, **_CYCLES}, 0.5 * usual)]
+        tables += [({**_CYCLES, **_DECIMAL, **_CALENDAR}, 0.5 * usual)]
     for table, loose in tables:
         fits = {
             float(np.max(np.abs(falls + size - usual))): (size, says)

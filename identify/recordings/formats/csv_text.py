@@ -33,7 +33,7 @@ def read_csv(content: bytes) -> RawTable | Misread:
     text, encoding = _decoded(content)
     if isinstance(text, Misread):
         return text
-    text, stamped = without_terminal_stamps(text.replace(_MINUS, "-"))
+    text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
     encoding += stamped
     lines = [line.strip() for line in text.split("\n")]
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)

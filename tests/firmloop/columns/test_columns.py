@@ -98,6 +98,7 @@ STANDS: dict[str, tuple[list[str], str]] = {
         [f"{k * 0.1 % 10.0:.1f},{VOLT[k % 100 % 60]:.9g},1" for k in range(200)],
         "holds 2 recordings: split it before line 102",
     ),
+    "three recordings of a second": (ROWS[:20] * 3, "holds 3 recordings: split it before line 22"),
     "rows swapped": ([*ROWS[:20], ROWS[21], ROWS[20], *ROWS[22:]], "sort the rows"),
     "a fall that no power of two explains": (
         [f"{k * 65.5 % 65.536:.3f},1,1" for k in range(40)],

@@ -67,6 +67,7 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
     "UTF-16, big end first": (b"\xfe\xff" + PLAIN.encode("utf-16-be"), "UTF-16"),
     "UTF-16 without its mark": (PLAIN.encode("utf-16-le"), "UTF-16"),
     "BOM, semicolons and a line of units": ("\ufeff" + UNITS, "line of units"),
+    "BOM twice, semicolons": ("\ufeff\ufeff" + PLAIN.replace(",", ";"), "semicolons"),
     "Windows-1252": (UNITS.encode("cp1252"), "Windows-1252"),
     "noise of a board that starts": (
         b"\xff\x8c\x00l\xe3\r\n\x9e\x02rst\x00\r\n" + PLAIN.encode(),
