@@ -93,7 +93,7 @@ def _make_folders(folder: Path) -> list[Path]:
 
 
 def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None:
-    """Move every file to its place, each on the disk before; nothing moves where a folder stands in a file's way.
+    """Move every file to its place, each on the disk before; nothing moves where a folder or link stands in the way.
 
     Documents speak of the other files: the old ones go before any file changes, and the new ones come last. However
     this ends, no verdict stands beside files that it is not about.
@@ -102,6 +102,9 @@ def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None
     for relative in files:
         if (place / relative).is_dir():
             raise ProjectError(f"--out {shown}: {relative} is a folder there; move it away or choose another folder")
+        for parent in relative.parents:
+            if parent.name and (place / parent).is_symlink():  # it would lead the files out of the folder
+                raise ProjectError(f"--out {shown}: {parent} is a link there; move it away or choose another folder")
         _settle(partial / relative)
     if not place.exists():
         partial.rename(place)

@@ -1,6 +1,7 @@
 """Run random fixed-point laws over twelve decades of scale against their C, under the sanitizers.
 
-    python -m bench.proofs.wide_scales [LAWS] [SEED]          500 laws of seed 12 by default
+    python -m bench.proofs.wide_scales [LAWS] [SEED]          500 laws of seed 12 by default; `--core` runs each on
+                                                              an emulated Cortex-M4F, too
 
 Signals, gains and limits are each drawn from 1e-6 to 1e6 times those of `random_laws.py` and of every example,
 both words, both roundings. A law that design or quantize refuses is counted with its reason and drawn again. Exit
@@ -13,15 +14,19 @@ from __future__ import annotations
 import json
 import re
 import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from bench.proofs.random_laws import KINDS, Draw, Random, Table
 from firmloop.codegen.emit import emit
+from firmloop.codegen.firmware import firmware
+from firmloop.codegen.target import load_target
 from firmloop.design.design import Kind, Request
 from firmloop.design.kinds import design, kinds
 from firmloop.design.law import DesignError, Law
@@ -31,7 +36,10 @@ from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program, QuantizeError
 from firmloop.quantize.proof import proof
 from firmloop.verify.block import Block, side_by_side
+from firmloop.verify.build.image import build_image
 from firmloop.verify.build.sanitized import compare_sanitized, run_sanitized
+from firmloop.verify.compare import compare
+from firmloop.verify.links.semihosting import open_semihosting
 from firmloop.verify.proofs.checker import ProofError, check_proof
 from firmloop.verify.proofs.rounding import measure_rounding
 from firmloop.verify.reference import run
@@ -39,6 +47,7 @@ from firmloop.verify.stimuli.stimuli import stimuli
 
 LAWS = 500
 SEED = 12
+CORE = "qemu_mps2_an386"
 DECADES = 6.0  # to either side
 STEPS, LENGTH = 2000, 100
 GAINS = ("kp", "ki", "kd", "C", "D", "numerator", "gain")
@@ -141,6 +150,18 @@ def faults_of(law: Law, program: Program) -> list[str]:
     return found
 
 
+def faults_on_core(program: Program) -> list[str]:
+    """Say what an emulated Cortex-M4F does otherwise than the reference, from the same C."""
+    core, block = load_target(CORE), _block(program)
+    trace = run(program, block.inputs, block.settings)
+    with tempfile.TemporaryDirectory() as name:
+        files = firmware(program, emit(program, "python -m bench.proofs.wide_scales"), core, "semihosting")
+        image = build_image(files, core, Path(name))
+        with open_semihosting(core, image.elf, program.id) as link:
+            done = compare(program, link, [block], [trace], lambda part, label: None)
+    return [f"{CORE}: {done.differences} differences in {done.steps} steps"] if done.differences else []
+
+
 def _block(program: Program) -> Block:
     """Return lanes of one length: no lane needs a program of its own."""
     long = [b for b in stimuli(program, [], STEPS, SEED) if b.inputs.shape[1] >= LENGTH]
@@ -150,7 +171,8 @@ def _block(program: Program) -> Block:
 
 def main() -> int:
     """Print a line per kind, every fault, and every refusal once."""
-    asked = [int(word) for word in sys.argv[1:]]
+    on_core = "--core" in sys.argv
+    asked = [int(word) for word in sys.argv[1:] if word != "--core"]
     wanted, seed = (asked + [LAWS, SEED][len(asked) :])[:2]
     programs: Counter[str] = Counter()
     refused: Counter[str] = Counter()
@@ -168,7 +190,7 @@ def main() -> int:
             refused[f"quantize: {_shape(str(error))}"] += 1
             continue
         programs[draw.kind] += 1
-        for fault in faults_of(draw.law, program):
+        for fault in faults_of(draw.law, program) + (faults_on_core(program) if on_core else []):
             failed += 1
             print(f"{draw.kind} {form.arithmetic} {form.rounds}, law {programs.total()}: {fault}", flush=True)
     for kind, count in programs.most_common():

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from firmloop.stages.verification import Outcome
     from firmloop.verify.verdict import Verdict
 
+STAYS = 0.05  # of a step: the wider of the two bands that it settles in
 NO_LIMIT, NOT_REACHED = "no limit", "not reached"  # what it means where a margin, or a time, is infinite
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),
@@ -155,8 +156,13 @@ def margin_rows(loop: Loop) -> list[tuple[str, str]]:
 
 
 def step_rows(loop: Loop) -> list[tuple[str, str]]:
-    """Step metrics, likewise."""
-    return _figure_rows(loop, loop.metrics, METRICS, NOT_REACHED)
+    """Step metrics, likewise; where the actuator cannot do the step, what comes of it instead."""
+    step, figures = loop.step, _figure_rows(loop, loop.metrics, METRICS, NOT_REACHED)
+    asked, came = float(step.reference[-1]), float(step.measurement[-1])
+    if not (loop.margins.stable and step.saturated[-1] and abs(asked - came) > STAYS * abs(asked)):
+        return figures
+    short = f"{came:.3g} of {asked:.3g}, the output at its limit; the figures below are of what comes"
+    return [("reference not reached", short), *figures]
 
 
 def _figure_rows(

@@ -65,7 +65,7 @@ def with_seconds(lines: list[str]) -> tuple[list[str], str]:
     Rows are the lines of the shape that the last one has; where that has no stamp, all is left as it is.
     """
     last = next((line for line in reversed(lines) if line.strip()), "")
-    mark = next((each for each in "\t;," if each in last), " ")
+    mark = next((each for each in "\t;|," if each in last), " ")
     # Where a comma stands between columns it is no decimal mark.
     stamp = re.compile(_STAMP.replace("MARK", r"\." if mark == "," else "[.,]"))
     found = stamp.search(last)

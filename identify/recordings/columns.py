@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.table import RawTable
-from firmloop.identify.units import carried_unit, unit_of
+from firmloop.identify.units import carried_unit, ending_of, unit_of
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,13 @@ def unit_left_out(foreign: str, name: str) -> str:
     if not carried or not wanted or _agree(carried, wanted):
         return ""
     return rename_line(foreign, name, carried)
+
+
+def in_another_unit(foreign: str, name: str) -> str:
+    """Return the line to write where `foreign` is called as `name` is but for another unit of the same kind."""
+    unit, wanted, stem = carried_unit(foreign), unit_of(name), name[: -len(ending_of(name))]
+    alike = bool(unit and stem and wanted) and re.split(r"[\W_]", foreign)[0].lower() == stem.strip("_").lower()
+    return rename_line(foreign, name, unit) if alike and _convertible(unit, wanted) else ""
 
 
 def rename_line(foreign: str, name: str, unit: str) -> str:
@@ -181,7 +188,11 @@ def _no_time(table: RawTable, file: str) -> IdentifyError:
 
 
 def _agree_in_kind(unit: str) -> bool:
+    return bool(unit) and _convertible(unit, "s")
+
+
+def _convertible(unit: str, wanted: str) -> bool:
     try:
-        return bool(unit) and conversion(unit, "s", "").factor > 0.0
+        return conversion(unit, wanted, "").factor > 0.0
     except IdentifyError:
         return False

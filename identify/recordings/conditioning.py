@@ -105,7 +105,8 @@ def _unit(key: str) -> str:
 
 def windows(conditioning: Conditioning, time: Array, fewest: int) -> tuple[tuple[int, int], ...]:
     """Cut rows into windows of about `window_s`: (first row, row after the last) of each, at least `fewest` rows."""
-    count = max(round((time[-1] - time[0]) / conditioning.window_s), 1) if conditioning.window_s else 1
+    asked = (time[-1] - time[0]) / conditioning.window_s if conditioning.window_s else 1.0
+    count = max(round(min(asked, float(len(time)))), 1)  # no more than rows: a window holds some
     edges = time[0] + (time[-1] - time[0]) * np.arange(1, count) / count
     cuts = [0]
     for row in np.searchsorted(time, edges).tolist():

@@ -15,8 +15,8 @@ from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
 from firmloop.identify.units import carried_unit
 
-_MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
-_WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","))
+_MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+_WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), ("|", ","))
 _SPACED = ((" ", "."), (" ", ","))  # any number of them is one
 _FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
 _HIGHEST = 60  # lines between a header and its rows
@@ -130,7 +130,8 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
     if not units and not _tells(headers[below]):
         below = next((k for k in higher if _tells(headers[k])), below)
     start = below + 1 if not units else above[above.index(below) - 1] + 1
-    whole = (k for k in range(start, table.first) if len(_cells(lines[k], table)) == width + table.trailing)
+    said = (k for k in range(start, table.first) if any(map(str.isalnum, lines[k])))  # a rule of dashes says nothing
+    whole = (k for k in said if len(_cells(lines[k], table)) == width + table.trailing)
     return Dialect(
         table.delimiter,
         table.decimal,
@@ -194,7 +195,7 @@ def _all_units(names: tuple[str, ...]) -> bool:
 
 
 def _bare(unit: str) -> str:
-    return unit.strip().strip("[]()").strip()
+    return unit.strip().strip("[]()-").strip()
 
 
 def _cells(line: str, dialect: Dialect) -> list[str]:

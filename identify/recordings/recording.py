@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.recordings.columns import Column, RowClock, arranged
+from firmloop.identify.recordings.columns import Column, RowClock, arranged, in_another_unit
 from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.lost_rows import leapt_over, uncounted
@@ -27,6 +27,7 @@ from firmloop.identify.units import unit_of
 Array = NDArray[np.float64]
 
 FEWEST_ROWS = 3  # one step and one row to judge it by
+MOST = 1e30  # of a reading; instruments write 9.9E+37 or 9.91E+37 where they have none, as SCPI asks for
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +103,14 @@ def make_recording(time: Array, columns: Mapping[str, Array], source: str, sha25
 
 
 def column(recording: Recording, name: str) -> Array:
-    """Return one column, or raise IdentifyError that lists the columns there are."""
+    """Return one column, or raise IdentifyError that lists those there are, with the line for one in another unit."""
     if name not in recording.columns:
+        lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
+        aside = "".join(f"; {note}" for note in recording.notes if " without numbers, left aside" in note)
         raise IdentifyError(
             f"{recording.source}: column {name} is missing; it has {', '.join(recording.columns) or 'only time_s'} "
-            f"(map a foreign name in [recordings.rename])"
+            f"(map a foreign name in [recordings.rename]){aside}",
+            f"[recordings.rename]\n{lines[0]}" if lines else "",
         )
     return recording.columns[name]
 
@@ -139,10 +143,11 @@ def _check_rows(path: Path, table: RawTable) -> None:
     if rows < FEWEST_ROWS:
         raise IdentifyError(f"{path}: has {rows} rows; at least {FEWEST_ROWS} are needed to see anything move")
     for name, values in zip(table.names, table.columns, strict=True):
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= MOST))
         if len(bad):
             where = f"{table.place} {table.places[bad[0]]}, column {name}"
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
             few = 2 * len(bad) < rows
             remedy = "delete those rows or fill them in" if few else "fill it in, or leave the column out of the file"
-            raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{more}; {remedy}")
+            says = ", which stands for an overload or a missing reading" if np.isfinite(values[bad[0]]) else ""
+            raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{says}{more}; {remedy}")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +14,7 @@ Array = NDArray[np.float64]
 
 _BITS = (32, 16, 24, 31, 20, 12, 10, 8)
 _CALENDAR = {60.0: "a minute", 3600.0: "an hour", 43200.0: "half a day", 86400.0: "a day", 604800.0: "a week"}  # s
+_DECIMAL = dict.fromkeys((10.0**power for power in range(10)), "the end of a decimal counter")  # s
 _CYCLES = {2.0**32 / (1e6 * f): f"2^32 cycles of a clock of {f} MHz" for f in range(1, 1001)}  # s
 # Clocks of microcontrollers, MHz, one for those that are apart by a power of two, which a prescaler divides by; and
 # the crystal of clocks, Hz.
@@ -52,6 +51,8 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
     where = f"{file}: {table.place} {table.places[k + 1]}, column time_s"
     plain = f"{where}: {float(time[k + 1])!r} does not come after {float(time[k])!r} of the row before"
     falls = steps[steps < 0.0]
+    if len(falls) and not np.any(steps > 0.0):
+        raise IdentifyError(f"{plain}: time must rise; it falls in every row: turn the rows around, the last one first")
     if len(falls):
         raise _fallen(time, steps, given, plain, table, k)
     period = _even_period(time)
@@ -88,7 +89,7 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
     """Tell a counter that wraps from recordings in a row and rows out of order."""
     foreign, rule = given
     falls = steps[steps < 0.0]
-    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else math.inf
+    usual = float(np.median(steps[steps > 0.0]))
     count = rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)  # s
     found = _wrap(time, steps, usual, count, _goes_on(table, np.flatnonzero(steps < 0.0)))
     if found:
@@ -142,9 +143,9 @@ def _goes_on(table: RawTable, falls: NDArray[np.intp]) -> bool:
 def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) -> tuple[float, str] | None:
     """Return by how much the clock falls, s, and what that is.
 
-    It is a power of two of its ticks; or the end of a minute, an hour, a day or a week, or of a counter of processor
-    cycles: then the first row is not where such a clock begins, as a recording would. Of several the one that puts the
-    row after it where an even clock has it; only where none does, the nearest power of two.
+    It is a power of two of its ticks; or the end of a minute, an hour, a day or a week, of a decimal counter, or of one
+    of processor cycles: then the first row is not where such a clock begins, as a recording would. Of several the one
+    that puts the row after it where an even clock has it; only where none does, the nearest power of two.
     """
     falls, begins = steps[steps < 0.0], time[1:][steps < 0.0]
     off = np.abs(steps[steps > 0.0] - usual)
@@ -156,10 +157,11 @@ def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) 
     begun = time[0] > float(begins.max()) + _STRETCH * usual
     tables = [(powers, even)]
     if begun or not anew or goes_on:
-        tables += [({**_CALENDAR, **_PRESCALED, **_CYCLES}, even)]
-    tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
+        tables += [({**_PRESCALED, **_CYCLES, **_DECIMAL, **_CALENDAR}, even)]
+    if not anew or goes_on:  # what begins as the file does is another recording, unless its clock goes on to the row
+        tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
     if begun:
-        tables += [({**_CALENDAR, **_CYCLES}, 0.5 * usual)]
+        tables += [({**_CYCLES, **_DECIMAL, **_CALENDAR}, 0.5 * usual)]
     for table, loose in tables:
         fits = {
             float(np.max(np.abs(falls + size - usual))): (size, says)

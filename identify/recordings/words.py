@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_MARKS = ("\t", ";", ",")
+_MARKS = ("\t", ";", "|", ",")
 _FEWEST = 3  # rows that make a table
 _FEWEST_NUMBERS = 2  # in a row: a time and one signal
 _SHOWN = 20  # letters of a word

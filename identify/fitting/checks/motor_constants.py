@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.checks.scale import unit_of_factor
@@ -13,6 +14,7 @@ from firmloop.identify.plants.plant import Parameter
 _MOST = 1.5  # times: iron losses and doubtful data sheets stay below
 _SURE = 3.0  # deviations
 _UNIT = 0.05  # natural logarithm
+_VOLTS = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
 _WIDEST = 0.3  # relative deviation of a constant that is known
 
 
@@ -28,8 +30,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if abs(math.log(ratio)) - _SURE * doubt < math.log(_MOST):
         return ()
     factor = math.sqrt(ratio) if kt.free else ratio  # beside a given inertia a slower shaft takes from kt, too
-    unit = unit_of_factor(1.0 / factor, _UNIT)
     says = f"ke / kt is {ratio:.4g}, and 1 where no power is lost or made: "
+    if _follows(ratio, held, evidence):
+        return (f"{says}{_of_the_voltage(ratio, plant.inputs[0].name)}",)
+    unit = unit_of_factor(1.0 / factor, _UNIT)
     if unit is not None and unit != "per minute":
         return (f"{says}the speed looks {unit}; give the column its unit in [recordings.rename]",)
     gear = factor * held[GEAR].value if GEAR in held else factor
@@ -37,6 +41,24 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         f"{says}the speed may be read behind a gear: write {GEAR} = {{ value = {gear:.4g}, free = false }} in "
         "[plant.parameters], or correct kt_N_m_A or the unit of the speed or of the current",
     )
+
+
+def _follows(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) -> bool:
+    """Tell whether the resistance is off by as much as ke, as a voltage in another unit leaves both; no gear does."""
+    given = {parameter.name: parameter.value for parameter in evidence.given.parameters}.get("R_ohm", 0.0)
+    found = held.get("R_ohm")
+    if found is None or not found.free or evidence.fit is None or not (given > 0.0 and _known(found, evidence)):
+        return False
+    moved = math.log(found.value / given)
+    return abs(moved - math.log(ratio)) < abs(moved)
+
+
+def _of_the_voltage(ratio: float, name: str) -> str:
+    """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it."""
+    unit = unit_of_factor(ratio, _UNIT)
+    looks = unit if unit in _VOLTS else "in another unit, or a share of the supply (the duty of a PWM)"
+    line = f'{name} = {{ name = "{name}", scale = {1.0 / ratio:.4g} }}'
+    return f"{name} looks {looks}, for R_ohm is off alike; if so, write in [recordings.rename] {line}"
 
 
 def _known(parameter: Parameter, evidence: Evidence) -> bool:

@@ -1,4 +1,4 @@
-"""Readings that failed: one row leaps farther than all others reach and the next is back, while the input stands."""
+"""Readings that failed: one row leaps farther than all others reach, and no step of the input says why."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
+_FEWEST = 2  # steps of an input: of two, one may be the failed one
 _MOST = 0.01  # of the rows: what comes more often is how the signal moves
 
 
@@ -32,14 +33,25 @@ def _leaps(recording: Recording, name: str, evidence: Evidence) -> NDArray[np.in
     leap[1:-1] = np.where(there * back > 0.0, np.minimum(np.abs(there), np.abs(back)), 0.0)
     for drive in evidence.given.inputs:
         if drive.name in recording.columns:
-            moved = np.flatnonzero(np.diff(recording.columns[drive.name]))
-            for after in (1, 2):
-                leap[np.minimum(moved + after, len(values) - 1)] = 0.0
+            _take_answers(leap, np.diff(recording.columns[drive.name]))
     ranked = np.argsort(-leap)[: 1 + int(_MOST * len(values))]
     for count in range(len(ranked), 0, -1):
         if leap[ranked[count - 1]] > np.ptp(np.delete(values, ranked[:count])):
             return np.sort(ranked[:count])
     return np.zeros(0, dtype=np.int64)
+
+
+def _take_answers(leap: Array, steps: Array) -> None:
+    """Take from the leaps what a step of the input explains: as much, for its size, as the others are answered by."""
+    moved = np.flatnonzero(steps)
+    sizes = np.abs(steps[moved])
+    rows = np.minimum(moved + 1, len(leap) - 1), np.minimum(moved + 2, len(leap) - 1)
+    answers = np.maximum(leap[rows[0]], leap[rows[1]])
+    usual = float(np.median(answers / sizes)) if len(moved) > _FEWEST else np.inf
+    for after in rows:
+        explained = np.zeros(len(leap))
+        np.maximum.at(explained, after, usual * sizes)
+        leap -= np.minimum(leap, explained)
 
 
 def _said(recording: Recording, name: str, rows: NDArray[np.int64]) -> str:

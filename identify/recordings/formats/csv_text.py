@@ -20,6 +20,7 @@ from firmloop.identify.recordings.words import without_words
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
+_MINUS = "\u2212"  # of typesetters
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -32,7 +33,7 @@ def read_csv(content: bytes) -> RawTable | Misread:
     text, encoding = _decoded(content)
     if isinstance(text, Misread):
         return text
-    text, stamped = without_terminal_stamps(text)
+    text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
     encoding += stamped
     lines = [line.strip() for line in text.split("\n")]
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)

@@ -65,6 +65,9 @@ WRAPS: dict[str, tuple[np.ndarray, str, str]] = {  # counts in the file, its nam
     "24 bits at 72 MHz": ((0.1 + TIME) % (2.0**24 / 72e6), "time_s", ""),
     "24 bits of a crystal at 32768 Hz": ((510.6 + TIME) % 512.0, "time_s", ""),
     "32 bits of 4 us": ((2.0**34 / 1e6 - 1.02 + TIME) % (2.0**34 / 1e6), "time_s", ""),
+    "four digits of milliseconds": ((9000 + TIME * 1e3) % 1e4, "t_ms", 't_ms = { name = "time_s", unit = "ms" }'),
+    "two digits of seconds": ((98.5 + TIME) % 100.0, "time_s", ""),
+    "milliseconds of a second": ((0.35 + TIME) % 1.0, "time_s", ""),
     "seconds of a week": ((604798.5 + TIME) % 604800.0, "time_s", ""),
     "cycles at 168 MHz": ((24.6 + TIME) * 168e6 % 2**32, "n", f'n = {{ name = "time_s", scale = {1 / 168e6!r} }}'),
 }
@@ -90,6 +93,12 @@ def test_a_counter_that_wraps_is_named_and_the_cure_keeps_every_row(case: str, b
 STANDS: dict[str, tuple[list[str], str]] = {
     "a row written twice": ([*ROWS[:20], ROWS[19], *ROWS[20:]], "delete the second"),
     "two recordings in one file": ([*ROWS, *ROWS], "holds 2 recordings: split it before line 62"),
+    "rows from the last to the first": (ROWS[::-1], "turn the rows around"),
+    "two recordings of ten seconds": (
+        [f"{k * 0.1 % 10.0:.1f},{VOLT[k % 100 % 60]:.9g},1" for k in range(200)],
+        "holds 2 recordings: split it before line 102",
+    ),
+    "three recordings of a second": (ROWS[:20] * 3, "holds 3 recordings: split it before line 22"),
     "rows swapped": ([*ROWS[:20], ROWS[21], ROWS[20], *ROWS[22:]], "sort the rows"),
     "a fall that no power of two explains": (
         [f"{k * 65.5 % 65.536:.3f},1,1" for k in range(40)],

@@ -28,6 +28,12 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
     "semicolons and decimal commas": (comma(PLAIN), "decimal commas"),
     "tabs": (PLAIN.replace(",", "\t"), "tabs"),
     "tabs and decimal commas": (comma(PLAIN).replace(";", "\t"), "decimal commas"),
+    "bars": (PLAIN.replace(",", "|"), "bars"),
+    "bars and decimal commas": (comma(PLAIN).replace(";", "|"), "decimal commas"),
+    "a table of a web page": (
+        "\n".join(f"| {line.replace(',', ' | ')} |" for line in [HEADER, "---,---,---", *ROWS]),
+        "bars between columns",
+    ),
     "quoted decimal commas": (
         "\n".join([HEADER, *(",".join(f'"{x.replace(".", ",")}"' for x in row.split(",")) for row in ROWS)]),
         "decimal commas",
@@ -61,6 +67,7 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
     "UTF-16, big end first": (b"\xfe\xff" + PLAIN.encode("utf-16-be"), "UTF-16"),
     "UTF-16 without its mark": (PLAIN.encode("utf-16-le"), "UTF-16"),
     "BOM, semicolons and a line of units": ("\ufeff" + UNITS, "line of units"),
+    "BOM twice, semicolons": ("\ufeff\ufeff" + PLAIN.replace(",", ";"), "semicolons"),
     "Windows-1252": (UNITS.encode("cp1252"), "Windows-1252"),
     "noise of a board that starts": (
         b"\xff\x8c\x00l\xe3\r\n\x9e\x02rst\x00\r\n" + PLAIN.encode(),
@@ -137,6 +144,14 @@ def test_a_packed_dialect_reads_alike(bench: Callable[..., tuple]) -> None:
 
 def test_commas_at_the_ends_of_some_rows_are_no_values(bench: Callable[..., tuple]) -> None:
     status, columns, said = bench("\n".join([HEADER, *(row + "," * (k % 3 > 0) for k, row in enumerate(ROWS))]))
+    assert status == 0, said
+    alike(columns)
+
+
+def test_a_minus_of_typesetters_is_a_minus(bench: Callable[..., tuple]) -> None:
+    status, columns, said = bench(
+        PLAIN.replace(HEADER, f"u,{HEADER}").replace("\n", "\n\u22121,").removesuffix("\u22121,")
+    )
     assert status == 0, said
     alike(columns)
 
@@ -277,6 +292,15 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         ("is empty; so are 53 of 60 rows", "leave a_C out"),
     ),
     "a column of no numbers": ("\n".join([f"{HEADER},a", *(f"{row},nan" for row in ROWS)]), ("leave the column out",)),
+    "words where numbers belong": (
+        "\n".join([HEADER, *(row.replace(",", ",0x", 1) for row in ROWS)]),
+        ("column voltage_V is missing", "a column without numbers, left aside: '0x"),
+    ),
+    "the mark of an instrument for an overload": (
+        PLAIN.replace(ROWS[7].split(",")[1], "9.91E+37"),
+        ("line 9", "9.91e+37", "overload"),
+    ),
+    "another unit": (PLAIN.replace("voltage_V", "voltage_mV"), ('voltage_mV = { name = "voltage_V", unit = "mV" }',)),
     "one empty cell": (PLAIN.replace(ROWS[7], f"{ROWS[7].partition(',')[0]},,1"), ("line 9", "or delete the row")),
     "a line that is garbled": (
         PLAIN.encode().replace(ROWS[30].encode(), b"\xff\x00\x81"),

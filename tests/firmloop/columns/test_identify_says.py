@@ -92,7 +92,7 @@ def test_a_reading_that_runs_backwards_is_told_and_nothing_that_follows_from_it(
     assert len(says) == 1 and "runs against" in says[0] and "turn the sign" in says[0]
 
 
-@pytest.mark.parametrize("wrong", [[85.0], [-127.0], [65535.0, 65535.0], [9.9e37]])
+@pytest.mark.parametrize("wrong", [[85.0], [-127.0], [65535.0, 65535.0], [9.9e29]])
 def test_a_reading_that_failed_is_told_with_its_time_and_nothing_that_follows_from_it(wrong, tmp_path, capsys):
     rows = [801, 1303][: len(wrong)]
 
@@ -101,6 +101,34 @@ def test_a_reading_that_failed_is_told_with_its_time_and_nothing_that_follows_fr
 
     says, _ = identified(written(tmp_path / "log", changed(heater(seeded(1)), temperature_C=failed)), capsys)
     assert len(says) == 1 and f"reads {wrong[0]:.6g} at " in says[0] and "delete the row" in says[0], says
+
+
+@pytest.mark.parametrize("row", [801, 802, 850])
+def test_a_reading_that_failed_beside_steps_of_the_input_is_told(row, tmp_path, capsys):
+    """Rows 801 and 802 answer a step of the voltage, as 24 others do."""
+
+    def failed(values):
+        return np.where(np.arange(len(values)) == row, -3e4, values)
+
+    made = motor(seeded(9))
+    moves = np.flatnonzero(np.diff(made[2]["voltage_V"]))
+    row += int(moves[len(moves) // 2]) - 800
+    says, _ = identified(written(tmp_path / "log", changed(made, speed_rad_s=failed)), capsys)
+    assert len(says) == 1 and "speed_rad_s of log.csv reads -30000" in says[0], says
+
+
+@pytest.mark.parametrize(("scale", "looks"), [(1e3, "in thousandths"), (1 / 24.0, "a share of the supply")])
+def test_a_voltage_in_another_unit_is_no_gear_and_its_line_gives_the_motor_back(scale, looks, tmp_path, capsys):
+    made = changed(motor(seeded(6)), voltage_V=lambda v: scale * v)
+    folder = written(tmp_path / "plain", made)
+    (said, *_), _ = identified(folder, capsys)
+    assert said.startswith("ke / kt is ") and "voltage_V looks " in said and looks in said and "gear" not in said
+    text = (folder / "project.toml").read_text()
+    line = said.partition("[recordings.rename] ")[2]
+    (folder / "project.toml").write_text(text.replace("[plant]", f"[recordings.rename]\n{line}\n[plant]", 1))
+    says, found = identified(folder, capsys)
+    assert says == []
+    assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.03)
 
 
 @pytest.mark.parametrize("gear", [4.0, 20.0, 0.25, 51.0])

@@ -84,6 +84,21 @@ def test_the_step_goes_the_way_that_the_actuator_can(
     assert 5.0 < step["rise_s"] < 60.0 and "not reached" not in said
 
 
+@pytest.mark.parametrize(
+    ("gain", "low", "high", "short"),
+    [(-0.8, 20, 100, "-16 of 22.5"), (0.001, 0, 100, "0.1 of 22.5"), (0.8, -5, 5, "4 of 22.5"), (0.8, 0, 100, "")],
+)
+def test_a_step_beyond_the_actuator_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], gain: float, low: int, high: int, short: str
+) -> None:
+    text = PROJECT.format(
+        kind="first_order", parameters=LAG.format(gain=gain) + LATE, controller='tune = "simc"', low=low, high=high
+    )
+    said, _ = designed(tmp_path, capsys, text)
+    told = re.search(r"reference not reached  (.*), the output at its limit", said)
+    assert (told.group(1) if told else "") == short, said
+
+
 def test_a_loop_that_runs_away_has_no_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = PROJECT.format(
         kind="first_order",

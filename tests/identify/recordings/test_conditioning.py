@@ -18,6 +18,7 @@ from firmloop.identify.recordings.conditioning import (
     conditioning_from_table,
     find_lag,
     interpolate,
+    windows,
 )
 from firmloop.identify.recordings.recording import make_recording
 
@@ -191,6 +192,12 @@ def test_an_aligned_clock_moves_no_parameter_and_widens_its_interval() -> None:
 def test_a_grid_beyond_all_measure_is_refused(key: str) -> None:
     with pytest.raises(IdentifyError, match=rf"{key} is 1e-12: .* at most 1,000,000"):
         check_conditioning(Conditioning(**{key: 1e-12}), ("y",), "r.csv", np.linspace(0.0, 1.0, 50))
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e-12, 1e-300])
+def test_no_window_is_shorter_than_a_row_and_none_takes_memory(length: float) -> None:
+    time = np.linspace(0.0, 200.0, 201)
+    assert windows(Conditioning(window_s=length), time, 4) == windows(Conditioning(window_s=1.0), time, 4)
 
 
 @pytest.mark.parametrize("key", ["savgol_window", "savgol_order", "line_harmonics"])
