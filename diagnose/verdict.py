@@ -36,7 +36,7 @@ from firmloop.diagnose.policy import (
     WHITENESS_LAGS,
 )
 from firmloop.diagnose.search.found import Search, candidates_of, richer_of
-from firmloop.diagnose.search.improved import directs
+from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
@@ -91,7 +91,11 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         noise=dict(zip(outputs, noise, strict=True)),
         shifts=shifts,
         untestable={name: why for name, why in untestable.items() if name not in {each.name for each in effects}},
-        notes=(*checks.notes, *_far_from_given(shifts, deviations(shown.fitted), verdict)),
+        notes=(
+            *checks.notes,
+            *_far_from_given(shifts, deviations(shown.fitted), verdict),
+            *(f"{each} is simulated without its steps, which its noise blurs" for each in blurred(search, shown)),
+        ),
         says=(),
         per_recording=own_of_all(search.problem, shown.fitted),
         law=_law(told),

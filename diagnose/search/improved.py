@@ -14,6 +14,7 @@ from firmloop.diagnose.model.fit import deviations
 from firmloop.diagnose.model.hypothesis import declared
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
+from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.per_recording import centred
 from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 
@@ -22,6 +23,19 @@ def directs(search: Search) -> tuple[Direct, ...]:
     """Return what is read off the recordings, before and after the search."""
     problem = search.problem
     return (*problem.direct, *coarse(problem.plant, problem.train, residual_sizes(search.best.fitted.residuals)))
+
+
+def blurred(search: Search, shown: Candidate) -> tuple[str, ...]:
+    """Return the outputs with steps that noise blurs: their average is nearer to what is read than the steps are."""
+    found = []
+    for each in directs(search):
+        index = next(k for k, signal in enumerate(search.problem.plant.outputs) if signal.name == each.output)
+        if find_effect(each.effect).seen_by == "steps":
+            left = [part[:, index] for part in shown.fitted.residuals]
+            stepped = [each.values[0] * np.round(part / each.values[0]) for part in left]
+            if any(np.std(one) > np.std(other) for one, other in zip(stepped, left, strict=True)):
+                found.append(each.output)
+    return tuple(found)
 
 
 def improved_plant(search: Search, shown: Candidate) -> Plant:
@@ -34,6 +48,8 @@ def improved_plant(search: Search, shown: Candidate) -> Plant:
     uses += [term.use(values) for term in shown.fitted.terms]
     known_spread = dict(spread)
     for each in directs(search):
+        if each.output in blurred(search, shown):
+            continue
         known = parameters_of(search.problem.plant, each.effect, each.output)
         read = {parameter.name: value for parameter, value in zip(known, each.values, strict=True)}
         uses.append(EffectUse(each.effect, each.output, read))
