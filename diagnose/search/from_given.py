@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from firmloop.diagnose.model.candidate import Candidate, extended, joined
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import Fitted, fit
+from firmloop.diagnose.model.fit import Fitted, fit, fit_starts
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point
 from firmloop.diagnose.model.lost_sign import from_unfolded
 from firmloop.diagnose.policy import (
@@ -22,7 +23,10 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.diagnose.search.orders import best_orders
 from firmloop.diagnose.search.screen import Screened, ground, screen
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.fit import estimate
 from firmloop.identify.fitting.noise import colored, flat
+from firmloop.identify.recordings.conditioning import NONE
 
 
 def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
@@ -50,6 +54,33 @@ def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
         fit(problem, problem.train, *extended(given, each.term, each.start), sizes, STEPS_FROM_GIVEN) for each in picked
     ]
     return (*tried, *(from_unfolded(problem, term) for term in others if term.label in told))
+
+
+def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
+    """Fit the level of an output from where a fit of all deviations from their means ends: no level leads that astray.
+
+    Beside one that is not the plant's, a refit may not come to the sign of a gain.
+    """
+    if nominal.fitted.terms or not any(noise.weight for noise in nominal.noises):
+        return ()
+    signals = tuple(signal.name for signal in (*problem.plant.inputs, *problem.plant.outputs))
+    try:
+        centred = estimate(problem.plant, problem.train, (), replace(NONE, remove_offset=signals)).plant
+    except IdentifyError:
+        return ()
+    begin = first_point(problem, problem.train)
+    values = {**begin.values, **{p.name: p.value for p in centred.parameters}}
+    sizes = flat(nominal.noises)
+    bare = fit(problem, problem.train, (), Point(values, begin.starts), sizes, 0)
+    levels = np.mean(np.concatenate(bare.residuals), axis=0)
+    found = []
+    for signal, level in zip(problem.plant.outputs, levels, strict=True):
+        for term in problem.terms:
+            if term.effect.lasting and term.output == signal.name:
+                terms, point = extended(bare, term, {term.keys[0]: float(level)})
+                begun = fit_starts(problem, problem.train, point.values, sizes)
+                found.append(fit(problem, problem.train, terms, begun, sizes, STEPS_FROM_GIVEN))
+    return tuple(found)
 
 
 def _folded(problem: Problem, term: LibraryTerm) -> bool:

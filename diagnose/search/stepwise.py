@@ -61,7 +61,7 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.diagnose.search.exchange import amounting, merged, parted, swapped
 from firmloop.diagnose.search.found import Progress, Search, candidates_of
-from firmloop.diagnose.search.from_given import from_given, runaways
+from firmloop.diagnose.search.from_given import from_given, from_means, runaways
 from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
@@ -98,7 +98,8 @@ def search(problem: Problem, progress: Progress) -> Search:
         # Where noise alone is left, no term gains more than it promises; where not, a soaked one hides another.
         whole = not colored(best.noises)
         worth = max(WORTH_A_REFIT, 0.5 * MINOR_SHARE * sum(gains)) if whole else WORTH_A_REFIT
-        candidates = tried_beside(problem, best, table, from_given(problem, best), worth)
+        others = (*from_given(problem, best), *from_means(problem, best))
+        candidates = tried_beside(problem, best, table, others, worth)
         if not candidates:
             break
         base = best

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,13 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, explained, independent, remainders
 from firmloop.identify.fitting.fit import Fit, estimate, judge
+from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.simulate import rest_start, simulate
 from firmloop.identify.units import ending_of
 
 _HINT = 6.0  # independent samples times the share explained, from which a fit with the level is worth its time
@@ -37,7 +40,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             column[:, k] = 1.0
         hint = explained(parts, weights, columns)
         samples = independent([part.residual[:, k] for part in parts])
-        if hint.share * samples < _HINT and hint.share < _SHARE and not refused:
+        if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, k):
             continue
         said = _fitted(evidence, k, hint.size)
         found += [said] if said else []
@@ -49,9 +52,7 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
     before = evidence.fit
     assert before is not None
     output = before.plant.outputs[k]
-    own = kinds()[before.plant.kind].optional if before.plant.kind in kinds() else None
-    inputs = tuple(each.name for each in before.plant.inputs)
-    in_kind = own is not None and OUTPUT in {c.name for c in own(inputs, (output.name,))}
+    in_kind = _in_kind(before.plant, output)
     if in_kind and OUTPUT in {parameter.name for parameter in before.plant.parameters}:
         return ""
     if any(use.name == "sensor_offset" and use.output in (output.name, None) for use in before.plant.effects):
@@ -79,6 +80,28 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
     )
 
 
+def _astray(evidence: Evidence, k: int) -> bool:
+    """Tell whether what is left of an output that may have a level of its own is no white noise."""
+    assert evidence.fit is not None
+    plant = evidence.fit.plant
+    if not _in_kind(plant, plant.outputs[k]):
+        return False
+    drives = [recording.columns[plant.inputs[0].name] for recording in evidence.recordings]
+    lefts = [part.residual[:, k] for part in remainders(evidence)]
+    return any(
+        not residual_tests(left, drive).white
+        for left, drive in zip(lefts, drives, strict=True)
+        if len(left) == len(drive)
+    )
+
+
+def _in_kind(plant: Plant, output: Signal) -> bool:
+    """Tell whether the level of an output is a parameter that its kind may have."""
+    own = kinds()[plant.kind].optional if plant.kind in kinds() else None
+    inputs = tuple(each.name for each in plant.inputs)
+    return own is not None and OUTPUT in {c.name for c in own(inputs, (output.name,))}
+
+
 def _refused(evidence: Evidence) -> bool:
     """Tell whether the fit would be refused: it may have gone astray for want of a level."""
     assert evidence.fit is not None
@@ -90,11 +113,14 @@ def _refused(evidence: Evidence) -> bool:
 
 
 def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, level: float) -> Fit | None:
-    """Fit with the level, from the fit without it and from the plant as given: the fit may be far astray."""
+    """Fit with the level, from the fit without it, the plant as given and a fit of deviations from the means.
+
+    The fit without it may be far astray, to the other sign of a gain.
+    """
     assert evidence.fit is not None
     reading = float(np.mean(evidence.recordings[0].columns[output.name]))
     ways: list[Fit] = []
-    for plant, start in ((evidence.fit.plant, level), (evidence.given, reading)):
+    for plant, start in ((evidence.fit.plant, level), (evidence.given, reading), *_centred(evidence, output)):
         wider = _with_level(plant, output.unit) if in_kind else _with_offset(plant, output.name, name)
         begin = tuple(replace(p, value=start) if p.name == name else p for p in wider.parameters)
         try:
@@ -105,6 +131,19 @@ def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, lev
         if _gain(evidence, evidence.fit, after) >= _CERTAIN:
             break
     return min(ways, key=lambda each: each.noise[output.name], default=None)
+
+
+def _centred(evidence: Evidence, output: Signal) -> Iterator[tuple[Plant, float]]:
+    """Yield the plant of a fit that no level takes part in, and the level beside it."""
+    plant, (first, *_) = evidence.given, evidence.recordings
+    names = tuple(signal.name for signal in (*plant.inputs, *plant.outputs))
+    try:
+        found = estimate(plant, evidence.recordings, [], replace(evidence.conditioning, remove_offset=names)).plant
+        shown = simulate(found, first, rest_start(found, first))
+    except IdentifyError:
+        return
+    index = [signal.name for signal in plant.outputs].index(output.name)
+    yield found, float(np.mean(first.columns[output.name] - shown[:, index]))
 
 
 def _gain(evidence: Evidence, before: Fit, after: Fit) -> float:

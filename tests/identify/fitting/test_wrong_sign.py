@@ -1,0 +1,67 @@
+"""A fan that cools, with a start of the wrong sign and a room's temperature that the plant knows nothing of."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.cli import main
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.recording import make_recording, write_recording
+from firmloop.identify.simulation.simulate import simulate
+
+TRUE = {"gain": -0.65, "time_constant_s": 75.0, "delay_s": 0.0, "output_at_rest": 66.0}
+
+
+def fan(folder: Path) -> Path:
+    """Leave a recording that begins settled, at 35 % of the fan, and a project that begins at the other sign."""
+    random, time = np.random.default_rng(7), np.arange(900.0)
+    drive = np.repeat(random.uniform(15.0, 60.0, 9), 100)
+    drive[:100] = 35.0
+    plant = make_plant("first_order", "fan_percent", ["temperature_C"], {name: {"value": TRUE[name]} for name in TRUE})
+    empty = {"fan_percent": drive, "temperature_C": np.zeros(len(time))}
+    shown = simulate(plant, make_recording(time, empty, "log.csv", ""), np.array([-0.65 * 35.0]))
+    seen = shown[:, 0] + 0.05 * random.normal(size=len(time))
+    write_recording(make_recording(time, {**empty, "temperature_C": seen}, "log.csv", ""), folder / "log.csv")
+    path = folder / "project.toml"
+    path.write_text("""schema = 1
+name = "fan"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "first_order"
+input = "fan_percent"
+outputs = ["temperature_C"]
+[plant.parameters]
+gain = { value = 1.0, free = true }
+time_constant_s = { value = 400.0, free = true }
+delay_s = { value = 2.0, free = true }
+""")
+    return path
+
+
+def test_identify_names_the_level_and_finds_the_sign_beside_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = fan(tmp_path)
+    assert main(["identify", str(path), "--out", str(tmp_path / "out")]) == 0
+    (line,) = (each for each in capsys.readouterr().out.splitlines() if "write output_at_rest" in each)
+    level = line.partition("write ")[2].partition(" in [")[0]
+    path.write_text(f"{path.read_text()}{level}\n")
+    assert main(["identify", str(path), "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["plant"]["parameters"]
+    assert found["gain"]["value"] == pytest.approx(TRUE["gain"], rel=0.01)
+    assert found["time_constant_s"]["value"] == pytest.approx(TRUE["time_constant_s"], rel=0.01)
+    assert found["output_at_rest"]["value"] == pytest.approx(TRUE["output_at_rest"], rel=0.01)
+
+
+def test_diagnose_names_the_level(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = fan(tmp_path)
+    assert main(["diagnose", str(path), "--out", str(tmp_path / "out"), "--json"]) == 1
+    said = json.loads(capsys.readouterr().out)
+    named = {each["name"]: each["parameters"] for each in said["effects"]}
+    assert named["sensor_offset"]["offset_C"]["value"] == pytest.approx(TRUE["output_at_rest"], rel=0.01)
+    assert said["fit"]["train"]["after"] < 1.1
