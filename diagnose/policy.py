@@ -136,7 +136,7 @@ DIFFERENCE_STEP = 1e-5  # of a coordinate, for difference quotients
 FINE_DIFFERENCE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
 ROUGH_DIFFERENCE_STEP = 3e-3  # the same where bodies meet: each time a moment later, outputs move by a small leap
 
-# Budgets, in million steps of simulation; one in which all but the input is linear counts a quarter, as it costs.
+# Budgets, in million steps of simulation; one in which all but the input is linear counts half.
 SEARCH_PATIENCE = 180.0  # after which no further effect is looked for
 CONTACT_SEARCH_PATIENCE = 240.0  # the same beside bodies that meet, whose fits take far longer
 COMPLETION_PATIENCE = 100.0  # after which nothing further is looked for

@@ -50,7 +50,7 @@ class EffectSimulator:
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
     taken: Array = field(
         default_factory=lambda: np.zeros(1)
-    )  # steps of all runs so far; what is linear but for its input, a quarter of one
+    )  # steps of all runs so far; what is linear but for its input, half of one
 
     @property
     def states(self) -> int:

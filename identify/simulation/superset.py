@@ -61,7 +61,7 @@ class Superset:
 
     @property
     def steps(self) -> float:
-        """Steps of all simulations so far, in millions, linear ones a quarter: what a budget counts everywhere."""
+        """Steps of all simulations so far, in millions, linear ones a half: what a budget counts everywhere."""
         return 1e-6 * float(self.engine.taken[0])
 
     def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
