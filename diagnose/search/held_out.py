@@ -111,7 +111,8 @@ def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
     elif here.ratio > NEARER_RMS:
         lots.append((fitted.terms, lambda each: each.ratio <= NEARER_RMS * here.ratio))
     if strength(fitted, weakest) <= NORMAL_95:
-        lots.append(((weakest,), lambda each: not _needs(here, each)))
+        # With a special case in its place the effect stays: only what its interval does not tell goes.
+        lots.append(((weakest,), lambda each: len(_terms(each)) == len(_terms(here)) or not _needs(here, each)))
     for some, enough in lots:
         parts = [each for each in _smaller(here.search, bench, some) if each.safe or not here.safe]
         # Those that may be written first.
@@ -119,6 +120,10 @@ def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
         if least is not None and enough(least):
             return least
     return None
+
+
+def _terms(part: _Part) -> tuple[LibraryTerm, ...]:
+    return part.search.best.fitted.terms
 
 
 def _needs(here: _Part, slim: _Part) -> bool:
