@@ -57,9 +57,9 @@ def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
 
 
 def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
-    """Fit the level of an output from where a fit of all deviations from their means ends: no level leads that astray.
+    """Fit the level of an output from where a fit of all deviations from their means ends, if a sign is another there.
 
-    Beside one that is not the plant's, a refit may not come to the sign of a gain.
+    Beside a level that is not the plant's, a refit may not come to the sign of a gain.
     """
     if nominal.fitted.terms or not any(noise.weight for noise in nominal.noises):
         return ()
@@ -67,6 +67,9 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
     try:
         centred = estimate(problem.plant, problem.train, (), replace(NONE, remove_offset=signals)).plant
     except IdentifyError:
+        return ()
+    known = nominal.fitted.point.values
+    if not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):
         return ()
     begin = first_point(problem, problem.train)
     values = {**begin.values, **{p.name: p.value for p in centred.parameters}}
