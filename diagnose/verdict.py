@@ -94,7 +94,10 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         notes=(
             *checks.notes,
             *_far_from_given(shifts, deviations(shown.fitted), verdict),
-            *(f"{each} is simulated without its steps, which its noise blurs" for each in blurred(search, shown)),
+            *(
+                f"{each.output} is simulated without its steps, which its noise blurs"
+                for each in blurred(search, shown, read)
+            ),
         ),
         says=(),
         per_recording=own_of_all(search.problem, shown.fitted),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +22,7 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.diagnose.search.orders import best_orders
 from firmloop.diagnose.search.screen import Screened, ground, screen
-from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.fit import estimate
+from firmloop.identify.fitting.fit import about_means
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.recordings.conditioning import NONE
 
@@ -63,13 +61,8 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
     """
     if nominal.fitted.terms or not any(noise.weight for noise in nominal.noises):
         return ()
-    signals = tuple(signal.name for signal in (*problem.plant.inputs, *problem.plant.outputs))
-    try:
-        centred = estimate(problem.plant, problem.train, (), replace(NONE, remove_offset=signals)).plant
-    except IdentifyError:
-        return ()
-    known = nominal.fitted.point.values
-    if not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):
+    centred, known = about_means(problem.plant, problem.train, NONE), nominal.fitted.point.values
+    if centred is None or not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):
         return ()
     begin = first_point(problem, problem.train)
     values = {**begin.values, **{p.name: p.value for p in centred.parameters}}

@@ -41,6 +41,11 @@ class _Part:
     left: LeftOut
 
     @property
+    def terms(self) -> tuple[LibraryTerm, ...]:
+        """The effects of the part."""
+        return self.search.best.fitted.terms
+
+    @property
     def ratio(self) -> float:
         """The rms over the refit's, squares averaged over outputs; 0 where nothing is told."""
         return _ratio(self.left.figures)
@@ -112,7 +117,7 @@ def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
         lots.append((fitted.terms, lambda each: each.ratio <= NEARER_RMS * here.ratio))
     if strength(fitted, weakest) <= NORMAL_95:
         # With a special case in its place the effect stays: only what its interval does not tell goes.
-        lots.append(((weakest,), lambda each: len(_terms(each)) == len(_terms(here)) or not _needs(here, each)))
+        lots.append(((weakest,), lambda each: len(each.terms) == len(here.terms) or not _needs(here, each)))
     for some, enough in lots:
         parts = [each for each in _smaller(here.search, bench, some) if each.safe or not here.safe]
         # Those that may be written first.
@@ -120,10 +125,6 @@ def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
         if least is not None and enough(least):
             return least
     return None
-
-
-def _terms(part: _Part) -> tuple[LibraryTerm, ...]:
-    return part.search.best.fitted.terms
 
 
 def _needs(here: _Part, slim: _Part) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,16 +25,16 @@ def directs(search: Search) -> tuple[Direct, ...]:
     return (*problem.direct, *coarse(problem.plant, problem.train, residual_sizes(search.best.fitted.residuals)))
 
 
-def blurred(search: Search, shown: Candidate) -> tuple[str, ...]:
-    """Return the outputs with steps that noise blurs: their average is nearer to what is read than the steps are."""
+def blurred(search: Search, shown: Candidate, read: Sequence[Direct]) -> tuple[Direct, ...]:
+    """Return the steps among what was read off that noise blurs: their average is nearer to a reading than they are."""
     found = []
-    for each in directs(search):
+    for each in read:
         index = next(k for k, signal in enumerate(search.problem.plant.outputs) if signal.name == each.output)
         if find_effect(each.effect).seen_by == "steps":
             left = [part[:, index] for part in shown.fitted.residuals]
             stepped = [each.values[0] * np.round(part / each.values[0]) for part in left]
             if any(np.std(one) > np.std(other) for one, other in zip(stepped, left, strict=True)):
-                found.append(each.output)
+                found.append(each)
     return tuple(found)
 
 
@@ -47,12 +47,12 @@ def improved_plant(search: Search, shown: Candidate) -> Plant:
     uses = declared(given, shown.fitted.terms)
     uses += [term.use(values) for term in shown.fitted.terms]
     known_spread = dict(spread)
-    for each in directs(search):
-        if each.output in blurred(search, shown):
-            continue
+    read = directs(search)
+    hidden = blurred(search, shown, read)
+    for each in (one for one in read if one not in hidden):
         known = parameters_of(search.problem.plant, each.effect, each.output)
-        read = {parameter.name: value for parameter, value in zip(known, each.values, strict=True)}
-        uses.append(EffectUse(each.effect, each.output, read))
+        values_read = {parameter.name: value for parameter, value in zip(known, each.values, strict=True)}
+        uses.append(EffectUse(each.effect, each.output, values_read))
         label = label_of(search.problem.plant, uses[-1])
         known_spread |= {f"{label}.{k.name}": size for k, size in zip(known, each.deviations, strict=True)}
     if not uses:

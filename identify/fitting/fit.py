@@ -160,6 +160,15 @@ def estimate(
     return replace(found, per_recording=(*found.per_recording, *own))
 
 
+def about_means(plant: Plant, train: Sequence[Recording], conditioning: Conditioning) -> Plant | None:
+    """Return the plant that fits all deviations from the means, in which no level takes part; None where none does."""
+    signals = tuple(signal.name for signal in (*plant.inputs, *plant.outputs))
+    try:
+        return estimate(plant, train, (), replace(conditioning, remove_offset=signals)).plant
+    except IdentifyError:
+        return None
+
+
 def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning) -> Plant:
     """Return the plant with a value for what each recording has its own of: that of a fit in which all share it."""
     if plant.varying and conditioning.window_s > 0.0:

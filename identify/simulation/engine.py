@@ -48,9 +48,7 @@ class EffectSimulator:
     jobs: dict[bytes, Job] = field(default_factory=dict)
     written: dict[bytes, Forms] = field(default_factory=dict)  # by the nominal constants
     cuts: dict[tuple[object, ...], tuple[Course, Segments]] = field(default_factory=dict)
-    taken: Array = field(
-        default_factory=lambda: np.zeros(1)
-    )  # steps of all runs so far; what is linear but for its input, half of one
+    taken: Array = field(default_factory=lambda: np.zeros(1))  # steps of all runs so far, linear ones a half
 
     @property
     def states(self) -> int:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, explained, independent, remainders
-from firmloop.identify.fitting.fit import Fit, estimate, judge
+from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, independent, remainders
+from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
@@ -40,7 +41,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             column[:, k] = 1.0
         hint = explained(parts, weights, columns)
         samples = independent([part.residual[:, k] for part in parts])
-        if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, k):
+        if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, parts, k):
             continue
         said = _fitted(evidence, k, hint.size)
         found += [said] if said else []
@@ -80,18 +81,17 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
     )
 
 
-def _astray(evidence: Evidence, k: int) -> bool:
+def _astray(evidence: Evidence, parts: Sequence[Remainder], k: int) -> bool:
     """Tell whether what is left of an output that may have a level of its own is no white noise."""
     assert evidence.fit is not None
     plant = evidence.fit.plant
     if not _in_kind(plant, plant.outputs[k]):
         return False
     drives = [recording.columns[plant.inputs[0].name] for recording in evidence.recordings]
-    lefts = [part.residual[:, k] for part in remainders(evidence)]
     return any(
-        not residual_tests(left, drive).white
-        for left, drive in zip(lefts, drives, strict=True)
-        if len(left) == len(drive)
+        not residual_tests(part.residual[:, k], drive).white
+        for part, drive in zip(parts, drives, strict=True)
+        if len(part.residual) == len(drive)
     )
 
 
@@ -120,7 +120,8 @@ def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, lev
     assert evidence.fit is not None
     reading = float(np.mean(evidence.recordings[0].columns[output.name]))
     ways: list[Fit] = []
-    for plant, start in ((evidence.fit.plant, level), (evidence.given, reading), *_centred(evidence, output)):
+    begins = ((evidence.fit.plant, level), (evidence.given, reading))
+    for plant, start in chain(begins, _centred(evidence, output)):
         wider = _with_level(plant, output.unit) if in_kind else _with_offset(plant, output.name, name)
         begin = tuple(replace(p, value=start) if p.name == name else p for p in wider.parameters)
         try:
@@ -135,14 +136,15 @@ def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, lev
 
 def _centred(evidence: Evidence, output: Signal) -> Iterator[tuple[Plant, float]]:
     """Yield the plant of a fit that no level takes part in, and the level beside it."""
-    plant, (first, *_) = evidence.given, evidence.recordings
-    names = tuple(signal.name for signal in (*plant.inputs, *plant.outputs))
+    first = evidence.recordings[0]
+    found = about_means(evidence.given, evidence.recordings, evidence.conditioning)
+    if found is None:
+        return
     try:
-        found = estimate(plant, evidence.recordings, [], replace(evidence.conditioning, remove_offset=names)).plant
         shown = simulate(found, first, rest_start(found, first))
     except IdentifyError:
         return
-    index = [signal.name for signal in plant.outputs].index(output.name)
+    index = [signal.name for signal in found.outputs].index(output.name)
     yield found, float(np.mean(first.columns[output.name] - shown[:, index]))
 
 
