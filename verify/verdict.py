@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from firmloop.verify.compare import First
 from firmloop.verify.judgement import Judgement
 
+EQUATIONS = "the plant"  # what a loop is closed against where nothing stands in the place of its equations
+
 
 @dataclass(frozen=True, slots=True)
 class Function:
@@ -98,12 +100,12 @@ class ClosedLoop:
     reference: Sequence[float]
     measurement: Sequence[float]
     command: Sequence[float]
-    against: str = "the plant"  # or what stood in the place of its equations
+    against: str = EQUATIONS  # or what stood in the place of its equations
 
     def as_dict(self) -> dict[str, object]:
         """Return what verdict.json tells of it."""
         told: dict[str, object] = {"steps": self.steps, "differences": self.differences}
-        return told if self.against == "the plant" else told | {"against": self.against}
+        return told if self.against == EQUATIONS else told | {"against": self.against}
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from firmloop.verify.compare import record_type
 from firmloop.verify.link import Link
 from firmloop.verify.reference import Raw, element_type, start_parameters
 from firmloop.verify.scaling import to_physical, to_raw
+from firmloop.verify.verdict import EQUATIONS
 
 Array = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ class PlantLoop:
     roles: tuple[str, str]
     others: tuple[tuple[str, int], ...] = ()
     begin: Callable[[Plant, float], Stepped] = SteppedPlant
-    says: str = "the plant"
+    says: str = EQUATIONS
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ class LoopCheck:
     run: LoopRun
     expected: LoopRun
     different: tuple[int, ...]
-    says: str = "the plant"
+    says: str = EQUATIONS
 
 
 def check_loop(program: Program, loop: PlantLoop, host: Link, target: Link) -> LoopCheck:

@@ -12,10 +12,10 @@ from firmloop.design.design import Request
 from firmloop.design.kinds.foc.dead_time import DeadTime
 from firmloop.design.kinds.foc.field import Field
 from firmloop.design.kinds.foc.observer import Frame, Observer
-from firmloop.design.kinds.foc.wires import DUTIES
 from firmloop.design.law import Flag, Law, Scalar
 from firmloop.design.linear.linear_law import check_names, symbols
 from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.bridge_columns import DUTIES
 
 ROOM = 1.0 + 2.0**-10  # of a range beyond what exact arithmetic reaches, for rounding
 WHY = "it forgets by h/tt a sample, towards what the limited voltage, the error and the decoupling ask for"

@@ -62,10 +62,11 @@ from firmloop.design.kinds.foc.gains import (
 )
 from firmloop.design.kinds.foc.observer import KEYS as OBSERVER_KEYS
 from firmloop.design.kinds.foc.observer import observer_of
-from firmloop.design.kinds.foc.wires import DUTIES, INPUTS, bench, check_wires
+from firmloop.design.kinds.foc.wires import INPUTS, bench, check_wires
 from firmloop.design.law import DesignError
 from firmloop.design.table import check_keys, choice, positive, real, truth
 from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.bridge_columns import DUTIES
 
 KEYS = (
     *GAINS,

@@ -9,6 +9,7 @@ from firmloop.design.design import Bench, Request
 from firmloop.design.law import DesignError
 from firmloop.identify.plants.bridges import on_bridges
 from firmloop.identify.signal import Signal
+from firmloop.identify.simulation.bridge_columns import DUTIES
 
 INPUTS = {
     "reference_d_A": "A",
@@ -19,7 +20,6 @@ INPUTS = {
     "speed_rad_s": "rad/s",
     "supply_V": "V",
 }
-DUTIES = ("duty_a", "duty_b", "duty_c")
 LEAST_TURN = 0.98 * 2.0 * math.pi  # rad: whoever writes -3.1 to 3.1 means a turn
 NEARLY = 0.01
 COUNTS = tuple(2**n for n in range(7, 24))  # half a turn of an encoder or converter
