@@ -8,36 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.recordings.recording import make_recording, write_recording
-from firmloop.identify.simulation.simulate import simulate
 from tests.diagnose.cases import diagnosis
+from tests.first_order_bench import answered, leave
+
+GIVEN = """gain = { value = 1.9, free = true }
+time_constant_s = { value = 1.6, free = true }
+delay_s = { value = 0.0, free = false }
+"""
 
 
 @pytest.mark.parametrize(("noise", "stepped"), [(0.33, False), (0.05, True)])
 def test_a_sensor_in_steps_is_named_and_makes_no_simulation_worse(tmp_path: Path, noise: float, stepped: bool) -> None:
     random, time = np.random.default_rng(3), np.arange(1200) * 0.1
-    drive = np.repeat(random.uniform(-5.0, 5.0, 12), 100)
-    given = {"gain": {"value": 2.0}, "time_constant_s": {"value": 1.5}, "delay_s": {"value": 0.0, "free": False}}
-    plant = make_plant("first_order", "voltage_V", ["temperature_C"], given)
-    empty = {"voltage_V": drive, "temperature_C": np.zeros(len(time))}
-    shown = simulate(plant, make_recording(time, empty, "log.csv", ""), None)[:, 0]
-    seen = np.round(shown + noise * random.normal(size=len(time)))
-    write_recording(make_recording(time, {**empty, "temperature_C": seen}, "log.csv", ""), tmp_path / "log.csv")
-    path = tmp_path / "project.toml"
-    path.write_text("""schema = 1
-name = "steps"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "first_order"
-input = "voltage_V"
-outputs = ["temperature_C"]
-[plant.parameters]
-gain = { value = 1.9, free = true }
-time_constant_s = { value = 1.6, free = true }
-delay_s = { value = 0.0, free = false }
-""")
+    drive = "voltage_V", np.repeat(random.uniform(-5.0, 5.0, 12), 100)
+    shown = answered(time, drive, {"gain": 2.0, "time_constant_s": 1.5, "delay_s": 0.0})
+    path = leave(tmp_path, time, drive, np.round(shown + noise * random.normal(size=len(time))), GIVEN)
     status, said = diagnosis(path, tmp_path / "out")
     assert status == 1 and [each["name"] for each in said["effects"]] == ["sensor_quantization"], said["says"]
     rms = said["simulation_rms"]["train"]["temperature_C"]

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from firmloop.identify.plants.kinds import make_plant
-from firmloop.identify.recordings.recording import make_recording, write_recording
-from firmloop.identify.simulation.simulate import simulate
+from tests.first_order_bench import answered, leave
 
 TRUE = {"gain": -0.65, "time_constant_s": 75.0, "delay_s": 0.0, "output_at_rest": 66.0}
+GIVEN = """gain = { value = 1.0, free = true }
+time_constant_s = { value = 400.0, free = true }
+delay_s = { value = 2.0, free = true }
+"""
 
 
 def fan(folder: Path) -> Path:
@@ -21,26 +23,8 @@ def fan(folder: Path) -> Path:
     random, time = np.random.default_rng(7), np.arange(900.0)
     drive = np.repeat(random.uniform(15.0, 60.0, 9), 100)
     drive[:100] = 35.0
-    plant = make_plant("first_order", "fan_percent", ["temperature_C"], {name: {"value": TRUE[name]} for name in TRUE})
-    empty = {"fan_percent": drive, "temperature_C": np.zeros(len(time))}
-    shown = simulate(plant, make_recording(time, empty, "log.csv", ""), np.array([-0.65 * 35.0]))
-    seen = shown[:, 0] + 0.05 * random.normal(size=len(time))
-    write_recording(make_recording(time, {**empty, "temperature_C": seen}, "log.csv", ""), folder / "log.csv")
-    path = folder / "project.toml"
-    path.write_text("""schema = 1
-name = "fan"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "first_order"
-input = "fan_percent"
-outputs = ["temperature_C"]
-[plant.parameters]
-gain = { value = 1.0, free = true }
-time_constant_s = { value = 400.0, free = true }
-delay_s = { value = 2.0, free = true }
-""")
-    return path
+    shown = answered(time, ("fan_percent", drive), TRUE, TRUE["gain"] * 35.0)
+    return leave(folder, time, ("fan_percent", drive), shown + 0.05 * random.normal(size=len(time)), GIVEN)
 
 
 def test_identify_names_the_level_and_finds_the_sign_beside_it(
