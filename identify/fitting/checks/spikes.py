@@ -1,6 +1,8 @@
-"""Readings that failed: one row leaps farther than all others reach, and no step of the input says why."""
+"""Readings that failed: they leap farther than all others reach, and no step of the input or no answer says why."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,35 +12,71 @@ from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+_NONE: Rows = np.zeros(0, dtype=np.int64)
 
 _FEWEST = 2  # steps of an input: of two, one may be the failed one
 _MOST = 0.01  # of the rows: what comes more often is how the signal moves
+_SOON = 0.02  # of the rows: within them a plant begins to answer what an input did
+_MORE = 1.2  # times as fast as it moves elsewhere: a leap of an input beyond its span moves it so
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Ask every output of every recording."""
+    """Ask every output and every input of every recording."""
     return tuple(
-        _said(recording, signal.name, rows)
+        _said(recording, name, rows)
         for recording in evidence.recordings
-        for signal in evidence.given.outputs
-        if signal.name in recording.columns and len(rows := _leaps(recording, signal.name, evidence))
+        for name in recording.columns
+        if len(rows := _failed(recording, name, evidence))
     )
 
 
-def _leaps(recording: Recording, name: str, evidence: Evidence) -> NDArray[np.int64]:
-    """Return the rows that leap away and back by more than what all the others span."""
+def _failed(recording: Recording, name: str, evidence: Evidence) -> Rows:
+    """Return the rows that leap without a cause, if they are an output's, or without an answer, if an input's."""
     values = recording.columns[name]
+    inputs = {
+        each.name: recording.columns[each.name] for each in evidence.given.inputs if each.name in recording.columns
+    }
+    outputs = {
+        each.name: recording.columns[each.name] for each in evidence.given.outputs if each.name in recording.columns
+    }
+    if name in outputs:
+        return _leaps(values, [*inputs.values()])
+    rows = _leaps(values, []) if name in inputs else _NONE
+    moving = len(rows) and np.ptp(np.delete(values, rows)) > 0.0  # else it is the one push of a test
+    return _NONE if not moving or any(_answered(output, rows) for output in outputs.values()) else rows
+
+
+def _answered(output: Array, rows: Rows) -> bool:
+    """Tell whether an output moves faster after one of the rows than anywhere else."""
+    moves = np.abs(np.diff(output))
+    soon = np.zeros(len(moves), dtype=bool)
+    for row in rows:
+        soon[row : row + max(3, round(_SOON * len(output)))] = True
+    return bool(np.max(moves[soon], initial=0.0) > _MORE * np.max(moves[~soon], initial=0.0))
+
+
+def _leaps(values: Array, drives: Sequence[Array]) -> Rows:
+    """Return the rows that leap away and back by more than what all the others span; a number that stays is one."""
+    first = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    kept = values[first]
+    there, back = kept[1:-1] - kept[:-2], kept[1:-1] - kept[2:]
     leap = np.zeros(len(values))
-    there, back = values[1:-1] - values[:-2], values[1:-1] - values[2:]
-    leap[1:-1] = np.where(there * back > 0.0, np.minimum(np.abs(there), np.abs(back)), 0.0)
-    for drive in evidence.given.inputs:
-        if drive.name in recording.columns:
-            _take_answers(leap, np.diff(recording.columns[drive.name]))
-    ranked = np.argsort(-leap)[: 1 + int(_MOST * len(values))]
+    leap[first[1:-1]] = np.where(there * back > 0.0, np.minimum(np.abs(there), np.abs(back)), 0.0)
+    for drive in drives:
+        _take_answers(leap, np.diff(drive))
+    most = 1 + int(_MOST * len(values))
+    leapt = np.flatnonzero(leap > 0.0)
+    away = np.abs(values[leapt] - np.median(values))  # between two that failed a good one leaps, too, but not so far
+    ranked = leapt[np.argsort(-away)][:most]
+    ends = np.append(first[1:], len(values))
     for count in range(len(ranked), 0, -1):
-        if leap[ranked[count - 1]] > np.ptp(np.delete(values, ranked[:count])):
-            return np.sort(ranked[:count])
-    return np.zeros(0, dtype=np.int64)
+        each = [np.arange(row, ends[np.searchsorted(first, row)]) for row in np.sort(ranked[:count])]
+        rows = np.concatenate(each)
+        if len(rows) <= most and np.min(leap[ranked[:count]]) > np.ptp(np.delete(values, rows)):
+            return rows
+    return _NONE
 
 
 def _take_answers(leap: Array, steps: Array) -> None:
@@ -54,12 +92,13 @@ def _take_answers(leap: Array, steps: Array) -> None:
         leap -= np.minimum(leap, explained)
 
 
-def _said(recording: Recording, name: str, rows: NDArray[np.int64]) -> str:
+def _said(recording: Recording, name: str, rows: Rows) -> str:
     k, values = int(rows[0]), recording.columns[name]
+    after = next((each for each in range(k + 1, len(values)) if each not in rows), k)
     more = "" if len(rows) == 1 else f", and {len(rows) - 1} more such" if len(rows) > 2 else ", and one more such"
     return (
         f"{name} of {recording.source} reads {values[k]:.6g} at {recording.time[k]:.6g} s, between {values[k - 1]:.4g} "
-        f"and {values[k + 1]:.4g}{more}: a reading that failed, for none else comes near; delete the row"
+        f"and {values[after]:.4g}{more}: a reading that failed, for none else comes near; delete the row"
         f"{'s' if len(rows) > 1 else ''}"
     )
 

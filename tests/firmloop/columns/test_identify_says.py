@@ -117,6 +117,23 @@ def test_a_reading_that_failed_beside_steps_of_the_input_is_told(row, tmp_path, 
     assert len(says) == 1 and "speed_rad_s of log.csv reads -30000" in says[0], says
 
 
+@pytest.mark.parametrize(("wrong", "rows"), [(-9999.0, [700]), (65535.0, [700, 720, 980]), (999.0, [700, 701, 702])])
+def test_a_reading_of_the_input_that_failed_is_told_as_one_of_an_output_is(wrong, rows, tmp_path, capsys):
+    def failed(values):
+        return np.where(np.isin(np.arange(len(values)), rows), wrong, values)
+
+    says, _ = identified(written(tmp_path / "log", changed(motor(seeded(9)), voltage_V=failed)), capsys)
+    assert len(says) == 1 and f"voltage_V of log.csv reads {wrong:.6g} at " in says[0] and "delete the row" in says[0]
+
+
+def test_readings_of_an_output_that_failed_in_a_row_are_told(tmp_path, capsys):
+    def failed(values):
+        return np.where(np.isin(np.arange(len(values)), [801, 802, 803]), -127.0, values)
+
+    says, _ = identified(written(tmp_path / "log", changed(heater(seeded(1)), temperature_C=failed)), capsys)
+    assert len(says) == 1 and "reads -127 at " in says[0] and "2 more such" in says[0], says
+
+
 @pytest.mark.parametrize(("scale", "looks"), [(1e3, "in thousandths"), (1 / 24.0, "a share of the supply")])
 def test_a_voltage_in_another_unit_is_no_gear_and_its_line_gives_the_motor_back(scale, looks, tmp_path, capsys):
     made = changed(motor(seeded(6)), voltage_V=lambda v: scale * v)
