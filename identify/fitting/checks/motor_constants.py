@@ -6,15 +6,17 @@ import math
 from collections.abc import Mapping
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.checks.scale import unit_of_factor
+from firmloop.identify.fitting.checks.scale import counts_of, unit_of_factor
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.plants.kinds.dc_motor import GEAR
 from firmloop.identify.plants.plant import Parameter
+from firmloop.identify.units import unit_of
 
 _MOST = 1.5  # times: iron losses and doubtful data sheets stay below
 _SURE = 3.0  # deviations
 _UNIT = 0.05  # natural logarithm
 _VOLTS = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
+_EXACT = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
 _WIDEST = 0.3  # relative deviation of a constant that is known
 
 
@@ -34,12 +36,18 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if _follows(ratio, held, evidence):
         return (f"{says}{_of_the_voltage(ratio, plant.inputs[0].name)}",)
     unit = unit_of_factor(1.0 / factor, _UNIT)
+    turning = next((each.name for each in plant.outputs if unit_of(each.name) in ("rad", "rad/s")), "")
+    counts, line = counts_of(turning, 1.0 / factor)
     if unit is not None and unit != "per minute":
-        return (f"{says}the speed looks {unit}; give the column its unit in [recordings.rename]",)
+        other = f", or {counts}" if counts and unit not in _EXACT else ""
+        return (f"{says}the speed looks {unit}{other}; give the column its unit in [recordings.rename]",)
     gear = factor * held[GEAR].value if GEAR in held else factor
+    key = f"write {GEAR} = {{ value = {gear:.4g}, free = false }} in [plant.parameters]"
+    if counts:
+        return (f"{says}the speed looks {counts}: write in [recordings.rename] {line}; behind a gear, {key}",)
     return (
-        f"{says}the speed may be read behind a gear: write {GEAR} = {{ value = {gear:.4g}, free = false }} in "
-        "[plant.parameters], or correct kt_N_m_A or the unit of the speed or of the current",
+        f"{says}the speed may be read behind a gear: {key}, or correct kt_N_m_A or the unit of the speed or of the "
+        "current",
     )
 
 

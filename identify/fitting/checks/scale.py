@@ -9,12 +9,14 @@ import numpy as np
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
 from firmloop.identify.plants.kinds import kinds
+from firmloop.identify.units import unit_of
 
 _ALIKE = 0.8  # correlation from which a reading follows the plant
 _NEAR = 0.3  # natural logarithm: how far off nominal parameters may be where a unit is the reason
 _FAR = math.log(5.0)  # factors beyond it are no inaccuracy of nominal parameters
 _HUGE = math.log(200.0)  # a factor beyond it is no doubt of nominal values, which need not fit so well either
 _NEAR_HUGE = 1.1
+_FEWEST_COUNTS = 28.0  # a turn: an encoder of 7 lines, of which it counts the four edges
 _PLACEHOLDER = 1.0  # a free gain of exactly this is no claim
 
 FACTORS = {
@@ -33,6 +35,18 @@ def unit_of_factor(factor: float, near: float) -> str | None:
     away = {says: abs(math.log(factor / known)) for says, known in FACTORS.items()}
     says = min(away, key=lambda each: away[each])
     return says if away[says] < near else None
+
+
+def counts_of(name: str, factor: float) -> tuple[str, str]:
+    """Return how a reading in rad or rad/s looks that is `factor` times too large, as an encoder counts, and the line.
+
+    Both are empty for other readings, and for fewer counts a turn than encoders have.
+    """
+    counts = 2.0 * math.pi * factor
+    if unit_of(name) not in ("rad", "rad/s") or counts < _FEWEST_COUNTS:
+        return "", ""
+    says = f"in counts of an encoder, about {counts:.4g} a turn (4 times its lines)"
+    return says, f'{name} = {{ name = "{name}", scale = {1.0 / factor:.4g} }}'
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -59,12 +73,20 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             continue
         if claimed and unit is None:
             continue
-        reason = f"it looks {unit}" if unit is not None else "a unit or a nominal value is wrong"
+        counts, line = counts_of(name, factor)
+        likely = " or ".join(filter(None, (unit if not counts or _near(factor) else None, counts)))
+        reason = f"it looks {likely}" if likely else "a unit or a nominal value is wrong"
+        cure = f"write in [recordings.rename] {line}, or its unit" if counts else ""
         found.append(
-            f"{name} is {factor:.4g} times what the plant as given does: {reason}; give the column its unit in "
-            f"[recordings.rename], or correct [plant.parameters] if the column is right"
+            f"{name} is {factor:.4g} times what the plant as given does: {reason}; "
+            f"{cure or 'give the column its unit in [recordings.rename]'}, or correct [plant.parameters] if the column "
+            "is right"
         )
     return tuple(found)
+
+
+def _near(factor: float) -> bool:
+    return unit_of_factor(factor, _NEAR) is not None
 
 
 CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)

@@ -184,6 +184,20 @@ def test_a_unit_is_told_by_name(change, says, tmp_path, capsys):
     assert re.search(says, found[0])
 
 
+@pytest.mark.parametrize("counts", [400, 2000, 6400, 65536])
+@pytest.mark.parametrize("outputs", [["speed_rad_s", "current_A"], ["speed_rad_s"]])
+def test_counts_of_an_encoder_are_told_before_any_gear_and_the_line_gives_the_motor_back(
+    counts, outputs, tmp_path, capsys
+):
+    table, time, columns = changed(motor(seeded(6)), speed_rad_s=lambda v: v * counts / (2.0 * np.pi))
+    table = {**table, "outputs": outputs}
+    folder = written(tmp_path / "counts", (table, time, {name: columns[name] for name in ("voltage_V", *outputs)}))
+    (said, *_), _ = identified(folder, capsys)
+    assert "in counts of an encoder, about " in said and "gear" not in said.partition("counts")[0], said
+    about = float(re.search(r"about ([\d.e+]+) a turn", said)[1])
+    assert about == pytest.approx(counts, rel=0.05 if len(outputs) > 1 else 0.6)
+
+
 def test_time_in_milliseconds_is_told(tmp_path, capsys):
     table, time, columns = motor(seeded(7))
     says, _ = identified(written(tmp_path / "ms", (table, 1e3 * time, columns)), capsys)
