@@ -57,6 +57,7 @@ class Entry:
     load: LoadMetrics | None = None
     noise_gain: float = math.nan  # rms of the output over rms of white noise on the measurement
     halves: Mapping[str, float] = field(default_factory=dict)  # of 95 % intervals by figure, from the plant's
+    about: float = 0.0  # the output's value that all is measured about, its unit
 
 
 def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[str, object]]) -> tuple[Entry, ...]:
@@ -76,7 +77,7 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
         raise DesignError("a comparison of tuning rules needs a plant; add [plant]")
     linear = linearize(plant)
     check_signals(request)
-    request = _about_its_middle(request)
+    request, about = _about_its_middle(request)
     wires = find_wires(request)
     told = {key: value for key, value in request.table.items() if key in PID_KEYS and key not in GAIN_KEYS}
     for key in ("tune", "ti_s", "td_s", "tt_s"):
@@ -88,7 +89,7 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
         shared = {key: value for key, value in request.table.items() if key in rules()[name].keys}
         table = {**told, **shared, **own.get(name, {}), "tune": name}
         try:
-            made.append(Entry(name, "", design_pid(replace(request, table=table))))
+            made.append(Entry(name, "", design_pid(replace(request, table=table)), about=about))
         except DesignError as error:
             if str(error).startswith("controller."):
                 raise
@@ -100,17 +101,18 @@ def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[st
     return tuple(_measured(entry, plant, linear, samples, load) if _stable(entry) else entry for entry in found)
 
 
-def _about_its_middle(request: Request) -> Request:
+def _about_its_middle(request: Request) -> tuple[Request, float]:
     output = find_wires(request).output
     low = real(request.table, "u_min", output.low)
     high = real(request.table, "u_max", output.high)
     if low < 0 < high:
-        return request
+        return request, 0.0
     middle = (low + high) / 2
     moved = replace(output, low=low - middle, high=high - middle)
     limits = {"u_min": low - middle, "u_max": high - middle}
     table = {key: limits.get(key, value) for key, value in request.table.items()}
-    return replace(request, table=table, outputs=tuple(moved if wire is output else wire for wire in request.outputs))
+    outputs = tuple(moved if wire is output else wire for wire in request.outputs)
+    return replace(request, table=table, outputs=outputs), middle
 
 
 def _stable(entry: Entry) -> bool:

@@ -30,7 +30,13 @@ def about_contest(entries: Sequence[Entry]) -> list[str]:
     refused = [f"  {entry.rule}: {entry.refused}" for entry in entries if entry.refused]
     rows = [HEAD, *contest_rows(entries)]
     note = ["  note: no more digits than the plant's 95 % intervals leave; tuning.json says what they are worth"]
-    lines = ["tuning rules on one plant", *table(rows), *(note if any(entry.halves for entry in entries) else [])]
+    told = [
+        f"  note: every step here is about output {about:.4g}, the middle of its range, and free to go both ways; the "
+        "step whose figures design prints by themselves begins at rest with output 0"
+        for about in sorted({entry.about for entry in entries} - {0.0})
+    ]
+    note = [*told, *(note if any(entry.halves for entry in entries) else [])]
+    lines = ["tuning rules on one plant", *table(rows), *note]
     return lines + (["not for this plant:", *refused] if refused else [])
 
 

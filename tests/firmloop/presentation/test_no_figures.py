@@ -82,6 +82,7 @@ def test_the_step_goes_the_way_that_the_actuator_can(
     said, document = designed(tmp_path, capsys, text)
     step = document["controller"]["step"] if "controller" in document else document["design"]["step"]
     assert 5.0 < step["rise_s"] < 60.0 and "not reached" not in said
+    assert f"every step here is about output {(low + high) / 2:g}, the middle of its range" in said
 
 
 @pytest.mark.parametrize(
