@@ -9,15 +9,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.recordings.calendar_stamps import with_seconds, without_terminal_stamps
-from firmloop.identify.recordings.dialect import PLAIN, Dialect, find_dialect, first_name
-from firmloop.identify.recordings.exports import read_export
 from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
-from firmloop.identify.recordings.words import without_words
+from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
+from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, find_dialect, first_name
+from firmloop.identify.recordings.text.exports import read_export
+from firmloop.identify.recordings.text.json_lines import are_json_lines, rows_of_json
+from firmloop.identify.recordings.text.thousands import without_thousands
+from firmloop.identify.recordings.text.words import without_words
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
+_THOUSAND = re.compile(r"(?<!\d)[1-9]\d{0,2},\d{3}(?!\d)")
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
 _MINUS = "\u2212"  # of typesetters
@@ -35,6 +38,24 @@ def read_csv(content: bytes) -> RawTable | Misread:
         return text
     text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
     encoding += stamped
+    if are_json_lines(text.split("\n")):
+        return _from_json(text, encoding)
+    return _read_columns(text, encoding)
+
+
+def _from_json(text: str, notes: tuple[str, ...]) -> RawTable | Misread:
+    """Read objects of JSON as rows, and count lines without the header that they do not have."""
+    rows = rows_of_json(text.split("\n"))
+    if isinstance(rows, Misread):
+        return rows
+    found = _read_columns("\n".join(rows), (*notes, "holds an object of JSON in each line"))
+    if isinstance(found, Misread):
+        where = re.sub(r"(?<=line )\d+", lambda number: str(int(number[0]) - 1), found.where)
+        return replace(found, where=where)
+    return replace(found, places=found.places - 1)
+
+
+def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
     lines = [line.strip() for line in text.split("\n")]
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)
     if not len(numbers):
@@ -100,6 +121,10 @@ def _is_text(line: bytes) -> bool:
 def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
     lines, stamps = with_seconds(lines)
+    thousands = without_thousands(lines)
+    if isinstance(thousands, Misread):
+        return thousands
+    lines, marks = thousands
     lines, words, aside = without_words(lines)
     found = find_dialect(lines)
     if found is None or isinstance(found, Misread):
@@ -116,7 +141,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
         table.place,
         table.places,
         tuple(found.units[k] for k in kept) if found.units else (),
-        (*found.notes, *filter(None, (stamps, aside))),
+        (*found.notes, *filter(None, (stamps, marks, aside))),
     )
 
 
@@ -152,7 +177,9 @@ def _culprit(
             return Misread(f"line {number}", "is the header again: the logger started anew", remedy)
         if len(cells) != len(names):
             wrong = f"has {len(cells)} values where the header names {len(names)} columns"
-            return Misread(f"line {number}", wrong, "complete the row or delete it")
+            split = len(cells) > len(names) and _THOUSAND.search(row)
+            remedy = "write numbers without a comma for thousands" if split else "complete the row or delete it"
+            return Misread(f"line {number}", wrong, remedy)
         for name, cell in zip(names, cells, strict=True):
             if not _is_number(cell.strip().strip('"')):
                 wrong = f"is {cell.strip()[:40]!r}, not a number" if cell.strip() else "is empty"
@@ -188,4 +215,4 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-FORMAT = Format((".csv", ".tsv", ".txt", ".lvm", ".dat", ".log", ".asc", ".prn"), read_csv)
+FORMAT = Format((".csv", ".tsv", ".txt", ".lvm", ".dat", ".log", ".asc", ".prn", ".jsonl", ".ndjson"), read_csv)

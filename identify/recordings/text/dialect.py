@@ -62,7 +62,7 @@ def find_dialect(lines: list[str]) -> Dialect | Misread | None:
         return None
     widest = max(found, key=lambda each: len(_cells(lines[each.first], each)))
     dialect = _with_header(lines, widest)
-    if not isinstance(dialect, Dialect) or dialect.decimal == "." or dialect.quoted:
+    if not isinstance(dialect, Dialect) or dialect.decimal == ".":
         return dialect
     cells = [cell for row in islice(lines, dialect.first, dialect.first + _MOST) for cell in _cells(row, dialect)]
     if all(_THOUSANDS.fullmatch(cell) for cell in cells if "," in cell):

@@ -1,0 +1,1 @@
+"""Text files: how columns, words, dates, thousands and objects are written in them."""

@@ -1,0 +1,129 @@
+"""Numbers with marks between thousands, and objects of JSON a line: the right values, or a sentence with the cure."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.cli import main
+
+SPEED = [950.5, 1234.5, -2345.25, 1000.5, 12345.25, 1234567.5]
+PROJECT = """schema = 1
+name = "bench"
+[recordings]
+train = ["{file}"]
+[plant]
+kind = "first_order"
+input = "voltage_V"
+outputs = ["speed_rad_s"]
+[plant.parameters]
+gain = {{ value = 1.0, free = true }}
+time_constant_s = {{ value = 0.2, free = true }}
+delay_s = {{ value = 0.0, free = false }}
+"""
+
+
+def simulated(folder: Path, capsys: pytest.CaptureFixture[str], name: str, text: str) -> tuple[str, list[float]]:
+    """Predict the recording: return what is said of a refusal, and the speeds that its copy begins with."""
+    (folder / name).write_text(text)
+    (folder / "p.toml").write_text(PROJECT.format(file=name))
+    out = folder / "out.csv"
+    status = main(["simulate", str(folder / "p.toml"), str(folder / name), "--out", str(out)])
+    said = capsys.readouterr().err
+    assert status == (0 if out.exists() else 2), said
+    inputs = np.loadtxt(out, delimiter=",", skiprows=1)[:, 1].tolist() if out.exists() else []
+    return said, inputs
+
+
+def table(cells: list[str], mark: str = ",") -> str:
+    """The speeds stand in for the voltage, which a simulation hands on as it was read."""
+    rows = [mark.join((f"{k}", cell, "1")) for k, cell in enumerate(cells)]
+    return "\n".join([mark.join(("time_s", "voltage_V", "speed_rad_s")), *rows, ""])
+
+
+def swapped(number: float) -> str:
+    return f"{number:,}".translate(str.maketrans(",.", ".,"))
+
+
+MARKED = {
+    "quoted": table([f'"{v:,}"' for v in SPEED]),
+    "quoted where needed": table([f'"{v:,}"' if abs(v) > 1000 else str(v) for v in SPEED]),
+    "far below": table([*map(str, SPEED[:1] * 300), '"1,234.5"']),
+    "semicolons": table([f"{v:,}" for v in SPEED], ";"),
+    "tabs": table([f"{v:,}" for v in SPEED], "\t"),
+    "points between thousands": table([swapped(v) for v in SPEED], ";"),
+    "quoted points": table([f'"{swapped(v)}"' for v in SPEED]),
+    "apostrophes": table([f"{v:,}".replace(",", "'") for v in SPEED]),
+    "narrow blanks": table([f"{v:,}".replace(",", "\u202f") for v in SPEED], ";"),
+}
+
+
+@pytest.mark.parametrize("name", MARKED)
+def test_marks_between_thousands_are_left_out(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, found = simulated(tmp_path, capsys, "log.csv", MARKED[name])
+    assert found == ([950.5] * 300 + [1234.5] if name == "far below" else SPEED)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table(['"1,234"', '"2,345"', '"950"', '"3,456"']),
+        table([f'"{v},525"' for v in range(1, 6)]),
+        table(["1,234", "2,345", "950", "3,456"], ";"),
+        table([*map(str, range(5)), "1,234.5"]),
+    ],
+)
+def test_a_comma_that_may_be_either_is_refused_with_the_cure(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said, found = simulated(tmp_path, capsys, "log.csv", text)
+    assert not found and "thousands" in said and "delete" not in said, said
+
+
+SAMPLES = [{"time_s": 0.1 * k, "voltage_V": speed, "speed_rad_s": 1.5} for k, speed in enumerate(SPEED)]
+
+
+def lines_of(samples: list[dict[str, object]]) -> str:
+    return "".join(json.dumps(each) + "\n" for each in samples)
+
+
+@pytest.mark.parametrize("name", ["log.jsonl", "log.ndjson", "log.log"])
+@pytest.mark.parametrize("more", [{}, {"state": "on"}, {"ok": True}, {"imu": {"x": [1, 2]}}])
+def test_objects_of_json_are_rows(
+    name: str, more: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    turned = [
+        dict(reversed([*each.items(), *more.items()])) if each["time_s"] else {**each, **more} for each in SAMPLES
+    ]
+    assert simulated(tmp_path, capsys, name, lines_of(turned))[1] == SPEED
+
+
+@pytest.mark.parametrize(
+    ("third", "says"),
+    [
+        ({**SAMPLES[2], "voltage_V": None}, "line 3, column voltage_V: is empty"),
+        ({**SAMPLES[2], "voltage_V": float("nan")}, "line 3, column voltage_V: is nan"),
+        ({**SAMPLES[2], "voltage_V": "1,234.5"}, "line 3, column voltage_V: is '1;234.5', not a number"),
+        ({"time_s": 0.2, "speed_rad_s": 1.0}, "line 3: lacks voltage_V"),
+        ({**SAMPLES[2], "extra": 1.0}, "line 3: adds extra"),
+        (None, "line 3: is no object in JSON"),
+    ],
+)
+def test_an_object_that_is_no_row_is_named_by_its_line(
+    third: dict[str, object] | None, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = [json.dumps(each) for each in SAMPLES]
+    lines[2] = '{"time_s": 0.2, "vol' if third is None else json.dumps(third)
+    said, found = simulated(tmp_path, capsys, "log.jsonl", "\n".join(lines))
+    assert not found and says in said, said
+
+
+@pytest.mark.parametrize(
+    "text", [json.dumps(SAMPLES), json.dumps(SAMPLES, indent=1), '{"time_s": 1, "time_s": 2}\n' * 4]
+)
+def test_other_json_is_refused_with_a_sentence(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said, found = simulated(tmp_path, capsys, "log.jsonl", text)
+    assert not found and "line 1" in said and ("a line of its own" in said or "once" in said)
