@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,13 @@ def _document(path: Path) -> Mapping[str, Any]:
     return found
 
 
+def _check_links(folder: Path, paths: Iterable[Path]) -> None:
+    """Refuse a link that leads out of a delivery: what is proven would not be what was delivered."""
+    for path in paths:
+        if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+            raise ProjectError(f"{path}: is a link out of the folder; put the file itself there")
+
+
 def _text(path: Path) -> str:
     if not path.is_file():
         raise ProjectError(f"{path}: no such file; give the folder that `firmloop generate` wrote")
@@ -155,13 +163,15 @@ def prove(folder: Path, named: Sequence[Judge]) -> Proving:
     ProjectError
         when there is no such proof.
     """
+    _check_links(folder, (folder / "proof.json",))
     document = _document(folder / "proof.json")
     try:
         claims = read_claims(document)
     except ProofError as error:
         raise ProjectError(f"{folder / 'proof.json'}: {error}") from None
-    loop = folder / CERTIFICATE
-    delivered = Delivered(claims, folder / claims.name / "src", _document(loop) if loop.exists() else None)
+    loop, parts = folder / CERTIFICATE, folder / claims.name
+    _check_links(folder, (loop, folder / "manifest.json", parts, *parts.rglob("*")))
+    delivered = Delivered(claims, parts / "src", _document(loop) if loop.exists() else None)
     rest = [judge for judge in every_judge().values() if not (named or judge.asked(delivered))]
     judgements = tuple(judge.judge(delivered) for judge in named or every_judge().values() if judge not in rest)
     absent = tuple(judge.judge(delivered) for judge in rest if judge.version() is None)

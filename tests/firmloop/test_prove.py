@@ -194,6 +194,19 @@ def test_a_missing_file_is_named(delivered: Path, capsys: pytest.CaptureFixture[
     assert f"{name}: no such file" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "name", ["proof.json", "manifest.json", "tuned/src/tuned.c", "tuned/src/tuned.h", "tuned/src", "tuned"]
+)
+def test_a_link_out_of_the_folder_is_refused(
+    delivered: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    path = delivered / name.replace("tuned", json.loads((delivered / "proof.json").read_text())["name"])
+    path.rename(tmp_path / "elsewhere")
+    path.symlink_to(tmp_path / "elsewhere")
+    assert main(["prove", str(delivered)]) == 2
+    assert "is a link out of the folder" in capsys.readouterr().err
+
+
 def test_without_z3_nothing_is_proven(
     made: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
