@@ -19,7 +19,7 @@ from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.scratch import scratch_folder
-from firmloop.identify.units import unit_of
+from firmloop.identify.units import carried_unit, unit_of
 from firmloop.project.first_text import FirstParameter, FirstProject, first_text
 from firmloop.project.project import read_project
 from firmloop.project.table import ProjectError
@@ -134,9 +134,9 @@ def _loop(recordings: Sequence[Recording], drive: str, output: str) -> tuple[Sig
         high = max(-low, high)
         low = -high
     return (
-        Signal("reference", unit_of(output), low, high),
-        Signal("measurement", unit_of(output), low, high),
-        Signal("output", unit_of(drive), min(float(f"{sent[0]:.3g}"), 0.0), max(float(f"{sent[1]:.3g}"), 0.0)),
+        Signal("reference", carried_unit(output), low, high),
+        Signal("measurement", carried_unit(output), low, high),
+        Signal("output", carried_unit(drive), min(float(f"{sent[0]:.3g}"), 0.0), max(float(f"{sent[1]:.3g}"), 0.0)),
     )
 
 
