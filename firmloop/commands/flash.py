@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from shlex import quote
 
 from firmloop import arguments as ask
 from firmloop.console import Console, progress
@@ -39,9 +40,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         tool = put_there(target, built, arguments.out)
     console.result("flashed_by", tool)
     if tool is not None:
-        console.lines(
-            [f"flashed with {tool}; then: firmloop verify {project.path.name} --target {arguments.target} --port ..."]
-        )
+        words = map(quote, (str(arguments.project), "--target", arguments.target))
+        console.lines([f"flashed with {tool}; then: firmloop verify {' '.join(words)} --port ..."])
     else:
         dragged = arguments.out / built.files[-1]
         console.lines([f"NOT flashed: drag {dragged} onto the board's drive; or: pip install pyocd"])

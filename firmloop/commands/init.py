@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from shlex import quote
 
 from firmloop import arguments as ask
 from firmloop.console import Console, progress
@@ -44,7 +45,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         with progress("guessing a project") as report:
             first = guess_project(files, out.stem, arguments.period, arguments.leave_out, report)
         write(first_text(first, out.absolute().parent))
-    console.lines([*about_first(first), f"written: {out}", f"next: firmloop run {out} --out {out.with_suffix('')}_out"])
+    words = quote(str(out)), "--out", quote(f"{out.with_suffix('')}_out")
+    console.lines([*about_first(first), f"written: {out}", f"next: firmloop run {' '.join(words)}"])
     console.result("written", [str(out)])
     return 0
 

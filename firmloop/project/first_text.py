@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 from firmloop.identify.recordings.columns import Column, RowClock, rename_line
 from firmloop.identify.signal import Signal
@@ -52,7 +53,7 @@ def first_text(first: FirstProject, folder: Path) -> str:
     return "\n".join(
         [
             f"#:schema {schema_file().as_uri()}",
-            f"# Guessed by: firmloop init {' '.join(_shown(path.name) for path in (*first.train, *first.test))}",
+            f"# Guessed by: firmloop init {' '.join(quote(_shown(path.name)) for path in (*first.train, *first.test))}",
             "# Check the lines with a comment. What a key means: firmloop explain KEY",
             "schema = 1",
             f"name = {json.dumps(first.name)}  # of the C functions: {first.name}_init, {first.name}_step",

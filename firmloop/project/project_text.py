@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from shlex import quote
 
 from firmloop.design.design import Design
 from firmloop.identify.plants.per_recording import without_varying
@@ -36,13 +37,13 @@ def fitted_text(project: Project, plant: Plant, folder: Path) -> str:
     }
     if plant.effects:
         table["effects"] = effects_table(plant)
-    return _kept(project, {**document, "plant": table}, f"plant fitted by: firmloop identify {project.path.name}")
+    return _kept(project, {**document, "plant": table}, _by("plant fitted", "identify", project))
 
 
 def made_text(project: Project, plant: Mapping[str, object], verb: str, folder: Path) -> str:
     """Return the project with `plant` as its [plant] table, to be kept in `folder`; `verb` has made it."""
     document = {**_moved(project, folder), "plant": plant}
-    return _kept(project, document, f"plant made by: firmloop {verb} {project.path.name}")
+    return _kept(project, document, _by("plant made", verb, project))
 
 
 def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> str:
@@ -60,15 +61,18 @@ def diagnosed_text(project: Project, plant: Plant, hold: str, folder: Path) -> s
     table.pop("effects", None)
     if plant.effects:
         table["effects"] = effects_table(plant)
-    return _kept(project, {**document, "plant": table}, f"plant diagnosed by: firmloop diagnose {project.path.name}")
+    return _kept(project, {**document, "plant": table}, _by("plant diagnosed", "diagnose", project))
 
 
 def designed_text(project: Project, design: Design, folder: Path) -> str:
     """Return the project with the gains of `design` instead of the rule that found them, to be kept in `folder`."""
     document = _moved(project, folder)
     gains = settled(_table(document["controller"]), design)
-    says = f"controller designed by: firmloop design {project.path.name}"
-    return _kept(project, {**document, "controller": gains}, says)
+    return _kept(project, {**document, "controller": gains}, _by("controller designed", "design", project))
+
+
+def _by(what: str, verb: str, project: Project) -> str:
+    return f"{what} by: firmloop {verb} {quote(project.path.name)}"
 
 
 def settled(table: Mapping[str, object], design: Design) -> dict[str, object]:
@@ -118,7 +122,7 @@ def _without_ours(text: str) -> str:
 
 
 def _text(document: Mapping[str, object], says: str) -> str:
-    plain = re.sub(r"[^\x20-\x7e]", "?", says)
+    plain = "".join(sign if sign.isprintable() else "?" for sign in says)
     return "\n".join([f"# {plain}", *_lines(document, ())]) + "\n"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -241,3 +242,19 @@ def test_a_project_that_is_there_stays_as_it_is(
         assert main(["init", "a.csv", *more]) == 2
         assert "is not overwritten" in capsys.readouterr().err
     assert project.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["my motor", "o'brien", "$(touch RAN)", "a;b", 'say "x"'])
+def test_the_commands_that_are_shown_can_be_copied_into_a_shell(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(f"{name}.csv").write_text(text("time_s,heater_percent,temperature_C", np.arange(len(POWER)), POWER, HEATED))
+    assert main(["init", f"{name}.csv", "--out", f"{name}.toml"]) == 0
+    (shown,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("next: "))
+    assert shlex.split(shown)[1:4] == ["firmloop", "run", f"{name}.toml"]
+    (guessed,) = (line for line in Path(f"{name}.toml").read_text().splitlines() if line.startswith("# Guessed by: "))
+    assert shlex.split(guessed)[3:] == ["firmloop", "init", f"{name}.csv"]
+    assert main(["design", f"{name}.toml", "--out", "out"]) == 0
+    first = Path("out/project.toml").read_text().partition("\n")[0]
+    assert shlex.split(first)[4:] == ["firmloop", "design", f"{name}.toml"]
