@@ -1,14 +1,13 @@
 """Count how many of 60 simulated faults `identify` tells, and of how many of 60 sound recordings it complains.
 
-.venv/bin/python bench/host/identify_told.py [SEED]            (some minutes)
+python -m bench.host.identify_told [SEED]            (some minutes)
 """
 
 from __future__ import annotations
 
 import sys
 
-from identify_faults import Scene, faulty, sound
-
+from bench.host.identify_faults import Scene, faulty, sound
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.checks import first_causes, told
 from firmloop.identify.fitting.evidence import Evidence

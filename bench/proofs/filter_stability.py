@@ -1,6 +1,6 @@
 """Design filters of every usual family and compare the verdict on their stability with exact arithmetic.
 
-Run it as `python bench/proofs/filter_stability.py [SEED]`: orders 2 to 20, five families, low, high and band pass,
+Run it as `python -m bench.proofs.filter_stability [SEED]`: orders 2 to 20, five families, low, high and band pass,
 cut-offs over six decades of the rate, both drawn where a seed is given; coefficients in z, in s, and as sections.
 Prints one row a family and the share that is right; ends with 1 where a verdict is wrong. Two minutes on two cores.
 """
