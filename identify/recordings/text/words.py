@@ -22,13 +22,15 @@ def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
         numbers = tuple(k for k, cell in enumerate(cells[:end]) if _is_number(cell))
         if not words or len(numbers) < _FEWEST_NUMBERS or len(words) + len(numbers) < end:
             continue
-        rows = {}
+        rows, filled = {}, 0
         for k, line in enumerate(lines):
             row = line.split(mark)
-            alike = len(row) == len(cells) and all(_is_word(row[j]) for j in words)
-            if alike and all(_is_number(row[j]) for j in numbers):
+            if len(row) != len(cells) or not all(_is_number(row[j]) for j in numbers):
+                continue
+            filled += any(_is_number(row[j]) for j in words)
+            if all(_is_word(row[j]) for j in words):
                 rows[k] = mark.join(ASIDE if j in words else cell for j, cell in enumerate(row))
-        if len(rows) < _FEWEST:
+        if len(rows) < max(_FEWEST, filled + 1):  # a column of numbers, of which some readings failed, is none of words
             continue
         out = [rows.get(k, line) for k, line in enumerate(lines)]
         shown = ", ".join(dict.fromkeys(repr(_bare(cells[j])[:_SHOWN]) if _bare(cells[j]) else "empty" for j in words))

@@ -83,6 +83,15 @@ def test_a_comma_that_may_be_either_is_refused_with_the_cure(
     assert not found and "thousands" in said and "delete" not in said, said
 
 
+@pytest.mark.parametrize("failed", ["OVLD", "", "--", "#N/A"])
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_a_column_whose_last_readings_failed_is_no_column_of_words(
+    failed: str, mark: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said, found = simulated(tmp_path, capsys, "log.csv", table([*map(str, range(20)), *[failed] * 4], mark))
+    assert not found and "line 22, column voltage_V" in said and ("delete the row" in said), said
+
+
 SAMPLES = [{"time_s": 0.1 * k, "voltage_V": speed, "speed_rad_s": 1.5} for k, speed in enumerate(SPEED)]
 
 
