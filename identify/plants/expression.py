@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import warnings
 from collections.abc import Callable, Mapping
 
 import casadi as ca
@@ -48,7 +49,9 @@ def read_expression(text: object, known: Mapping[str, ca.SX], where: str) -> ca.
     if len(text) > _LONGEST:
         raise IdentifyError(f"{where} has {len(text)} characters; an expression has at most {_LONGEST}")
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # of 1if x, which no expression may hold
+            tree = ast.parse(text.strip(), mode="eval")
         return _value(tree.body, known, where, text.strip())
     except (SyntaxError, ValueError, RecursionError, MemoryError, OverflowError):
         raise IdentifyError(f"{where}: {_shown(text)} is no expression; write it like -k_N_m*x_m/m_kg") from None
