@@ -42,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # a terminal that knows ASCII only must not end a walk
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: threads only wait for each other
+    if path := os.environ.get("PATH"):  # an empty part means the folder one stands in, which may be a stranger's
+        os.environ["PATH"] = os.pathsep.join(part for part in path.split(os.pathsep) if os.path.isabs(part))
     given = sys.argv[1:] if argv is None else argv
     arguments = _parser(given).parse_args(given)
     console: Console = JsonConsole() if arguments.json else TextConsole()

@@ -186,6 +186,21 @@ def test_no_module_is_taken_from_the_projects_folder(module: str, here: Path) ->
     assert not (here / "RAN").exists()
 
 
+@pytest.mark.parametrize("part", ["", ".", "./", "../project", "tools"])
+def test_no_tool_is_taken_from_the_projects_folder(part: str, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A part of PATH that is empty or relative, as `PATH=$PATH:` leaves one, leads into the folder one stands in."""
+    (here / "tools").mkdir()
+    for name in ("gcc", "cppcheck", "qemu-system-arm", "arm-none-eabi-gcc", "setpriv"):
+        for tool in (here / name, here / "tools" / name):
+            tool.write_text(f"#!/bin/sh\ntouch {here.parent}/RAN\n")
+            tool.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{part}:/usr/bin:/bin")
+    (here / "p.toml").write_text(PROJECT.replace("mine.toml", "host"))
+    for words in (["verify", "p.toml", "--out", "out", "--steps", "50"], ["doctor"]):
+        assert main(words) in (0, 3)
+    assert not list(here.parent.rglob("RAN"))
+
+
 HIDDEN = "\x1b]0;evil\x07\x1b[2J\x85\u2028\u2029\u202e\u2066\x7f\x9b\x08\r"
 
 
