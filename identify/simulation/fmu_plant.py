@@ -27,6 +27,7 @@ from firmloop.identify.simulation.scratch import make_scratch
 Array = NDArray[np.float64]
 
 NUMBERS = {"2.0": "Real", "3.0": "Float64"}  # by version of the standard, what a signal must be
+MOST_BYTES = 256 << 20  # of all that an FMU holds, unpacked
 BUILT = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 _NEEDED_FOR = "an FMU as the plant"
 
@@ -48,6 +49,7 @@ class FmuPlant:
         scratch = make_scratch(Path(tempfile.gettempdir()), "firmloop", 0o700)
         weakref.finalize(self, scratch.remove)
         try:
+            _check_archive(file)
             fmpy.extract(str(file), str(scratch.path))
             described = fmpy.read_model_description(str(scratch.path), validate=True)
         except (OSError, ValueError, zipfile.BadZipFile) as error:
@@ -63,6 +65,8 @@ class FmuPlant:
         self._given = self._references(described, [wire.name for wire in plant.inputs], "input")
         self._read = self._references(described, [wire.name for wire in plant.outputs], "output")
         model = described.coSimulation.modelIdentifier
+        if not (model.isascii() and model.isidentifier()):  # it is a part of paths
+            raise IdentifyError(f"{file}: modelIdentifier {model[:40]!r} is no name of C; export it again")
         self._build(scratch.path, described, fmpy, model)
         named = {"guid": described.guid, "unzipDirectory": str(scratch.path), "modelIdentifier": model}
         self._three = version == "3.0"
@@ -124,10 +128,23 @@ class FmuPlant:
         library.parent.mkdir(parents=True, exist_ok=True)
         headers = Path(fmpy.__file__).parent / "c-code"
         sources = [str(folder / "sources" / name) for name in named]
+        outside = [each for each in sources if not Path(each).resolve().is_relative_to(folder.resolve())]
+        if outside:
+            raise IdentifyError(f"{self._file}: its source {Path(outside[0]).name[:40]!r} is not in it; export again")
         try:
             run_compiler(["gcc", *BUILT, f"-I{headers}", "-Isources", *sources, "-o", str(library), "-lm"], folder)
         except ToolError as error:
             raise ToolError(f"{self._file}: its sources cannot be compiled: {_first_line(error)}") from None
+
+
+def _check_archive(file: Path) -> None:
+    """Refuse what may never end, or unpack to any size, before a byte of it is written."""
+    if not file.is_file():
+        raise ValueError("it is no file")
+    with zipfile.ZipFile(file) as archive:
+        size = sum(each.file_size for each in archive.infolist())
+    if size > MOST_BYTES:
+        raise ValueError(f"it unpacks to {size:,} bytes, and no more than {MOST_BYTES:,} are taken")
 
 
 def _slave_of_two() -> Any:

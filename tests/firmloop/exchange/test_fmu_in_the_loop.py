@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
 from pathlib import Path
 
@@ -79,16 +80,18 @@ def test_the_run_against_an_fmu_has_the_bits_of_the_run_against_the_plant(projec
 
 
 def changed(fmu: Path, old: str, new: str) -> Path:
-    """Write the FMU with another description."""
+    """Write the FMU with other descriptions."""
     other = fmu.with_name("other.fmu")
     with zipfile.ZipFile(fmu) as archive, zipfile.ZipFile(other, "w") as made:
         for name in archive.namelist():
             text = archive.read(name).decode()
-            made.writestr(name, text.replace(old, new) if name == "modelDescription.xml" else text)
+            made.writestr(name, text.replace(old, new) if name.endswith(".xml") else text)
     return other
 
 
 WRONG = {
+    "a model that is a path": ('modelIdentifier="', 'modelIdentifier="../../', "is no name of C"),
+    "a source that is not in it": ('SourceFile name="', 'SourceFile name="../../', "is not in it"),
     "another name": ('name="voltage_V"', 'name="volts"', "has no input 'voltage_V', as [plant] has; it has volts"),
     "no co-simulation": ("CoSimulation", "ModelExchange", "other.fmu: "),
     "no XML": ("<fmiModelDescription", "<fmi", "is not as its standard says"),
@@ -116,6 +119,20 @@ def test_a_file_that_is_no_fmu_is_refused(
         file.write_bytes(content)
     assert verified(project, "--fmu", str(file))[0] == 2
     assert "x.fmu: is no FMU that can be read" in capsys.readouterr().err
+
+
+def test_an_fmu_that_unpacks_to_any_size_or_never_ends_is_refused(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("fmpy", reason="FMPy is not installed (pip install fmpy)")
+    pipe, bomb = tmp_path / "pipe.fmu", tmp_path / "bomb.fmu"
+    os.mkfifo(pipe)
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("resources/0", "w") as member:
+        for _ in range(300):
+            member.write(bytes(1 << 20))
+    for file, words in ((pipe, "it is no file"), (bomb, "it unpacks to 314,572,800 bytes")):
+        assert verified(project, "--fmu", str(file))[0] == 2
+        assert words in capsys.readouterr().err
 
 
 def test_an_fmu_with_no_target_that_closes_a_loop_is_refused(
