@@ -51,8 +51,8 @@ def results_file(file: Path, endings: tuple[str, ...] = (".csv", ".csv.gz")) -> 
     """
     if not file.name.endswith(endings):
         raise ProjectError(f"--out {file}: must be a file that ends in {' or '.join(endings)}")
-    if file.is_dir():
-        raise ProjectError(f"--out {file}: is a folder; name a file")
+    if what := _in_the_way(file):
+        raise ProjectError(f"--out {file}: is {what}; name a file")
     place = Path(os.path.abspath(file))
     with _beside(place, file) as partial:
         yield partial / file.name
@@ -100,8 +100,8 @@ def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None
     """
     files = [path.relative_to(partial) for path in sorted(partial.rglob("*")) if path.is_file()]
     for relative in files:
-        if (place / relative).is_dir():
-            raise ProjectError(f"--out {shown}: {relative} is a folder there; move it away or choose another folder")
+        if what := _in_the_way(place / relative):
+            raise ProjectError(f"--out {shown}: {relative} is {what} there; move it away or choose another folder")
         for parent in relative.parents:
             if parent.name and (place / parent).is_symlink():  # it would lead the files out of the folder
                 raise ProjectError(f"--out {shown}: {parent} is a link there; move it away or choose another folder")
@@ -117,6 +117,11 @@ def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None
     for relative in [*(relative for relative in files if relative not in documents), *documents]:
         (place / relative).parent.mkdir(parents=True, exist_ok=True)
         os.replace(partial / relative, place / relative)
+
+
+def _in_the_way(place: Path) -> str:
+    """Say what stands where a file is to be: one of ours would take the place of a device of the machine, too."""
+    return "a folder" if place.is_dir() else "a pipe or a device" if place.exists() and not place.is_file() else ""
 
 
 def _settle(file: Path) -> None:

@@ -136,6 +136,23 @@ def test_a_link_to_a_file_among_older_results_is_replaced(kept: str, here: Path,
     untouched()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [["design", "p.toml", "--out", "out"], ["verify", "p.toml", "--out", "o", "--steps", "50", "--junit", "pipe"]],
+)
+def test_a_pipe_or_device_where_a_file_is_to_be_stays_what_it_is(
+    words: list[str], here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """For root the file had taken the place of /dev/null or /dev/stdout."""
+    (here / "out").mkdir()
+    pipes = here / "pipe", here / "out" / "project.toml"
+    for pipe in pipes:
+        os.mkfifo(pipe)
+    assert main(words) == 2
+    assert "is a pipe or a device there" in capsys.readouterr().err
+    assert all(pipe.is_fifo() for pipe in pipes)
+
+
 @pytest.mark.parametrize("name", [".out.abcd1234", "out.lock", ".project.abcd1234"])
 def test_a_link_that_is_called_like_a_leftover_is_not_swept(
     name: str, here: Path, untouched: Callable[[], None]
@@ -224,5 +241,5 @@ def test_a_delivery_is_read_and_never_built(change: str, here: Path, untouched: 
     else:
         at = source if change == "an include" else header
         at.write_text(f'#include "{here.parent}/own/kept.txt"\n{at.read_text()}')
-    assert main(["prove", "out"]) == {"a Makefile": 0, "a build script": 0, "a name": 2}.get(change, 1)
+    assert main(["prove", "out"]) == {"a Makefile": 0, "a build script": 0, "a link": 2, "a name": 2}.get(change, 1)
     untouched()
