@@ -7,6 +7,12 @@
 
 #include <stdint.h>
 
+#if defined(__ARM_FEATURE_SAT) && defined(__has_builtin)
+#if __has_builtin(__builtin_arm_ssat)
+#define FL_SSAT
+#endif
+#endif
+
 /* The shifts below need an arithmetic right shift of negative numbers, which C99 leaves to the compiler. */
 typedef char fl_assert_arithmetic_shift[((-3) >> 1) == -2 ? 1 : -1];
 /* ... and the conversion below keeps the lower 32 bits, which C99 leaves to it too. */
@@ -77,8 +83,33 @@ static inline int32_t fl_max_i32(int32_t a, int32_t b) {
     return (a > b) ? a : b;
 }
 
+/* Where the range is all that a number of some bits can hold, an Arm core may have one instruction for it. Compilers
+ * know that, but not where two such limits stand in one function: they then keep the limits in registers and compare. */
 static inline int32_t fl_clamp_i32(int32_t x, int32_t low, int32_t high) {
-    return fl_min_i32(fl_max_i32(x, low), high);
+    int32_t limited = fl_min_i32(fl_max_i32(x, low), high);
+#if defined(FL_SSAT)
+    if (low == (-high - 1)) {
+        switch (high) {
+            case 0x3FFFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 31); break;
+            case 0x1FFFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 30); break;
+            case 0x0FFFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 29); break;
+            case 0x07FFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 28); break;
+            case 0x03FFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 27); break;
+            case 0x01FFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 26); break;
+            case 0x00FFFFFF: limited = (int32_t)__builtin_arm_ssat(x, 25); break;
+            case 0x007FFFFF: limited = (int32_t)__builtin_arm_ssat(x, 24); break;
+            case 0x003FFFFF: limited = (int32_t)__builtin_arm_ssat(x, 23); break;
+            case 0x001FFFFF: limited = (int32_t)__builtin_arm_ssat(x, 22); break;
+            case 0x000FFFFF: limited = (int32_t)__builtin_arm_ssat(x, 21); break;
+            case 0x0007FFFF: limited = (int32_t)__builtin_arm_ssat(x, 20); break;
+            case 0x0003FFFF: limited = (int32_t)__builtin_arm_ssat(x, 19); break;
+            case 0x0001FFFF: limited = (int32_t)__builtin_arm_ssat(x, 18); break;
+            case 0x0000FFFF: limited = (int32_t)__builtin_arm_ssat(x, 17); break;
+            default: break;
+        }
+    }
+#endif
+    return limited;
 }
 
 static inline int32_t fl_abs_i32(int32_t a) {
