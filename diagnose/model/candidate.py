@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of
+from firmloop.diagnose.model.fit import Fitted, cost_at, evidence, fit, fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, outputs_of
 from firmloop.diagnose.policy import (
     ABSURD_COST,
@@ -73,11 +73,12 @@ def _vanished(fitted: Fitted, term: LibraryTerm) -> bool:
 def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:
     """Tell whether a value of an effect ended where its range does, unless that is what it is where none is given.
 
-    What may be left out of a project is a detail, as the share that runs on: its range ends where nature's does.
+    What may be left out of a project is a detail, as the share that runs on: its range ends where nature's does. And a
+    limit at which readings rest to the last digit is no lower than that.
     """
     for key, each in zip(term.keys, term.parameters, strict=True):
-        value = fitted.point.values[key]
-        if value <= each.low != each.default:
+        value, rests = fitted.point.values[key], term.effect.limits and each.low > 0.0
+        if value <= each.low != each.default and not rests:
             return True
         if each.default is None and np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high):
             return True
@@ -217,10 +218,8 @@ def relieved(
     """
     terms, point = without(base, gone)
     taken = fit_starts(problem, problem.train, point.values, noises)
-    now, then = (
-        fit(problem, problem.train, *each, noises, 0).cost for each in ((base.terms, base.point), (terms, taken))
-    )
-    if then - now < RICHER_PRICE or not fit(problem, problem.train, terms, point, noises, 0).cost < ABSURD_COST * then:
+    now, then, left = (cost_at(problem, base, each, noises) for each in (base.point, taken, point))
+    if then - now < RICHER_PRICE or not left < ABSURD_COST * then:
         return terms, taken
     return terms, point
 

@@ -144,7 +144,11 @@ def rescaled(problem: Problem, values: Mapping[str, float]) -> Problem:
     own = tuple(replace(each, value=values.get(each.name, each.value)) for each in problem.plant.parameters)
     refit = replace(problem.plant, parameters=own)
     grids = _grids(refit, _terms(refit, problem.train))
-    return replace(problem, starts={label: (*one, *grids.get(label, ())) for label, one in problem.starts.items()})
+    starts = {
+        label: (*one, *(each for each in grids.get(label, ()) if each not in one))
+        for label, one in problem.starts.items()
+    }
+    return replace(problem, starts=starts)
 
 
 def _terms(plant: Plant, train: Sequence[Recording]) -> tuple[LibraryTerm, ...]:

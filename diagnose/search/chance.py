@@ -18,10 +18,12 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coor
 from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
     CHANCE_PATIENCE,
+    COARSE_CHANGE,
     COLORED_THRESHOLD,
     DETERMINED_DIRECTION,
     IMPOSSIBLE,
     LONG_MEMORY,
+    MOMENTS_TRIED,
     MOST_DIRECTION_VALUES,
     PARALLEL,
     SLOWEST_BINS,
@@ -41,33 +43,44 @@ def evidence_of(search: Search) -> Gained:
     Where nothing is named, the chance is that of the largest drop that any term promises. The chance is a parametric
     bootstrap of the largest drop (Davison & Hinkley 1997, section 4.2): the noise that the nominal plant leaves is
     drawn anew, and each term takes what its trace and the slopes of its parameters can take, at every start. For
-    several effects, Bonferroni's bound over all such sets, by the law of each drop (Wilks 1938). No less is said than
-    what the number of draws can tell.
+    several effects, and where that is as little as draws can tell, Bonferroni's bound over all such sets, by the law of
+    each drop (Wilks 1938) in noise as loud as the loudest of its spectrum.
     """
     problem, nominal, best = search.problem, search.nominal, search.best
     gain = nominal.score - best.score
     library = len(problem.terms)
     if not abs(nominal.score) < IMPOSSIBLE or not abs(best.score) < IMPOSSIBLE:
         return Gained("BIC", math.nan, None, library)
-    count = len(best.fitted.terms)
+    count, least = len(best.fitted.terms), 1.0 / (CHANCE_DRAWS + 1.0)
+    # Beside a slow disturbance the search asks for that much more, too.
+    slow = any(len(noise.coefficients) >= LONG_MEMORY for noise in best.noises)
+    share = THRESHOLD / COLORED_THRESHOLD if slow else 1.0
+    if count:
+        loudest = max(float(np.max(factors)) ** 2 for factors in _louder(search))
+        p_value = _bound(_most(problem), share * _likelier(search) / loudest, count)
+        if count > 1 or p_value < least:  # no draw would say more
+            return Gained("BIC", gain, min(max(p_value, least), 1.0), library)
     innovations = [replace(noise, weight=0.0) for noise in best.noises]  # what is drawn anew has a row for each of them
     under = ground(problem, problem.train, nominal.fitted, innovations)
-    followed = problem.engine.recorded
-    problem.engine.follow(False)  # a recorded angle holds the very noise that is to be drawn anew
     groups, untraced = _directions(search, under)
-    problem.engine.follow(followed)
-    sizes = [*(each.shape[1] for each in groups), *untraced]
-    if not sizes:
+    if not groups and not untraced:
         return Gained("BIC", gain, None, library)
     promised = [float(np.sum((each.T @ under.left) ** 2)) for each in groups]
-    drop = _likelier(search) if count else max(promised, default=0.0)
-    if any(len(noise.coefficients) >= LONG_MEMORY for noise in best.noises):
-        drop *= THRESHOLD / COLORED_THRESHOLD  # beside a slow disturbance the search asks for that much more, too
-    if count <= 1 and groups and sum(each.size for each in groups) <= MOST_DIRECTION_VALUES:
+    drop = share * (_likelier(search) if count else max(promised, default=0.0))
+    if groups and sum(each.size for each in groups) <= MOST_DIRECTION_VALUES:
         p_value = _drawn(search, groups, drop) + _bound(untraced, drop, 1)
     else:
-        p_value = _bound(sizes, drop, max(count, 1))
-    return Gained("BIC", gain, min(max(p_value, 1.0 / (CHANCE_DRAWS + 1.0)), 1.0), library)
+        p_value = _bound([*(each.shape[1] for each in groups), *untraced], drop, 1)
+    return Gained("BIC", gain, min(max(p_value, least), 1.0), library)
+
+
+def _most(problem: Problem) -> list[int]:
+    """Return the most directions that each term can have from each of its starts."""
+    return [
+        1 + len(term.keys)
+        for term in problem.terms
+        for _ in range(max(len(problem.starts[term.label]), MOMENTS_TRIED))
+    ]
 
 
 def _likelier(search: Search) -> float:
@@ -83,11 +96,14 @@ def _directions(search: Search, under: Ground) -> tuple[list[Array], list[int]]:
 
     With them the sizes of those that there is no patience for.
     """
-    problem, base = search.problem, search.nominal.fitted
+    problem, base, engine = search.problem, search.nominal.fitted, search.problem.engine
+    recorded, longest = engine.recorded, engine.longest_change
+    engine.follow(False)  # a recorded angle holds the very noise that is to be drawn anew
+    engine.hasten(COARSE_CHANGE)
     traced = linear_traces(problem, base)
     found: list[Array] = []
     untraced: list[int] = []
-    until = problem.engine.steps + CHANCE_PATIENCE
+    until = engine.steps + CHANCE_PATIENCE
     for name in sorted(traced):
         for moved in traced[name]():
             found += _basis(np.concatenate([whitened(each, under.noises) for each in moved]), under)
@@ -95,12 +111,14 @@ def _directions(search: Search, under: Ground) -> tuple[list[Array], list[int]]:
         if term.effect.name in traced and term.at is None:
             continue
         for start in problem.starts[term.label]:
-            if problem.engine.steps > until:
+            if engine.steps > until:
                 untraced.append(1 + len(term.keys))
                 continue
             tall = _slopes(problem, base.point, term, start, under)
             if tall is not None:
                 found += _basis(tall, under)
+    engine.follow(recorded)
+    engine.hasten(longest)
     return found, untraced
 
 

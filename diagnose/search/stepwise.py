@@ -25,7 +25,7 @@ from firmloop.diagnose.model.candidate import (
     simplest,
 )
 from firmloop.diagnose.model.continuation import past_contacts
-from firmloop.diagnose.model.descent import whitened
+from firmloop.diagnose.model.descent import residual_of, whitened
 from firmloop.diagnose.model.fit import evidence, fit, noises_of
 from firmloop.diagnose.model.hypothesis import (
     MOMENT,
@@ -227,8 +227,8 @@ def _refined(problem: Problem, candidate: Candidate) -> Candidate:
         return candidate
     coarse = engine.longest_change
     engine.hasten(LONGEST_CHANGE)
-    finer = fit(problem, problem.train, fitted.terms, fitted.point, candidate.noises, 0)
-    pairs = zip(finer.residuals, fitted.residuals, strict=True)
+    finer = [residual_of(problem, recording, fitted.point, k) for k, recording in enumerate(problem.train)]
+    pairs = zip(finer, fitted.residuals, strict=True)
     if sum(float(np.sum(whitened(one - other, candidate.noises) ** 2)) for one, other in pairs) > TIE:
         return rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, candidate.noises, STEPS_OF_A_FIT))
     engine.hasten(coarse)
