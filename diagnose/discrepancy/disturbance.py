@@ -68,7 +68,7 @@ def _sizes(
     for each, left in zip(best, residuals, strict=True):
         some = left[:MOST_SMOOTHED_ROWS]
         unforced = np.zeros((len(some), states + len(balances)))
-        power += np.sum(each.smoothed(some, unforced, None)[:, states:] ** 2, axis=0)
+        power += np.sum(each.smoothed(some, unforced, each.begin(some)[0])[:, states:] ** 2, axis=0)
         rows += len(some)
     return [float(size) for size in np.sqrt(power / rows)]
 
@@ -101,8 +101,7 @@ def _steady(each: Tracker) -> bool:
 
 def _unlikely(each: Tracker, left: Array, noise: Array) -> float:
     """Return -2 log likelihood of residuals (n, r) by the innovations of a tracker, but for a constant."""
-    ahead, _ = each.filtered(left, np.zeros((len(left), len(each.step))), None)
-    innovations = (left - ahead @ each.reading.T) / noise
+    innovations = each.begin(left)[1] / noise
     spread = each.innovation / np.outer(noise, noise)
     _, size = np.linalg.slogdet(spread)
     return float(len(left) * size + np.sum(innovations * np.linalg.solve(spread, innovations.T).T))

@@ -65,6 +65,22 @@ class Tracker:
     back: Array
     innovation: Array  # (r, r)
 
+    def begin(self, outputs: Array) -> tuple[Array, Array]:
+        """Return where outputs (n, r) most likely begin (s + b,), of which nothing is known, and its innovations (n, r).
+
+        They are linear in where it begins: a motion that was under way would else be a disturbance at its first rows.
+        """
+        rows, size = len(outputs), len(self.step)
+        ahead, _ = self.filtered(outputs, np.zeros((rows, size)), None)
+        left = outputs - ahead @ self.reading.T
+        forgets, seen = self.step @ (np.eye(size) - self.kalman @ self.reading), np.zeros((rows, *self.reading.shape))
+        seen[0] = self.reading
+        for row in range(1, rows):
+            seen[row] = seen[row - 1] @ forgets
+        root = np.linalg.inv(np.linalg.cholesky(self.innovation))
+        start = np.linalg.lstsq((root @ seen).reshape(-1, size), (left @ root.T).ravel(), rcond=None)[0]
+        return start, left - seen @ start
+
     def filtered(self, outputs: Array, forced: Array, start: Array | None) -> tuple[Array, Array]:
         """Return states and disturbances (n, s + b) before each row of outputs (n, r) is read, and after."""
         rows, size = forced.shape

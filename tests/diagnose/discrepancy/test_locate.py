@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import first_point
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise, white
+from firmloop.identify.recordings.recording import make_recording
 from tests.diagnose.cases import concealed, problem_of
+from tests.sizes import stage
 
 
 def test_the_first_rows_are_no_mismatch(tmp_path: Path) -> None:
@@ -31,3 +34,14 @@ def test_the_first_rows_are_no_mismatch(tmp_path: Path) -> None:
     assert output == problem.plant.outputs[0].name
     assert spans and all(0.9 < low < high < 1.3 for low, high in spans)
     assert size == pytest.approx(5.0 * np.sqrt(2.0), rel=0.4)
+
+
+def test_a_motion_under_way_is_no_disturbance() -> None:
+    plant = stage("position_m")
+    time = 0.001 * np.arange(2000)
+    columns = {"force_N": 4.0 * np.sign(np.sin(9.0 * time)), "position_m": np.zeros(len(time))}
+    recording = make_recording(time, columns, "stage", "")
+    grid = 5e-6
+    coasting = np.round((0.003 - 0.02 * (1.0 - np.exp(-2.0 * time)) / 2.0) / grid) * grid
+    (found,) = disturbances(plant, [recording], [coasting[:, None]], [grid / np.sqrt(12.0)]).values()
+    assert found.unit == "N" and found.share is not None and found.share < 0.005
