@@ -66,7 +66,7 @@ class Tracker:
     innovation: Array  # (r, r)
 
     def begin(self, outputs: Array) -> tuple[Array, Array]:
-        """Return where outputs (n, r) most likely begin (s + b,), of which nothing is known, and its innovations (n, r).
+        """Return where outputs (n, r) most likely begin (s + b,), which nobody knows, and the innovations (n, r).
 
         They are linear in where it begins: a motion that was under way would else be a disturbance at its first rows.
         """

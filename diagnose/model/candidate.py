@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import Fitted, cost_at, evidence, fit, fit_starts, noises_of
+from firmloop.diagnose.model.descent import SumOfSquares, residual_of
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, outputs_of
 from firmloop.diagnose.policy import (
     ABSURD_COST,
@@ -218,7 +218,8 @@ def relieved(
     """
     terms, point = without(base, gone)
     taken = fit_starts(problem, problem.train, point.values, noises)
-    now, then, left = (cost_at(problem, base, each, noises) for each in (base.point, taken, point))
+    plain = SumOfSquares(problem, problem.train, (), noises, np.zeros((0, 1)))
+    now, then, left = (plain.at(each).cost for each in (base.point, taken, point))
     if then - now < RICHER_PRICE or not left < ABSURD_COST * then:
         return terms, taken
     return terms, point

@@ -77,9 +77,7 @@ def evidence_of(search: Search) -> Gained:
 def _most(problem: Problem) -> list[int]:
     """Return the most directions that each term can have from each of its starts."""
     return [
-        1 + len(term.keys)
-        for term in problem.terms
-        for _ in range(max(len(problem.starts[term.label]), MOMENTS_TRIED))
+        1 + len(term.keys) for term in problem.terms for _ in range(max(len(problem.starts[term.label]), MOMENTS_TRIED))
     ]
 
 

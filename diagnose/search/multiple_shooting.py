@@ -31,7 +31,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
     engine = problem.engine
     followed, lost, off, longest = engine.recorded, engine.lost, engine.strayed, engine.longest_change
     engine.amend({})
-    best = search(replace(problem, train=train, memory={}), progress).best.fitted
+    best = search(replace(problem, train=train, memory={}), progress, 1).best.fitted  # the rest goes on with the whole
     engine.hasten(longest)
     candidate = None
     if best.terms:

@@ -74,8 +74,8 @@ Array = NDArray[np.float64]
 _SOUGHT = (MOMENT, ".periods_per_rev", ".periods_per_m")
 
 
-def search(problem: Problem, progress: Progress) -> Search:
-    """Explain the train recordings of a problem; tests only count when explanations are ranked."""
+def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Search:
+    """Explain the train recordings of a problem by at most so many effects."""
     progress(0.05, "refitting the nominal plant")
     refit = as_identified(problem.plant, problem.train)
     nominal = _nominal(problem, refit)
@@ -88,7 +88,7 @@ def search(problem: Problem, progress: Progress) -> Search:
     gains: list[float] = []
     first: tuple[Screened, ...] = ()
     begun = problem.engine.steps
-    for turn in range(MOST_EFFECTS):
+    for turn in range(most):
         patience = CONTACT_SEARCH_PATIENCE if meeting(best.fitted.terms) else SEARCH_PATIENCE
         if turn and problem.engine.steps - begun > patience:
             break
@@ -127,7 +127,7 @@ def search(problem: Problem, progress: Progress) -> Search:
     before = set(best.fitted.terms)
     best, tried = _settled(problem, best, gains)
     found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit)
-    if set(best.fitted.terms) - before and len(best.fitted.terms) < MOST_EFFECTS:
+    if set(best.fitted.terms) - before and len(best.fitted.terms) < most:
         return further(found) or found  # what was mistaken for it had hidden the rest
     return found
 
