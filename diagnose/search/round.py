@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, zip_longest
 
 import numpy as np
 
@@ -153,15 +153,22 @@ def _trials(
 def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> list[tuple[float, Fitted]]:
     """Follow what promised much from all its starts as if all noise were white: whitened edges are traps."""
     sizes = [white(noise.scale) for noise in best.noises]
+    told = [each for each in picked[:PROMISED_IN_A_ROUND] if each.gain > THRESHOLD]
     found = []
     begun = problem.engine.steps
-    for each in picked[:PROMISED_IN_A_ROUND]:
-        for start in every_start(problem, each):
-            if each.gain > THRESHOLD and problem.engine.steps - begun < INSISTING_PATIENCE:
+    for turn in zip_longest(*(_each_start(problem, each) for each in told)):  # no term takes the time of the others
+        for each, start in zip(told, turn, strict=True):
+            if start is not None and problem.engine.steps - begun < INSISTING_PATIENCE:
                 fitted = fit(problem, problem.train, *extended(best.fitted, each.term, start), sizes, STEPS_OF_A_FIT)
                 if not _too_large(fitted):
                     found.append((own_evidence(problem, fitted), fitted))
     return found
+
+
+def _each_start(problem: Problem, screened: Screened) -> list[Mapping[str, float]]:
+    """Return all starts of a term, first the one that promises most."""
+    every = every_start(problem, screened)
+    return sorted(every, key=lambda start: dict(start) != dict(screened.start))
 
 
 def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], without: float) -> list[Fitted]:
