@@ -20,7 +20,7 @@ from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
-_THOUSAND = re.compile(r"(?<!\d)[1-9]\d{0,2},\d{3}(?!\d)")
+_THOUSAND = re.compile(r"(?<![\d.])[1-9]\d{0,2},\d{3}(?!\d)")
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
 _MINUS = "\u2212"  # of typesetters
@@ -177,7 +177,7 @@ def _culprit(
             return Misread(f"line {number}", "is the header again: the logger started anew", remedy)
         if len(cells) != len(names):
             wrong = f"has {len(cells)} values where the header names {len(names)} columns"
-            split = len(cells) > len(names) and _THOUSAND.search(row)
+            split = len(cells) > len(names) == len(cells) - len(_THOUSAND.findall(row))
             remedy = "write numbers without a comma for thousands" if split else "complete the row or delete it"
             return Misread(f"line {number}", wrong, remedy)
         for name, cell in zip(names, cells, strict=True):

@@ -7,22 +7,30 @@ import re
 
 from firmloop.identify.recordings.table import Misread
 
-_BLANKS = " \u00a0\u2009\u202f"
-_WAYS = ((",", "."), (".", ","), ("['\u2019]", "."), ("['\u2019]", ","), (f"[{_BLANKS}]", "."), (f"[{_BLANKS}]", ","))
+_BLANK = "[ \u00a0\u2009\u202f]"
+_WAYS = ((",", "."), (".", ","), ("['\u2019]", "."), ("['\u2019]", ","), (_BLANK, "."), (_BLANK, ","))
 _SAID = {",": "commas", ".": "points"}
-_TELLING = re.compile(rf"\d[,.'\u2019{_BLANKS}]\d{{3}}(?!\d)")
+_TELLING = re.compile(r"\d[,.'\u2019 \u00a0\u2009\u202f]\d{3}(?!\d)")
+_NO_NUMBER = ("nan", "inf", "infinity")  # that is read as one
 
 
 def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
     """Return the lines without such marks and quotes around numbers, and what is told of it.
 
-    A mark is sure where a number has two of them, or one and a decimal mark; a comma alone may be either.
+    A mark is sure where a number has two of them, or one and a decimal mark; a comma or a point alone may be either.
+    Only lines that have words where the last one has them are rows: headers and what stands above them are not.
     """
     last = next((line for line in reversed(lines) if line.strip()), "")
-    delimiter = next((each for each in "\t;|," if each in re.sub('"[^"]*"', "", last)), "")
+    bare = re.sub('"[^"]*"', "", last)
+    delimiter = next((each for each in "\t;|," if each in bare), "")
     told = [k for k, line in enumerate(lines) if _TELLING.search(line)] if delimiter else []
-    rows = {k: _cells(lines[k], delimiter) for k in told}
-    for mark, point in _WAYS:
+    if not told:
+        return lines, ""
+    words = _words(_cells(last, delimiter))
+    rows = {k: row for k in told if _words(row := _cells(lines[k], delimiter)) == words}
+    spaced = delimiter == "," and re.search(rf"\d{_BLANK}+[-+\d]", bare)  # 0,001 6,000: blanks may part columns
+    wrong = None
+    for mark, point in _WAYS[:4] if spaced else _WAYS:
         between = mark if mark.startswith("[") else re.escape(mark)
         once = rf"[-+]?[1-9]\d{{0,2}}(?:{between}\d{{3}})"
         end = rf"(?:{re.escape(point)}\d*)?"
@@ -30,19 +38,37 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
         sure = re.compile(rf"{once}+{re.escape(point)}\d+|{once}{{2,}}{end}{alone}")
         if not any(sure.fullmatch(cell) for row in rows.values() for cell in row):
             continue
-        grouped, plain = re.compile(rf"{once}+{end}"), re.compile(rf"[-+]?\d*{end}(?:[eE][-+]?\d+)?")
+        number = re.compile(rf"{once}+{end}|[-+]?\d*{end}(?:[eE][-+]?\d+)?")
         out = list(lines)
         for k, line in enumerate(lines):
             cells = rows.get(k) or _cells(line, delimiter)
-            if not any(cells) or any(re.search(r"[^\W\d_eE]", cell) for cell in cells):
-                continue  # a header, or words
-            odd = [cell for cell in cells if not (grouped.fullmatch(cell) or plain.fullmatch(cell))]
+            if not any(cells) or _words(cells) != words:
+                continue
+            odd = [cell for cell in cells if not (number.fullmatch(cell) or _is_word(cell) or _is_no_number(cell))]
             if odd:
-                wrong = f"is {odd[0][:40]!r}, where other numbers have {_SAID.get(mark, 'marks')} between thousands"
-                return Misread(f"line {k + 1}", wrong, "save the file without marks for thousands")
-            out[k] = delimiter.join(re.sub(between, "", cell).replace(point, ".") for cell in cells)
-        return out, f"has {_SAID.get(mark, 'marks')} between thousands, left out"
-    return lines, ""
+                says = f"is {odd[0][:40]!r}, where other numbers have {_SAID.get(mark, 'marks')} between thousands"
+                wrong = wrong or Misread(f"line {k + 1}", says, "save the file without marks for thousands")
+                break
+            out[k] = delimiter.join(
+                cell.replace(delimiter, " ") if _is_word(cell) else re.sub(between, "", cell).replace(point, ".")
+                for cell in cells
+            )
+        else:
+            return out, f"has {_SAID.get(mark, 'marks')} between thousands, left out"
+    return wrong or (lines, "")
+
+
+def _words(cells: list[str]) -> list[int]:
+    """Return which cells hold words, after how many there are."""
+    return [len(cells), *(k for k, cell in enumerate(cells) if _is_word(cell))]
+
+
+def _is_word(cell: str) -> bool:
+    return re.search(r"[^\W\d_eE]", cell) is not None and not _is_no_number(cell)
+
+
+def _is_no_number(cell: str) -> bool:
+    return cell.lower().lstrip("+-") in _NO_NUMBER
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

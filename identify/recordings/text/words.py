@@ -20,6 +20,8 @@ def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
         end = max((k + 1 for k, cell in enumerate(cells) if cell.strip()), default=0)
         words = tuple(k for k, cell in enumerate(cells[:end]) if _is_word(cell))
         numbers = tuple(k for k, cell in enumerate(cells[:end]) if _is_number(cell))
+        if len(numbers) == end >= _FEWEST_NUMBERS:
+            break  # a row of numbers: its decimal commas part no columns
         if not words or len(numbers) < _FEWEST_NUMBERS or len(words) + len(numbers) < end:
             continue
         rows, filled = {}, 0

@@ -58,6 +58,10 @@ MARKED = {
     "quoted points": table([f'"{swapped(v)}"' for v in SPEED]),
     "apostrophes": table([f"{v:,}".replace(",", "'") for v in SPEED]),
     "narrow blanks": table([f"{v:,}".replace(",", "\u202f") for v in SPEED], ";"),
+    "blanks, decimal commas, and whole numbers": table(
+        [f"{v:,}".translate(str.maketrans(",.", " ,")) for v in SPEED], ";"
+    ).replace(";1\n", ";1 000\n"),
+    "beside words": table([f"{swapped(v)};on" for v in SPEED], ";").replace("voltage_V", "voltage_V;state"),
 }
 
 
@@ -65,6 +69,26 @@ MARKED = {
 def test_marks_between_thousands_are_left_out(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, found = simulated(tmp_path, capsys, "log.csv", MARKED[name])
     assert found == ([950.5] * 300 + [1234.5] if name == "far below" else SPEED)
+
+
+PLAIN = {
+    "blanks between columns": table([f"{v:.3f}" for v in SPEED], " ").replace(" 1\n", " 123.456\n").replace(".", ","),
+    "powers of ten": table([f"{v:.7e}" for v in SPEED], ";").replace(".", ","),
+    "an address above": "Address;192.168.100.200\nLength;1 000\n" + table([*map(str, SPEED)], ";"),
+    "a number above": "1.234.567;0\n" + table([*map(str, SPEED)], ";"),
+}
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_numbers_without_marks_are_read_as_they_stand(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert simulated(tmp_path, capsys, "log.csv", PLAIN[name])[1] == SPEED
+
+
+def test_a_torn_row_is_no_matter_of_thousands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said, _ = simulated(tmp_path, capsys, "log.csv", table([*map(str, SPEED)]) + "6,1.5,250,3.5\n")
+    assert "line 8: has 4 values" in said and "complete the row" in said
 
 
 @pytest.mark.parametrize(
