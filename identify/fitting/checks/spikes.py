@@ -18,8 +18,11 @@ _NONE: Rows = np.zeros(0, dtype=np.int64)
 
 _FEWEST = 2  # steps of an input: of two, one may be the failed one
 _MOST = 0.01  # of the rows: what comes more often is how the signal moves
-_SOON = 0.02  # of the rows: within them a plant begins to answer what an input did
+_SOON = 0.05  # of the rows: within them, and its dead time, a plant begins to answer what an input did
+_LATEST = 0.2  # of the rows: a fit that failed may have any dead time
 _MORE = 1.2  # times as fast as it moves elsewhere: a leap of an input beyond its span moves it so
+_SHARE = 0.1  # of a leap of many spans, for which an output that any of the steps moves would be no answer
+_ENOUGH = 3.0  # times as fast is an answer however far an input leaps: its span may be noise alone
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -41,20 +44,46 @@ def _failed(recording: Recording, name: str, evidence: Evidence) -> Rows:
     outputs = {
         each.name: recording.columns[each.name] for each in evidence.given.outputs if each.name in recording.columns
     }
-    if name in outputs:
-        return _leaps(values, [*inputs.values()])
-    rows = _leaps(values, []) if name in inputs else _NONE
-    moving = len(rows) and np.ptp(np.delete(values, rows)) > 0.0  # else it is the one push of a test
-    return _NONE if not moving or any(_answered(output, rows) for output in outputs.values()) else rows
+    if name not in inputs and name not in outputs:
+        return _NONE
+    rows = _leaps(values, [*inputs.values()] if name in outputs else [])
+    if not len(rows):
+        return _NONE
+    others = np.delete(values, rows)
+    moving = np.ptp(others) > 0.0
+    if name in outputs:  # where nothing else moves, one that stays may be the next count of a coarse sensor
+        return rows if moving or np.all(np.diff(rows) > 1) else _NONE
+    if not moving:
+        return _NONE  # it is the one push of a test
+    late = _dead_time(evidence) / float(np.mean(np.diff(recording.time)))
+    beyond = float(np.max(np.abs(values[rows] - np.median(others))) / np.ptp(others))
+    more = min(max(_MORE, _SHARE * beyond), _ENOUGH)
+    return _NONE if any(_answered(output, rows, late, more) for output in outputs.values()) else rows
 
 
-def _answered(output: Array, rows: Rows) -> bool:
-    """Tell whether an output moves faster after one of the rows than anywhere else."""
-    moves = np.abs(np.diff(output))
-    soon = np.zeros(len(moves), dtype=bool)
-    for row in rows:
-        soon[row : row + max(3, round(_SOON * len(output)))] = True
-    return bool(np.max(moves[soon], initial=0.0) > _MORE * np.max(moves[~soon], initial=0.0))
+def _dead_time(evidence: Evidence) -> float:
+    """Return after how long the plant begins to answer, s, as given or as fitted."""
+    plants = [evidence.given, *([evidence.fit.plant] if evidence.fit else [])]
+    return max(
+        (each.value for plant in plants for each in plant.parameters if each.name == plant.delay and each.value > 0.0),
+        default=0.0,
+    )
+
+
+def _answered(output: Array, rows: Rows, late: float, more: float) -> bool:
+    """Tell whether an output, or its speed, changes `more` times as fast after one of the rows as anywhere else.
+
+    A push shows in the speed of a position, hardly in how fast it moves. `late` is the plant's dead time in rows.
+    """
+    end = max(3, round(_SOON * len(output))) + (round(late) if late < _LATEST * len(output) else 0)
+    for order in (1, 2):
+        moves = np.abs(np.diff(output, order))
+        soon = np.zeros(len(moves), dtype=bool)
+        for row in rows:
+            soon[max(0, row + 1 - order) : row + end] = True
+        if np.max(moves[soon], initial=0.0) > more * np.max(moves[~soon], initial=0.0):
+            return True
+    return False
 
 
 def _leaps(values: Array, drives: Sequence[Array]) -> Rows:

@@ -9,7 +9,19 @@ import tomllib
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import MOTOR, changed, closed_loop, heater, kiln, motor, scene, stage, swing
+from bench.host.identify_faults import (
+    MOTOR,
+    changed,
+    closed_loop,
+    heater,
+    held,
+    kiln,
+    motor,
+    noise,
+    scene,
+    stage,
+    swing,
+)
 from firmloop.cli import main
 from firmloop.identify.fitting.checks import checks
 
@@ -182,6 +194,37 @@ def test_a_unit_is_told_by_name(change, says, tmp_path, capsys):
     found, _ = identified(written(tmp_path / "unit", changed(motor(seeded(6)), **change)), capsys)
     assert len(found) == 1 and "[recordings.rename]" in found[0]
     assert re.search(says, found[0])
+
+
+def pushed(rows: slice, to: float, drive):
+    drive = drive.copy()
+    drive[rows] = to
+    return drive
+
+
+def turned(drive, step=0.01, torque=0.001, inertia=1e-5, drag=2e-5):
+    """The position of a stage, which hardly moves faster for a short push."""
+    position = held([[-drag / inertia, 0], [1, 0]], [1 / inertia, 0], [[0, 1]], torque * drive, step)[:, 0]
+    given = {name: {"value": value, "free": True} for name, value in (("J_kg_m2", inertia), ("b_N_m_s_rad", drag))}
+    table = {"kind": "rotary_stage", "input": "torque_N_m", "outputs": ["position_rad"], "parameters": given}
+    noisy = position + noise(seeded(3), len(drive), 1e-3)
+    return table, np.arange(len(drive)) * step, {"torque_N_m": torque * drive, "position_rad": noisy}
+
+
+SQUARE = np.where(np.sin(0.02 * np.arange(1000)) > 0.0, 1.0, -1.0)
+PUSHES = {
+    "a boost that a heater answers after its dead time": lambda: heater(
+        seeded(1), drive=pushed(slice(200, 203), 100.0, np.where(np.arange(300) > 50, 30.0, 0.0)), rows=300
+    ),
+    "a push that turns a position": lambda: turned(pushed(slice(300, 304), 10.0, SQUARE)),
+    "a push of one row": lambda: turned(pushed(slice(300, 301), 15.0, SQUARE)),
+}
+
+
+@pytest.mark.parametrize("name", PUSHES)
+def test_a_short_push_that_the_plant_answers_is_no_reading_that_failed(name, tmp_path, capsys):
+    says, _ = identified(written(tmp_path / "log", PUSHES[name]()), capsys)
+    assert not [each for each in says if "a reading that failed" in each]
 
 
 @pytest.mark.parametrize("counts", [400, 2000, 6400, 65536])
