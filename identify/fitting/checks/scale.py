@@ -74,8 +74,9 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         if claimed and unit is None:
             continue
         counts, line = counts_of(name, factor)
-        likely = " or ".join(filter(None, (unit if not counts or _near(factor) else None, counts)))
-        reason = f"it looks {likely}" if likely else "a unit or a nominal value is wrong"
+        named = unit if not counts or _near(factor) else None
+        doubt = f"it may be {counts}, or a nominal value is wrong" if counts else "a unit or a nominal value is wrong"
+        reason = f"it looks {' or '.join(filter(None, (named, counts)))}" if named else doubt
         cure = f"write in [recordings.rename] {line}, or its unit" if counts else ""
         found.append(
             f"{name} is {factor:.4g} times what the plant as given does: {reason}; "
