@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.checks.scale import counts_of, unit_of_factor
+from firmloop.identify.fitting.checks.scale import counts_of, scaled, unit_of_factor
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.plants.kinds.dc_motor import GEAR
 from firmloop.identify.plants.plant import Parameter
@@ -37,14 +37,14 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         return (f"{says}{_of_the_voltage(ratio, plant.inputs[0].name)}",)
     unit = unit_of_factor(1.0 / factor, _UNIT)
     turning = next((each.name for each in plant.outputs if unit_of(each.name) in ("rad", "rad/s")), "")
-    counts, line = counts_of(turning, 1.0 / factor)
+    counts, cure = counts_of(turning, 1.0 / factor)
     if unit is not None and unit != "per minute":
         other = f", or {counts}" if counts and unit not in _EXACT else ""
         return (f"{says}the speed looks {unit}{other}; give the column its unit in [recordings.rename]",)
     gear = factor * held[GEAR].value if GEAR in held else factor
     key = f"write {GEAR} = {{ value = {gear:.4g}, free = false }} in [plant.parameters]"
     if counts:
-        return (f"{says}the speed looks {counts}: write in [recordings.rename] {line}; behind a gear, {key}",)
+        return (f"{says}the speed looks {counts}: {cure}; behind a gear, {key}",)
     return (
         f"{says}the speed may be read behind a gear: {key}, or correct kt_N_m_A or the unit of the speed or of the "
         "current",
@@ -65,8 +65,7 @@ def _of_the_voltage(ratio: float, name: str) -> str:
     """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it."""
     unit = unit_of_factor(ratio, _UNIT)
     looks = unit if unit in _VOLTS else "in another unit, or a share of the supply (the duty of a PWM)"
-    line = f'{name} = {{ name = "{name}", scale = {1.0 / ratio:.4g} }}'
-    return f"{name} looks {looks}, for R_ohm is off alike; if so, write in [recordings.rename] {line}"
+    return f"{name} looks {looks}, for R_ohm is off alike; if so, {scaled(name, 1.0 / ratio)}"
 
 
 def _known(parameter: Parameter, evidence: Evidence) -> bool:

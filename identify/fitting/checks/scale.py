@@ -38,7 +38,7 @@ def unit_of_factor(factor: float, near: float) -> str | None:
 
 
 def counts_of(name: str, factor: float) -> tuple[str, str]:
-    """Return how a reading in rad or rad/s looks that is `factor` times too large, as an encoder counts, and the line.
+    """Return how a reading in rad or rad/s looks that is `factor` times too large, as an encoder counts, and the cure.
 
     Both are empty for other readings, and for fewer counts a turn than encoders have.
     """
@@ -46,7 +46,13 @@ def counts_of(name: str, factor: float) -> tuple[str, str]:
     if unit_of(name) not in ("rad", "rad/s") or counts < _FEWEST_COUNTS:
         return "", ""
     says = f"in counts of an encoder, about {counts:.4g} a turn (4 times its lines)"
-    return says, f'{name} = {{ name = "{name}", scale = {1.0 / factor:.4g} }}'
+    return says, scaled(name, 1.0 / factor)
+
+
+def scaled(name: str, scale: float) -> str:
+    """Say what gives the column of a signal a scale."""
+    line = f'{name} = {{ name = "{name}", scale = {scale:.4g} }}'
+    return f"write, with the name in the file on the left, in [recordings.rename] {line}"
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -73,15 +79,14 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             continue
         if claimed and unit is None:
             continue
-        counts, line = counts_of(name, factor)
+        counts, scale = counts_of(name, factor)
         named = unit if not counts or _near(factor) else None
         doubt = f"it may be {counts}, or a nominal value is wrong" if counts else "a unit or a nominal value is wrong"
         reason = f"it looks {' or '.join(filter(None, (named, counts)))}" if named else doubt
-        cure = f"write in [recordings.rename] {line}, or its unit" if counts else ""
+        cure = f"{scale}, or its unit" if counts else "give the column its unit in [recordings.rename]"
         found.append(
             f"{name} is {factor:.4g} times what the plant as given does: {reason}; "
-            f"{cure or 'give the column its unit in [recordings.rename]'}, or correct [plant.parameters] if the column "
-            "is right"
+            f"{cure}, or correct [plant.parameters] if the column is right"
         )
     return tuple(found)
 
