@@ -11,7 +11,7 @@ import pytest
 from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
-from firmloop.diagnose.model.hypothesis import Problem, first_point
+from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
 from firmloop.diagnose.search.harmless import by_simulation_error, harmless
 from firmloop.identify.fitting.noise import white
 from firmloop.project.project import read_project
@@ -68,3 +68,23 @@ def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
     ended = {**inside.values, term.keys[0]: term.parameters[0].low}
     assert not on_bound(fitted, term)
     assert not believable(replace(fitted, point=replace(inside, values=ended)))
+
+
+def test_a_limit_at_which_readings_rest_is_not_on_a_bound(tmp_path: Path) -> None:
+    problem = problem_of(concealed(tmp_path, "", 0.3, False))
+    term = problem.term("sensor_saturation")
+    assert term is not None
+    (known,) = term.parameters
+    rested = replace(term, parameters=(replace(known, low=0.9 * known.high),))  # as where readings rest to a digit
+    ended = {**first_point(problem, problem.train).values, term.keys[0]: 0.9 * known.high}
+    begin = replace(first_point(problem, problem.train), values=ended)
+    fitted = fit(problem, problem.train, (rested,), begin, [white(1.0)] * len(problem.plant.outputs), 0)
+    assert fitted.point.values[term.keys[0]] == rested.parameters[0].low
+    assert not on_bound(fitted, rested)
+
+
+def test_no_fit_begins_twice_from_one_place(tmp_path: Path) -> None:
+    problem = problem_of(concealed(tmp_path, "", 0.3, False))
+    known = {p.name: 2.0 * p.value for p in problem.plant.parameters}
+    for starts in rescaled(problem, known).starts.values():
+        assert all(start not in starts[:k] for k, start in enumerate(starts))
