@@ -59,7 +59,8 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
 
     Beside a level that is not the plant's, a refit may not come to the sign of a gain.
     """
-    if nominal.fitted.terms or not any(noise.weight for noise in nominal.noises):
+    signed = any(p.free and p.low < 0.0 < p.high for p in problem.plant.parameters)
+    if nominal.fitted.terms or not signed or not any(noise.weight for noise in nominal.noises):
         return ()
     centred, known = about_means(problem.plant, problem.train, NONE), nominal.fitted.point.values
     if centred is None or not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):

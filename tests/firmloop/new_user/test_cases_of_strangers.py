@@ -17,7 +17,7 @@ import pytest
 
 from firmloop.cli import main
 
-CASES = Path(os.environ.get("FIRMLOOP_CASES", Path(__file__).parents[3] / "shared" / "cases"))
+CASES = Path(os.environ.get("FIRMLOOP_CASES", Path(__file__).parents[4] / "shared" / "cases"))
 CASE_42 = "42_exit_70"
 SLOW = pytest.mark.slow
 
