@@ -13,6 +13,7 @@ from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
+from firmloop.identify.recordings.text.cells import is_number
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, find_dialect, first_name
 from firmloop.identify.recordings.text.exports import read_export
 from firmloop.identify.recordings.text.json_lines import are_json_lines, rows_of_json
@@ -63,7 +64,7 @@ def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
     names = tuple(name.strip().strip('"') for name in first_name(lines[numbers[0] - 1]).split(","))
     rows = [line for line in lines[numbers[0] :] if line]
     plain = _parsed(names, rows, numbers[1:], PLAIN) if rows else None
-    if isinstance(plain, RawTable) and not all(map(_is_number, names)):
+    if isinstance(plain, RawTable) and not all(map(is_number, names)):
         return replace(plain, notes=encoding)
     whole = [line.rstrip("\r") for line in text.split("\n")]
     found = read_export(whole) or _in_dialect(whole)
@@ -181,7 +182,7 @@ def _culprit(
             remedy = "write numbers without a comma for thousands" if split else "complete the row or delete it"
             return Misread(f"line {number}", wrong, remedy)
         for name, cell in zip(names, cells, strict=True):
-            if not _is_number(cell.strip().strip('"')):
+            if not is_number(cell.strip().strip('"')):
                 wrong = f"is {cell.strip()[:40]!r}, not a number" if cell.strip() else "is empty"
                 remedy = _remedy(name, names.index(name), rows, dialect)
                 if _CLOCK.search(cell):
@@ -201,18 +202,10 @@ def _culprit(
 def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:
     """Name the cure that keeps the rows: one cell is a slip, most of a column is another kind of column."""
     cells = [(*row.split(dialect.delimiter), *[""] * len(rows[0]))[place] for row in rows[:_SAMPLE]]
-    wrong = sum(not _is_number(cell.strip().strip('"')) for cell in cells)
+    wrong = sum(not is_number(cell.strip().strip('"')) for cell in cells)
     if 2 * wrong < len(cells) or len(cells) < 2:
         return "write a number with '.' or delete the row"
     return f"so are {wrong} of {len(cells)} rows: write numbers there, or leave {name} out of the file; keep the rows"
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace("_", "?"))
-    except ValueError:
-        return False
-    return True
 
 
 FORMAT = Format((".csv", ".tsv", ".txt", ".lvm", ".dat", ".log", ".asc", ".prn", ".jsonl", ".ndjson"), read_csv)

@@ -6,13 +6,13 @@ numbers in a row; the header is the nearest line above with a name for each.
 
 from __future__ import annotations
 
-import csv
 import re
 from dataclasses import dataclass
 from itertools import islice
 
 from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
+from firmloop.identify.recordings.text.cells import is_number, quoted_cells
 from firmloop.identify.units import carried_unit
 
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
@@ -83,7 +83,7 @@ def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:
         row = Dialect(delimiter, decimal, quoted=quoted)
         cells = _numbers(line, row) if delimiter != decimal or quoted else []
         filled = _filled(cells)
-        if filled < 2 or not all(map(_is_number, cells[:filled])):
+        if filled < 2 or not all(map(is_number, cells[:filled])):
             run = 0
             continue
         if run and (len(cells) != width):
@@ -167,7 +167,7 @@ def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
     cells = [cell.strip() for cell in _cells(first_name(line), table)]
     if len(cells) == width + 1 and cells[-1].lower() == "comment":  # LabVIEW leaves this column empty
         cells = cells[:-1]
-    if any(cells[width:]) or len(cells) < width or any(_is_number(cell.replace(",", ".")) for cell in cells):
+    if any(cells[width:]) or len(cells) < width or any(is_number(cell.replace(",", ".")) for cell in cells):
         return ()
     names = cells[:width]
     return tuple(names) if sum(map(bool, names)) >= max(1, width - 1) else ()
@@ -176,7 +176,7 @@ def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
 def _numbered(line: str, table: Dialect, width: int) -> tuple[str, ...]:
     """Return the names of a line that counts channels, as x-axis,1,2 does, else nothing."""
     cells = [cell.strip() for cell in _cells(line, table)][:width]
-    counts = len(cells) == width and not _is_number(cells[0]) and all(each.isdecimal() for each in cells[1:])
+    counts = len(cells) == width and not is_number(cells[0]) and all(each.isdecimal() for each in cells[1:])
     return tuple(cells) if counts and cells[0] else ()
 
 
@@ -199,12 +199,7 @@ def _bare(unit: str) -> str:
 
 
 def _cells(line: str, dialect: Dialect) -> list[str]:
-    if '"' in line:
-        try:
-            return next(csv.reader([line.strip(" \r")], delimiter=dialect.delimiter))
-        except csv.Error:  # a return inside of the line, or a cell without end
-            return [line]
-    return _split(line, dialect)
+    return quoted_cells(line, dialect.delimiter) if '"' in line else _split(line, dialect)
 
 
 def _split(line: str, dialect: Dialect) -> list[str]:
@@ -218,11 +213,3 @@ def _numbers(line: str, dialect: Dialect) -> list[str]:
 
 def _filled(cells: list[str]) -> int:
     return next((k for k in range(len(cells), 0, -1) if cells[k - 1].strip()), 0)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace("_", "?"))
-    except ValueError:
-        return False
-    return True

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import re
 
 from firmloop.identify.recordings.table import Misread
+from firmloop.identify.recordings.text.cells import quoted_cells
 
 _BLANK = "[ \u00a0\u2009\u202f]"
 _WAYS = ((",", "."), (".", ","), ("['\u2019]", "."), ("['\u2019]", ","), (_BLANK, "."), (_BLANK, ","))
@@ -72,9 +72,4 @@ def _is_no_number(cell: str) -> bool:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
-    try:
-        return [cell.strip() for cell in next(csv.reader([line.strip(" \r")], delimiter=delimiter))]
-    except csv.Error:
-        return [line]
+    return [cell.strip() for cell in (quoted_cells(line, delimiter) if '"' in line else line.split(delimiter))]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from firmloop.identify.recordings.text.cells import is_number
+
 _MARKS = ("\t", ";", "|", ",")
 _FEWEST = 3  # rows that make a table
 _FEWEST_NUMBERS = 2  # in a row: a time and one signal
@@ -51,8 +53,4 @@ def _is_word(cell: str) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace("_", "?").replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return is_number(cell.replace(",", "."))
