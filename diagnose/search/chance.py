@@ -55,23 +55,28 @@ def evidence_of(search: Search) -> Gained:
     # Beside a slow disturbance the search asks for that much more, too.
     slow = any(len(noise.coefficients) >= LONG_MEMORY for noise in best.noises)
     share = THRESHOLD / COLORED_THRESHOLD if slow else 1.0
+    bound = math.inf
     if count:
         loudest = max(float(np.max(factors)) ** 2 for factors in _louder(search))
-        p_value = _bound(_most(problem), share * _likelier(search) / loudest, count)
-        if count > 1 or p_value < least:  # no draw would say more
-            return Gained("BIC", gain, min(max(p_value, least), 1.0), library)
+        bound = _bound(_most(problem), share * _likelier(search) / loudest, count)
+    # Below the least that draws can tell, none would say more.
+    p_value = bound if count > 1 or bound < least else _by_draws(search, share)
+    return Gained("BIC", gain, None if p_value is None else min(max(p_value, least), 1.0), library)
+
+
+def _by_draws(search: Search, share: float) -> float | None:
+    """Return how often noise that is drawn anew gains as much, for a `share` of the drop; None where nothing can."""
+    best = search.best
     innovations = [replace(noise, weight=0.0) for noise in best.noises]  # what is drawn anew has a row for each of them
-    under = ground(problem, problem.train, nominal.fitted, innovations)
+    under = ground(search.problem, search.problem.train, search.nominal.fitted, innovations)
     groups, untraced = _directions(search, under)
     if not groups and not untraced:
-        return Gained("BIC", gain, None, library)
+        return None
     promised = [float(np.sum((each.T @ under.left) ** 2)) for each in groups]
-    drop = share * (_likelier(search) if count else max(promised, default=0.0))
+    drop = share * (_likelier(search) if best.fitted.terms else max(promised, default=0.0))
     if groups and sum(each.size for each in groups) <= MOST_DIRECTION_VALUES:
-        p_value = _drawn(search, groups, drop) + _bound(untraced, drop, 1)
-    else:
-        p_value = _bound([*(each.shape[1] for each in groups), *untraced], drop, 1)
-    return Gained("BIC", gain, min(max(p_value, least), 1.0), library)
+        return _drawn(search, groups, drop) + _bound(untraced, drop, 1)
+    return _bound([*(each.shape[1] for each in groups), *untraced], drop, 1)
 
 
 def _most(problem: Problem) -> list[int]:

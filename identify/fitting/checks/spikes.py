@@ -38,12 +38,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
 def _failed(recording: Recording, name: str, evidence: Evidence) -> Rows:
     """Return the rows that leap without a cause, if they are an output's, or without an answer, if an input's."""
     values = recording.columns[name]
-    inputs = {
-        each.name: recording.columns[each.name] for each in evidence.given.inputs if each.name in recording.columns
-    }
-    outputs = {
-        each.name: recording.columns[each.name] for each in evidence.given.outputs if each.name in recording.columns
-    }
+    inputs, outputs = (
+        {each.name: recording.columns[each.name] for each in signals if each.name in recording.columns}
+        for signals in (evidence.given.inputs, evidence.given.outputs)
+    )
     if name not in inputs and name not in outputs:
         return _NONE
     rows = _leaps(values, [*inputs.values()] if name in outputs else [])
