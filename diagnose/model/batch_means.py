@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import without
 from firmloop.diagnose.model.fit import Fitted, deviations, widened
 from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem
-from firmloop.diagnose.model.sandwich_covariance import batches, pushed, sizes_of
+from firmloop.diagnose.model.sandwich_covariance import Sizes, batches, pushed, sizes_of
 from firmloop.diagnose.policy import BATCHES, CHANCE_GAIN, LOAD_BY_CHANCE, PULL_BY_CHANCE, WITHIN_BATCHES
 from firmloop.identify.fitting.noise import Noise, colored
 
@@ -66,10 +66,10 @@ def _times_pull(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term:
         one, other = (problem.engine.simulate(recording, each, start) for each in values)
         done = np.nan_to_num(one - other)
         found = _by_batches(problem, fitted, noises, term, index, (done, fitted.residuals[index]))
-        if found is None or found[0][1] > WITHIN_BATCHES:
+        if found is None or found[0].left > WITHIN_BATCHES:
             return np.inf
-        pulls.append(found[0][0])
-        means.append(found[1][0])
+        pulls.append(found[0].sizes)
+        means.append(found[1].sizes)
     spread = float(np.std(np.concatenate(means), ddof=1))
     return float(np.linalg.norm(np.concatenate(pulls))) / spread if spread > 0.0 else np.inf
 
@@ -117,7 +117,7 @@ def _rounded(term: LibraryTerm) -> float:
 
 def _by_batches(
     problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm, index: int, seen: Iterable[Array]
-) -> list[tuple[Array, float]] | None:
+) -> list[Sizes] | None:
     """Return for each of `seen` (n, r) the load, or offset, of every batch that makes it, and the share it leaves."""
     begins = batches(problem.train[index], BATCHES)
     moves = pushed(problem, fitted, index, begins) if term.output is None else _offsets(problem, term, index, begins)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,14 @@ from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
+
+
+class Sizes(NamedTuple):
+    """How large moves (b,) of batches are, what of one of each no other makes, in units of noise, and the share left."""
+
+    sizes: Array
+    alone: Array
+    left: float
 
 
 def pushed(problem: Problem, fitted: Fitted, index: int, begins: Array) -> Array | None:
@@ -57,7 +66,7 @@ def batches(recording: Recording, count: int) -> Array:
 
 def sizes_of(
     problem: Problem, fitted: Fitted, noises: Sequence[Noise], index: int, moves: Array, seen: Iterable[Array]
-) -> list[tuple[Array, float]]:
+) -> list[Sizes]:
     """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave.
 
     Moves of which rounding is all there is, as of a push on a shaft that friction holds, are left out.
@@ -70,12 +79,14 @@ def sizes_of(
     own = np.nan_to_num(start_slopes(problem, problem.train[index], fitted.point, index, exact=True))
     tall = whitened(np.concatenate([moves, own], axis=2), sizes)
     scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+    inverted = np.linalg.pinv(tall / scale, rcond=1e-9) / scale[:, None]
+    alone = 1.0 / np.linalg.norm(inverted, axis=1)[: moves.shape[2]]
     found = []
     for each in seen:
         goal = whitened(each, sizes)
-        answer = np.linalg.lstsq(tall / scale, goal, rcond=1e-9)[0]
-        rest, whole = float(np.linalg.norm(goal - (tall / scale) @ answer)), float(np.linalg.norm(goal))
-        found.append(((answer / scale)[: moves.shape[2]], rest / whole if whole > 0.0 else 0.0))
+        answer = inverted @ goal
+        rest, whole = float(np.linalg.norm(goal - tall @ answer)), float(np.linalg.norm(goal))
+        found.append(Sizes(answer[: moves.shape[2]], alone, rest / whole if whole > 0.0 else 0.0))
     return found
 
 
@@ -97,19 +108,29 @@ def with_pushes(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fi
     place = squares.at(fitted.point)
     if not place.finite:
         return fitted
-    answers, pulled = [], []
+    found, pulled = [], []
     for index, slopes in enumerate(squares.slopes(place)):
         moves = pushed(problem, fitted, index, batches(problem.train[index], PUSHED_BATCHES))
         if moves is None:
             return fitted
-        answers.append(sizes_of(problem, fitted, noises, index, moves, (place.residuals[index],))[0][0])
+        found.append(sizes_of(problem, fitted, noises, index, moves, (place.residuals[index],))[0])
         pulled.append(squares.spread_out(index, slopes.T @ whitened(moves, fitted.noises)))
     covariance = inverse(fitted.normal)
     answer = (answering(fitted.normal, squares.tether) @ np.concatenate(pulled, axis=1))[: len(unknowns)]
-    moved = np.linalg.norm(answer, axis=1) * np.std(np.concatenate(answers))
+    moved = np.linalg.norm(answer, axis=1) * _usual(found)
     told = np.sqrt(np.maximum(np.diag(covariance)[: len(unknowns)], 0.0))
     factors = np.where(told > 0.0, moved / np.where(told > 0.0, told, 1.0), 1.0)
     return widened(fitted, factors)
+
+
+def _usual(found: Sequence[Sizes]) -> float:
+    """Return the standard deviation of pushes: each counts as far as it is told from others.
+
+    What pushes a shaft whose sensor is at its limit shows little, and of all such the same: what is left when it ends.
+    """
+    sizes, weights = (np.concatenate(each) for each in zip(*((one.sizes, one.alone**2) for one in found), strict=True))
+    mean = np.average(sizes, weights=weights)
+    return float(np.sqrt(np.average((sizes - mean) ** 2, weights=weights)))
 
 
 def answering(normal: Array, tether: Array) -> Array:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _BEGINNING = 100  # a hundredth of a recording tells how fast it begins,
 _FEWEST = 5  # and no fewer rows
+_WEIGHINGS = 4  # of outputs by what is left of them, and where it begins by those weights, in turns
 _ROUNDING = 1e-9  # of a reading's spread: noise below it is rounding
 
 
@@ -94,15 +95,20 @@ def fit_start(plant: Plant, recording: Recording, constants: Array, conditioning
     """Estimate the initial state (n,) of a recording for the plant as it is, whatever the windows of `conditioning`."""
     (made,) = experiments(plant, recording, replace(conditioning, window_s=0.0))
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
-    rest, weights = rest_start(plant, recording), 1.0 / np.where(spread > 0.0, spread, 1.0)
-    if not by_itself(plant, recording):
-        return best_start(made, engine, constants, rest, weights)
-    # From rest, what only coasts may end in another turn.
-    found = best_start(made, engine, constants, _as_read(plant, recording, rest), weights)
-    left, _ = misfit(made, engine, constants, found, ())
-    sizes = np.maximum(np.sqrt(np.mean(left**2, axis=0)), _ROUNDING * spread)
-    # A way of many turns spreads far more than its noise, a constant speed hardly more.
-    return best_start(made, engine, constants, found, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
+    begin, weights = rest_start(plant, recording), 1.0 / np.where(spread > 0.0, spread, 1.0)
+    if by_itself(plant, recording):  # From rest, what only coasts may end in another turn.
+        begin = _as_read(plant, recording, begin)
+    found = best_start(made, engine, constants, begin, weights)
+    if len(spread) == 1:
+        return found
+    # An output spreads far more than its noise where it goes many turns, hardly more where its sensor saturates.
+    for _ in range(_WEIGHINGS):
+        left, _slopes = misfit(made, engine, constants, found, ())
+        sizes = np.maximum(np.sqrt(np.mean(left**2, axis=0)), _ROUNDING * spread)
+        found, last = best_start(made, engine, constants, found, 1.0 / np.where(sizes > 0.0, sizes, 1.0)), found
+        if np.array_equal(found, last):
+            break
+    return found
 
 
 def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:

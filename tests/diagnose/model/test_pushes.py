@@ -61,6 +61,22 @@ def test_pushes_say_no_more_than_noise_where_that_is_what_they_make(tmp_path: Pa
     assert wider is not None and np.all(wider < 2.0)
 
 
+def test_pushes_that_a_sensor_at_its_limit_hardly_shows_widen_nothing(tmp_path: Path) -> None:
+    for seed in range(3):
+        case = single_case(seed, "sensor_saturation", BY_NAME["small_motor"], ("speed",), "staircase", True, 0.3)
+        problem = problem_of(written(tmp_path / str(seed), case))
+        term = problem.term("sensor_saturation")
+        assert term is not None
+        point = first_point(problem, problem.train)
+        (limit,) = truths(tmp_path / str(seed), "sensor_saturation").values()
+        found, noises = refitted(
+            problem, term, Point(entered(point.values, term, {term.keys[0]: limit}), point.starts), [1.0]
+        )
+        found = ended(problem, found, noises)
+        readings, pushes = (deviations(each)[term.keys[0]] for each in (found, with_pushes(problem, found, noises)))
+        assert pushes < 2.0 * readings
+
+
 def test_noise_without_memory_is_no_push(tmp_path: Path) -> None:
     problem, found, noises, _ = _fitted(tmp_path, 3, "coulomb_friction", ("speed",), False)
     assert with_pushes(problem, found, noises) is found
@@ -74,10 +90,8 @@ def test_a_push_that_moves_nothing_says_nothing(tmp_path: Path) -> None:
     held = 1e-12 * np.random.default_rng(1).normal(size=(*moves.shape[:2], 3))
     with_held = np.concatenate([moves, held], axis=2)
     seen = (found.residuals[0],)
-    ((loads, left),), ((same, other),) = (
-        sizes_of(problem, found, noises, 0, each, seen) for each in (moves, with_held)
-    )
-    assert same == pytest.approx(loads) and other == pytest.approx(left)
+    (alone,), (beside,) = (sizes_of(problem, found, noises, 0, each, seen) for each in (moves, with_held))
+    assert beside.sizes == pytest.approx(alone.sizes) and beside.left == pytest.approx(alone.left)
 
 
 def test_what_only_the_given_values_tell_follows_no_push() -> None:

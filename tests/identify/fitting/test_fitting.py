@@ -19,7 +19,7 @@ from firmloop.identify.fitting.scores import scores
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import make_recording, read_recording
-from firmloop.identify.simulation.simulate import constants_of
+from firmloop.identify.simulation.simulate import constants_of, course_of, simulator
 
 TRUE = {"R_ohm": 8.0, "L_H": 2e-3, "ke_V_s_rad": 0.02, "kt_N_m_A": 0.02, "J_kg_m2": 3e-6, "b_N_m_s_rad": 4e-6}
 
@@ -220,6 +220,27 @@ def test_initial_state_is_fitted_not_assumed() -> None:
     assert start[2] == pytest.approx(cut["position_rad"][0], abs=0.01)
     result = fit(make_plant("dc_motor", "voltage_V", ["speed_rad_s", "current_A"], nameplate()), [recording], [], NONE)
     assert values(result)["R_ohm"] == pytest.approx(8.0, rel=0.02)
+
+
+def test_an_output_tells_where_a_recording_begins_by_its_noise_and_not_by_how_far_it_goes() -> None:
+    """Position to a millionth of a radian, that hardly moves, beside a speed that goes far and is read to 1 rad/s."""
+    long = motor_recording(0, rows=600)
+    rng = np.random.default_rng(1)
+    exact = make_plant(
+        "dc_motor",
+        "voltage_V",
+        ["position_rad", "speed_rad_s"],
+        {name: {"value": TRUE[name], "free": False} for name in TRUE},
+    )
+    course = course_of(exact, make_recording(long.time, {"voltage_V": long.columns["voltage_V"]}, "drive", ""))
+    outputs = simulator(exact, "zoh").run(course, constants_of(exact), np.zeros(3))
+    outputs += rng.normal(size=outputs.shape) * [1e-6, 1.0]
+    cut = slice(300, None)
+    columns = {"voltage_V": long.columns["voltage_V"][cut]}
+    columns |= {"position_rad": outputs[cut, 0], "speed_rad_s": np.clip(outputs[cut, 1], -40.0, 40.0)}
+    recording = make_recording(long.time[cut], columns, "clipped", "")
+    start = fit_start(exact, recording, constants_of(exact), NONE)
+    assert start[2] == pytest.approx(outputs[300, 0], abs=2e-5), "a clipped speed says nothing against it"
 
 
 def test_test_recordings_never_move_a_parameter() -> None:
