@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 class Sizes(NamedTuple):
-    """How large moves (b,) of batches are, what of one of each no other makes, in units of noise, and the share left."""
+    """How large moves (b,) are, what one of each does that no other does, in units of noise, and the share left."""
 
     sizes: Array
     alone: Array
