@@ -13,7 +13,7 @@ from firmloop.diagnose.model.descent import whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.policy import HIGHEST_ORDER, KEPT_ORDERS, MOMENTS_TRIED, ORDERS_AT_ONCE
-from firmloop.diagnose.search.screen import Ground
+from firmloop.diagnose.search.screen import Ground, Order
 from firmloop.identify.fitting.projection import outside
 from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.simulation.linear_response import effort_of, response
@@ -24,11 +24,8 @@ Array = NDArray[np.float64]
 Torque = Callable[[int, float], NDArray[np.floating]]  # (recording, choice) -> (n, b)
 
 
-def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[float, ...]]:
-    """Return by the name of the effect what promises most under any of the grounds, best first.
-
-    Waves per turn of cogging and ripple, moments (s) of a load step.
-    """
+def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[Order, ...]]:
+    """Return by the name of the effect what promises most under any of the grounds, best first."""
     return {name: _best(problem, base, grounds, *each) for name, each in _torques(problem, base).items()}
 
 
@@ -90,12 +87,14 @@ def _wave(angle: Array) -> Array:
     return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float64)
 
 
-def _explained(pure: Array, left: Array) -> Array:
-    """Return how much of the power of `left` (rows,) combinations of columns (rows, c, b) have: (c,)."""
-    scaled = (pure / np.linalg.norm(pure, axis=0)).transpose(1, 2, 0)
+def _explained(pure: Array, left: Array) -> tuple[Array, Array]:
+    """Return how much of the power of `left` (rows,) combinations of columns (rows, c, b) have: (c,); their sizes."""
+    lengths = np.linalg.norm(pure, axis=0)
+    scaled = (pure / lengths).transpose(1, 2, 0)
     shares = scaled @ left
     inverse = np.linalg.pinv(scaled @ scaled.transpose(0, 2, 1), rcond=1e-13, hermitian=True)
-    return np.asarray(np.einsum("cb,cbd,cd->c", shares, inverse, shares))
+    taken = np.einsum("cbd,cd->cb", inverse, shares)
+    return np.sum(shares * taken, axis=1), np.linalg.norm(taken / lengths, axis=1)
 
 
 def _best(
@@ -104,9 +103,9 @@ def _best(
     grounds: Sequence[Ground],
     choices: Array,
     torque: Torque,
-) -> tuple[float, ...]:
+) -> tuple[Order, ...]:
     """Return the best choices: `torque(k, choice)` (n, b) acts in recording k."""
-    gains = np.zeros((len(grounds), len(choices)))
+    gains, sizes = np.zeros((2, len(grounds), len(choices)))
     plants = [response(problem.plant, base.point.values, recording) for recording in problem.train]
     for first in range(0, len(choices), ORDERS_AT_ONCE):
         some = choices[first : first + ORDERS_AT_ONCE]
@@ -119,6 +118,12 @@ def _best(
             pure = outside(under.basis, tall)
             live = np.linalg.norm(pure, axis=0) > 1e-6 * np.linalg.norm(tall, axis=0)
             seen = np.flatnonzero(np.all(live.reshape(len(some), -1), axis=1))
-            gains[index, first + seen] = _explained(pure.reshape(len(pure), len(some), -1)[:, seen], under.left)
-    best = [float(choices[np.argsort(-row)[rank]]) for rank in range(KEPT_ORDERS) for row in gains]
-    return tuple(dict.fromkeys(best))
+            told = _explained(pure.reshape(len(pure), len(some), -1)[:, seen], under.left)
+            gains[index, first + seen], sizes[index, first + seen] = told
+    ranked = np.argsort(-gains, axis=1)[:, :KEPT_ORDERS].T
+    best: dict[float, Order] = {}
+    for row in ranked:
+        for index, place in enumerate(row):
+            choice = float(choices[place])
+            best.setdefault(choice, Order(choice, float(sizes[index, place])))
+    return tuple(best.values())

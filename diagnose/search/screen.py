@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,13 @@ class Screened:
     start: Mapping[str, float]
     left: float
     drop: float = 0.0  # of -2 log likelihood once the noise is estimated anew
+
+
+class Order(NamedTuple):
+    """Waves per turn of cogging or ripple, or the moment (s) of a load step, and the size it seems to have."""
+
+    choice: float
+    size: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,18 +82,19 @@ def screen(
     base: Fitted,
     terms: Sequence[LibraryTerm],
     grounds: Sequence[Ground],
-    orders: Mapping[str, Sequence[float]],
+    orders: Mapping[str, Sequence[Order]],
 ) -> tuple[tuple[Screened, ...], ...]:
     """Project secants (simulated with the term - without) on what each ground leaves; best first, ground by ground.
 
-    `orders` are the waves per turn or the moments worth a simulation, by the effect's name; where there is none, all.
+    `orders` are the waves per turn or the moments worth a simulation, by the effect's name, with the size they seem to
+    have: a wave far larger moves the shaft past its own crests. Where there is none, all.
     """
     found: list[list[Screened]] = [[] for _ in grounds]
     for term in terms:
         best: list[Screened | None] = [None for _ in grounds]
         trace: list[Sequence[Sequence[Array]]] = [() for _ in grounds]
         begun = problem.engine.steps
-        for start in _promising(problem.starts[term.label], orders.get(term.effect.name, ())):
+        for start in _promising(term, problem.starts[term.label], orders.get(term.effect.name, ())):
             if problem.engine.steps - begun > SCREEN_PATIENCE:
                 break
             traced = secants(problem, recordings, base, term, start)
@@ -102,14 +111,17 @@ def screen(
     return tuple(tuple(sorted(each, key=lambda one: -one.gain)) for each in found)
 
 
-def _promising(starts: Sequence[Mapping[str, float]], orders: Sequence[float]) -> list[Mapping[str, float]]:
+def _promising(
+    term: LibraryTerm, starts: Sequence[Mapping[str, float]], orders: Sequence[Order]
+) -> list[Mapping[str, float]]:
     """Keep of a grid over waves per turn, or over moments, those asked for, phase zero."""
     grids = (".periods_per_rev", ".time_s")
     key = next((key for start in starts for key in start if key.endswith(grids)), None)
     if key is None:
         phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
         return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
-    return [{**starts[0], key: order} for order in orders] if orders else list(starts)
+    size, most = term.keys[0], starts[0][term.keys[0]]
+    return [{**starts[0], key: one.choice, size: min(one.size, most)} for one in orders] if orders else list(starts)
 
 
 def secants(

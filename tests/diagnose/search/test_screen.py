@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from firmloop.diagnose.model.fit import fit
+from bench.diagnose.blind_cases import single_case
+from firmloop.diagnose.model.candidate import rated
+from firmloop.diagnose.model.fit import fit, noises_of
 from firmloop.diagnose.model.hypothesis import Point, entered, first_point
+from firmloop.diagnose.search.round import screened
 from firmloop.diagnose.search.screen import secants
 from firmloop.identify.fitting.noise import white
-from tests.diagnose.cases import concealed, problem_of
+from tests.diagnose.cases import BY_NAME, concealed, problem_of, truths, written
 
 
 def test_beside_a_slow_clock_a_limit_that_is_never_met_changes_nothing(tmp_path: Path) -> None:
@@ -24,3 +29,22 @@ def test_beside_a_slow_clock_a_limit_that_is_never_met_changes_nothing(tmp_path:
     far = {key: 1e6 for key in limit.keys}
     for traces in secants(problem, problem.train, base, limit, far):
         assert all(np.all(np.abs(trace) < 1e-9) for trace in traces)
+
+
+def test_a_motor_driven_a_hundred_times_as_hard_as_it_cogs_shows_how_often_it_does(tmp_path: Path) -> None:
+    """A wave as large as what moves the motor carries it past its own crests, and looks like another."""
+    case = single_case(0, "cogging_torque", BY_NAME["gear_motor"], ("position", "current"), "prbs", False, 0.03)
+    whole = problem_of(written(tmp_path, case))
+    term = whole.term("cogging_torque")
+    assert term is not None
+    large = tuple({**start, term.keys[0]: 0.1} for start in whole.starts[term.label])
+    problem = replace(whole, starts={**whole.starts, term.label: large})
+    problem.engine.follow(False)
+    flat = [white(float(problem.train[0].columns[signal.name].std())) for signal in problem.plant.outputs]
+    fitted = fit(problem, problem.train, (), first_point(problem, problem.train), flat, 24)
+    nominal = rated(problem, fit(problem, problem.train, (), fitted.point, noises_of(problem, fitted.residuals), 24))
+    best = screened(problem, nominal)[0]
+    truth = truths(tmp_path, "cogging_torque")
+    assert best.term is term
+    assert best.start["cogging_torque.periods_per_rev"] == truth["periods_per_rev"]
+    assert best.start["cogging_torque.amplitude_N_m"] == pytest.approx(truth["amplitude"], rel=0.2)
