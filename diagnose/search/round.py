@@ -168,7 +168,7 @@ def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> 
 def _each_start(problem: Problem, screened: Screened) -> list[Mapping[str, float]]:
     """Return all starts of a term, first the one that promises most."""
     every = every_start(problem, screened)
-    return sorted(every, key=lambda start: dict(start) != dict(screened.start))
+    return [screened.start, *(start for start in every if dict(start) != dict(screened.start))]
 
 
 def _chosen(trials: Sequence[tuple[float, Fitted]], picked: Sequence[Screened], without: float) -> list[Fitted]:

@@ -13,25 +13,28 @@ from firmloop.diagnose.model.candidate import unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
-from firmloop.diagnose.policy import PARALLEL, SCREEN_PATIENCE
+from firmloop.diagnose.policy import LINEAR_SHARE, PARALLEL, SCREEN_PATIENCE
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
+Secants = Sequence[Sequence[Array]]  # what a term changes (n, r) of every recording; of a wave, and a quarter turn on
 
 
 @dataclass(frozen=True, slots=True)
 class Screened:
     """A term with the drop of the whitened sum of squares it promises, and the start that promises most.
 
-    `left` is the share of the term's trace that the nominal parameters cannot imitate.
+    `left` is the share of the term's trace that the nominal parameters cannot imitate, `shrunk` that of the size it was
+    simulated with which the start has: far below one, its trace is not that of the start.
     """
 
     term: LibraryTerm
     gain: float
     start: Mapping[str, float]
     left: float
+    shrunk: float = 1.0
     drop: float = 0.0  # of -2 log likelihood once the noise is estimated anew
 
 
@@ -91,24 +94,34 @@ def screen(
     """
     found: list[list[Screened]] = [[] for _ in grounds]
     for term in terms:
-        best: list[Screened | None] = [None for _ in grounds]
-        trace: list[Sequence[Sequence[Array]]] = [() for _ in grounds]
+        best: list[tuple[Screened, Secants] | None] = [None for _ in grounds]
         begun = problem.engine.steps
         for start in _promising(term, problem.starts[term.label], orders.get(term.effect.name, ())):
             if problem.engine.steps - begun > SCREEN_PATIENCE:
                 break
-            traced = secants(problem, recordings, base, term, start)
-            for index, under in enumerate(grounds):
-                judged = _judge(term, start, traced, under)
-                held = best[index]
-                if judged is not None and (held is None or judged.gain > held.gain):
-                    best[index], trace[index] = judged, traced
-        for index, each in enumerate(best):
+            best = _better(best, term, start, secants(problem, recordings, base, term, start), grounds)
+        for start in [each[0].start for each in best if each is not None and each[0].shrunk < LINEAR_SHARE]:
+            best = _better(best, term, start, secants(problem, recordings, base, term, start), grounds)
+        for table, each, under in zip(found, best, grounds, strict=True):
             if each is not None:
-                found[index].append(
-                    replace(each, drop=_drop(trace[index], grounds[index])) if each.gain > 0.0 else each
-                )
+                judged, traced = each
+                table.append(replace(judged, drop=_drop(traced, under)) if judged.gain > 0.0 else judged)
     return tuple(tuple(sorted(each, key=lambda one: -one.gain)) for each in found)
+
+
+def _better(
+    best: Sequence[tuple[Screened, Secants] | None],
+    term: LibraryTerm,
+    start: Mapping[str, float],
+    traced: Secants,
+    grounds: Sequence[Ground],
+) -> list[tuple[Screened, Secants] | None]:
+    """Return the best of each ground: what it was, or the term at a start with what it changes."""
+    found = []
+    for held, under in zip(best, grounds, strict=True):
+        judged = _judge(term, start, traced, under)
+        found.append(held if judged is None or (held is not None and held[0].gain >= judged.gain) else (judged, traced))
+    return found
 
 
 def _promising(
@@ -126,7 +139,7 @@ def _promising(
 
 def secants(
     problem: Problem, recordings: Sequence[Recording], base: Fitted, term: LibraryTerm, start: Mapping[str, float]
-) -> tuple[tuple[Array, ...], ...]:
+) -> Secants:
     """Return what the term changes (n, r), per recording; a wave also a quarter turn on: phase needs no grid."""
     turned = {key: value + 0.5 * np.pi for key, value in start.items() if key.endswith(".phase_rad")}
     found = []
@@ -139,7 +152,7 @@ def secants(
     return tuple(found)
 
 
-def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
+def _drop(secants: Secants, under: Ground) -> float:
     """Take out of the residuals what a term and the base's unknowns can do, and see how likely the rest is.
 
     The noise that the base has left over holds the trace of the term, which whitens it away.
@@ -155,9 +168,7 @@ def _drop(secants: Sequence[Sequence[Array]], under: Ground) -> float:
     return under.evidence - unlikely(under.problem, rest)
 
 
-def _judge(
-    term: LibraryTerm, start: Mapping[str, float], secants: Sequence[Sequence[Array]], under: Ground
-) -> Screened | None:
+def _judge(term: LibraryTerm, start: Mapping[str, float], secants: Secants, under: Ground) -> Screened | None:
     if not all(np.all(np.isfinite(part)) for parts in secants for part in parts):
         return None
     tall = np.stack([np.concatenate([whitened(part, under.noises) for part in parts]) for parts in secants], axis=1)
@@ -170,11 +181,19 @@ def _judge(
         return Screened(term, 0.0, start, share)
     axis, _ = np.linalg.qr(pure[:, live])
     gain = float(np.sum((axis.T @ under.left) ** 2))
-    if len(secants) == 2 and np.all(live):
-        start = _waved(term, start, np.asarray(np.linalg.lstsq(pure, under.left, rcond=None)[0], dtype=np.float64))
     if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
         gain *= 0.01  # the data wants the opposite of what physics allows
-    return Screened(term, gain, start, share)
+    if not (np.all(live) and term.parameters and term.parameters[0].neutral == 0.0 and term.keys[0] in start):
+        return Screened(term, gain, start, share)
+    shares = np.asarray(np.linalg.lstsq(pure, under.left, rcond=None)[0], dtype=np.float64)
+    begin = _waved(term, start, shares) if len(secants) == 2 else _shrunk(term, start, float(shares[0]))
+    return Screened(term, gain, begin, share, begin[term.keys[0]] / start[term.keys[0]])
+
+
+def _shrunk(term: LibraryTerm, start: Mapping[str, float], share: float) -> Mapping[str, float]:
+    """Return a start of the size that a share of it tells, no larger than it is."""
+    size = term.keys[0]
+    return {**start, size: start[size] * min(share, 1.0)} if share > 0.0 else start
 
 
 def _waved(term: LibraryTerm, start: Mapping[str, float], shares: Array) -> Mapping[str, float]:
