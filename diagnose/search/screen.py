@@ -134,7 +134,8 @@ def _promising(
         phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
         return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
     size, most = term.keys[0], starts[0][term.keys[0]]
-    return [{**starts[0], key: one.choice, size: min(one.size, most)} for one in orders] if orders else list(starts)
+    asked = [{**starts[0], key: one.choice, size: min(one.size, most) or most} for one in orders]
+    return asked or list(starts)
 
 
 def secants(
