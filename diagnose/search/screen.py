@@ -184,11 +184,12 @@ def _judge(term: LibraryTerm, start: Mapping[str, float], secants: Secants, unde
     gain = float(np.sum((axis.T @ under.left) ** 2))
     if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
         gain *= 0.01  # the data wants the opposite of what physics allows
-    if not (np.all(live) and term.parameters and term.parameters[0].neutral == 0.0 and term.keys[0] in start):
+    size = start.get(term.keys[0], 0.0) if term.parameters and term.parameters[0].neutral == 0.0 else 0.0
+    if size == 0.0 or not np.all(live):
         return Screened(term, gain, start, share)
     shares = np.asarray(np.linalg.lstsq(pure, under.left, rcond=None)[0], dtype=np.float64)
     begin = _waved(term, start, shares) if len(secants) == 2 else _shrunk(term, start, float(shares[0]))
-    return Screened(term, gain, begin, share, begin[term.keys[0]] / start[term.keys[0]])
+    return Screened(term, gain, begin, share, begin[term.keys[0]] / size)
 
 
 def _shrunk(term: LibraryTerm, start: Mapping[str, float], share: float) -> Mapping[str, float]:
