@@ -134,7 +134,9 @@ def _promising(
         phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
         return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
     size, most = term.keys[0], starts[0][term.keys[0]]
-    asked = [{**starts[0], key: one.choice, size: min(one.size, most) or most} for one in orders]
+    asked: list[Mapping[str, float]] = [
+        {**starts[0], key: one.choice, size: min(one.size, most) or most} for one in orders
+    ]
     return asked or list(starts)
 
 
