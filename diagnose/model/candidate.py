@@ -74,11 +74,13 @@ def on_bound(fitted: Fitted, term: LibraryTerm) -> bool:
     """Tell whether a value of an effect ended where its range does, unless that is what it is where none is given.
 
     What may be left out of a project is a detail, as the share that runs on: its range ends where nature's does. And a
-    limit at which readings rest to the last digit is no lower than that.
+    limit at which readings rest to the last digit is there, whatever its range.
     """
     for key, each in zip(term.keys, term.parameters, strict=True):
-        value, rests = fitted.point.values[key], term.effect.limits and each.low > 0.0
-        if value <= each.low != each.default and not rests:
+        value = fitted.point.values[key]
+        if term.effect.limits and each.low > 0.0:
+            continue
+        if value <= each.low != each.default:
             return True
         if each.default is None and np.isfinite(each.high) and value > each.high - ON_BOUND * abs(each.high):
             return True

@@ -76,11 +76,12 @@ def test_a_limit_at_which_readings_rest_is_not_on_a_bound(tmp_path: Path) -> Non
     assert term is not None
     (known,) = term.parameters
     rested = replace(term, parameters=(replace(known, low=0.9 * known.high),))  # as where readings rest to a digit
-    ended = {**first_point(problem, problem.train).values, term.keys[0]: 0.9 * known.high}
-    begin = replace(first_point(problem, problem.train), values=ended)
-    fitted = fit(problem, problem.train, (rested,), begin, [white(1.0)] * len(problem.plant.outputs), 0)
-    assert fitted.point.values[term.keys[0]] == rested.parameters[0].low
-    assert not on_bound(fitted, rested)
+    for place in (0.9 * known.high, known.high / 1.001):  # the lowest that it may be, and the largest reading
+        ended = {**first_point(problem, problem.train).values, term.keys[0]: place}
+        begin = replace(first_point(problem, problem.train), values=ended)
+        fitted = fit(problem, problem.train, (rested,), begin, [white(1.0)] * len(problem.plant.outputs), 0)
+        assert fitted.point.values[term.keys[0]] == place
+        assert not on_bound(fitted, rested)
 
 
 def test_no_fit_begins_twice_from_one_place(tmp_path: Path) -> None:
