@@ -18,7 +18,7 @@ QUICK = (
     (370061, "explained", "sensor_quantization", "steps of 390 levels and nothing else left"),
     (320047, "explained", "sensor_wrap", "a current that wraps twice where the nominal plant is a tenth off"),
     (470184, "explained", "sensor_wrap", "a current that leaps over five of its ranges"),
-    (470164, "ambiguous", "load_torque sensor_offset", "a load that lasts beside a slow disturbance"),
+    (470164, "ambiguous", "load_torque return_spring sensor_offset", "a load that lasts beside a slow disturbance"),
     (520100, "explained", "input_saturation sensor_lag", "an inductance that had run away beside a limit"),
     (555024, "explained", "load_step", "a motor of a tenth of its torque"),
     (555029, "explained", "sensor_quantization", "the last step of a coarse sensor"),
