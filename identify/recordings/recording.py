@@ -27,6 +27,7 @@ from firmloop.identify.units import unit_of
 Array = NDArray[np.float64]
 
 FEWEST_ROWS = 3  # one step and one row to judge it by
+_ASIDE = " left aside: "  # in a note, before what is shown of it
 MOST = 1e30  # of a reading; instruments write 9.9E+37 or 9.91E+37 where they have none, as SCPI asks for
 
 
@@ -106,7 +107,7 @@ def column(recording: Recording, name: str) -> Array:
     """Return one column, or raise IdentifyError that lists those there are, with the line for one in another unit."""
     if name not in recording.columns:
         lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
-        aside = "".join(f"; {note}" for note in recording.notes if " without numbers, left aside" in note)
+        aside = "".join(f"; {note}" for note in recording.notes if "column" in note.partition(_ASIDE)[0] != note)
         raise IdentifyError(
             f"{recording.source}: column {name} is missing; it has {', '.join(recording.columns) or 'only time_s'} "
             f"(map a foreign name in [recordings.rename]){aside}",

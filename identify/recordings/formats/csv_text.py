@@ -136,6 +136,8 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
+    left = ", ".join(table.names[k] for k in words if table.names[k])
+    aside = f"{aside} ({left})" if left else aside
     return RawTable(
         tuple(table.names[k] for k in kept),
         tuple(table.columns[k] for k in kept),

@@ -20,7 +20,6 @@ _WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","
 _SPACED = ((" ", "."), (" ", ","))  # any number of them is one
 _FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
 _HIGHEST = 60  # lines between a header and its rows
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
 _NO_UNIT = ("", "-", "none", "1", "#")
 
 
@@ -64,12 +63,18 @@ def find_dialect(lines: list[str]) -> Dialect | Misread | None:
     dialect = _with_header(lines, widest)
     if not isinstance(dialect, Dialect) or dialect.decimal == ".":
         return dialect
-    cells = [cell for row in islice(lines, dialect.first, dialect.first + _MOST) for cell in _cells(row, dialect)]
-    if all(_THOUSANDS.fullmatch(cell) for cell in cells if "," in cell):
-        example = next(cell for cell in cells if "," in cell)
-        remedy = "save the file with points in its numbers and no marks for thousands"
-        return Misread("", f"can be read in two ways: {example} may be a fraction or thousands", remedy)
+    for mark in ",.":
+        held = (row for row in islice(lines, dialect.first, None) if mark in row)
+        cells = (cell.strip() for row in held for cell in _cells(row, dialect) if mark in cell)
+        example = next(cells, "")
+        if example and all(map(_thousands(mark).fullmatch, (example, *cells))):
+            remedy = "save the file with points in its numbers and no marks for thousands"
+            return Misread("", f"can be read in two ways: {example} may be a fraction or thousands", remedy)
     return dialect
+
+
+def _thousands(mark: str) -> re.Pattern[str]:
+    return re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+")
 
 
 def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:

@@ -17,7 +17,8 @@ _NO_NUMBER = ("nan", "inf", "infinity")  # that is read as one
 def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
     """Return the lines without such marks and quotes around numbers, and what is told of it.
 
-    A mark is sure where a number has two of them, or one and a decimal mark; a comma or a point alone may be either.
+    A mark is sure where a number has two of them, or one and a decimal mark; a comma or a point alone may be either, and
+    the other numbers decide it: those of its own column, or all of them where commas part the columns.
     Only lines that have words where the last one has them are rows: headers and what stands above them are not.
     """
     last = next((line for line in reversed(lines) if line.strip()), "")
@@ -36,8 +37,14 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
         end = rf"(?:{re.escape(point)}\d*)?"
         alone = "" if mark in _SAID else rf"|{once}+{end}"
         sure = re.compile(rf"{once}+{re.escape(point)}\d+|{once}{{2,}}{end}{alone}")
+        told_by_others = False
         if not any(sure.fullmatch(cell) for row in rows.values() for cell in row):
-            continue
+            single = re.compile(once)
+            places = {k for row in rows.values() for k, cell in enumerate(row) if single.fullmatch(cell)}
+            others = places if delimiter != "," or mark != "," else set(range(words[0]))
+            told_by_others = mark in _SAID and bool(places) and _decided(lines, delimiter, words, (mark, point), others)
+            if not told_by_others:
+                continue
         number = re.compile(rf"{once}+{end}|[-+]?\d*{end}(?:[eE][-+]?\d+)?")
         out = list(lines)
         for k, line in enumerate(lines):
@@ -45,6 +52,8 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
             if not any(cells) or _words(cells) != words:
                 continue
             odd = [cell for cell in cells if not (number.fullmatch(cell) or _is_word(cell) or _is_no_number(cell))]
+            if odd and told_by_others:
+                break
             if odd:
                 says = f"is {odd[0][:40]!r}, where other numbers have {_SAID.get(mark, 'marks')} between thousands"
                 wrong = wrong or Misread(f"line {k + 1}", says, "save the file without marks for thousands")
@@ -56,6 +65,22 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
         else:
             return out, f"has {_SAID.get(mark, 'marks')} between thousands, left out"
     return wrong or (lines, "")
+
+
+def _decided(lines: list[str], delimiter: str, words: list[int], marks: tuple[str, str], columns: set[int]) -> bool:
+    """Tell whether numbers of `columns` have the second mark as the decimal one, and none in the file has the first."""
+    mark, point = map(re.escape, marks)
+    fraction = r"[-+]?(?:(?:0|[1-9]\d{{3,}})?{0}\d+|\d+{0}(?:\d{{0,2}}|\d{{4,}}))(?:[eE][-+]?\d+)?"
+    against, decides = re.compile(fraction.format(mark)), re.compile(fraction.format(point))
+    found = False
+    for line in lines:
+        cells = _cells(line, delimiter)
+        if _words(cells) != words:
+            continue
+        if any(map(against.fullmatch, cells)):
+            return False
+        found = found or any(decides.fullmatch(cells[k]) for k in columns)
+    return found
 
 
 def _words(cells: list[str]) -> list[int]:

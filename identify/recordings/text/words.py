@@ -14,7 +14,8 @@ ASIDE = "nan"  # stands in place of a word
 def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
     """Return the lines with `nan` in those columns, which they are, and what is told of it.
 
-    Rows are the lines that have numbers and words where the last line has them.
+    Rows are the lines that have numbers and words where the last line has them. The first mark that parts the last line
+    into numbers and words is the one between columns: no other is tried, as a decimal comma would part it otherwise.
     """
     last = next((line for line in reversed(lines) if line.strip()), "")
     for mark in _MARKS:
@@ -35,11 +36,12 @@ def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
             if all(_is_word(row[j]) for j in words):
                 rows[k] = mark.join(ASIDE if j in words else cell for j, cell in enumerate(row))
         if len(rows) < max(_FEWEST, filled + 1):  # a column of numbers, of which some readings failed, is none of words
-            continue
+            break
         out = [rows.get(k, line) for k, line in enumerate(lines)]
         shown = ", ".join(dict.fromkeys(repr(_bare(cells[j])[:_SHOWN]) if _bare(cells[j]) else "empty" for j in words))
         held = "a column" if len(words) == 1 else f"{len(words)} columns"
-        return out, words, f"has {held} without numbers, left aside: {shown}"
+        without = f"with words in {len(rows)} of {len(rows) + filled} rows" if filled else "without numbers"
+        return out, words, f"has {held} {without}, left aside: {shown}"
     return lines, (), ""
 
 

@@ -98,6 +98,8 @@ def test_a_torn_row_is_no_matter_of_thousands(tmp_path: Path, capsys: pytest.Cap
         table([f'"{v},525"' for v in range(1, 6)]),
         table(["1,234", "2,345", "950", "3,456"], ";"),
         table([*map(str, range(5)), "1,234.5"]),
+        table(["1.234", "2.345", "3.456"], ";").replace("\n0;", "\n0,1;").replace("\n1;", "\n1,1;"),
+        table(["1,234", "2,345", "3,456"], ";").replace("\n0;", "\n0.1;").replace("\n1;", "\n1.1;"),
     ],
 )
 def test_a_comma_that_may_be_either_is_refused_with_the_cure(
@@ -107,6 +109,23 @@ def test_a_comma_that_may_be_either_is_refused_with_the_cure(
     assert not found and "thousands" in said and "delete" not in said, said
 
 
+DECIDED = {
+    "a number of the column has a point": (table(['"1,234"', "950.5", '"2,345"']), [1234.0, 950.5, 2345.0]),
+    "a number of the column has a comma": (table(["1.234", "950,5", "2.345"], ";"), [1234.0, 950.5, 2345.0]),
+    "another column of commas has points": (table([f'"{v},525"' for v in (1, 2, 3)]).replace(",1\n", ",0.5\n"), None),
+    "fractions begin below one": (table(['"1,234"', '"0,500"', '"2,250"']), [1.234, 0.5, 2.25]),
+    "far below": (table(["1,234"] * 300 + ["0,5"], ";"), [1.234] * 300 + [0.5]),
+}
+
+
+@pytest.mark.parametrize("name", DECIDED)
+def test_other_numbers_decide_what_a_lone_comma_or_point_is(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, right = DECIDED[name]
+    assert simulated(tmp_path, capsys, "log.csv", text)[1] == (right or [1525.0, 2525.0, 3525.0])
+
+
 @pytest.mark.parametrize("failed", ["OVLD", "", "--", "#N/A"])
 @pytest.mark.parametrize("mark", [",", ";"])
 def test_a_column_whose_last_readings_failed_is_no_column_of_words(
@@ -114,6 +133,23 @@ def test_a_column_whose_last_readings_failed_is_no_column_of_words(
 ) -> None:
     said, found = simulated(tmp_path, capsys, "log.csv", table([*map(str, range(20)), *[failed] * 4], mark))
     assert not found and "line 22, column voltage_V" in said and ("delete the row" in said), said
+
+
+@pytest.mark.parametrize("failed", ["OVLD", "#N/A", "-nan(ind)"])
+def test_decimal_commas_part_no_columns_where_the_last_readings_failed(
+    failed: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{k},5;{failed if k > 19 else k};1,5" for k in range(23)]
+    text = "\n".join(["time_s;voltage_V;speed_rad_s", *rows])
+    said, found = simulated(tmp_path, capsys, "log.csv", text)
+    assert not found and f"line 22, column voltage_V: is {failed!r}" in said, said
+
+
+def test_a_column_of_mostly_words_is_named_where_it_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said, found = simulated(tmp_path, capsys, "log.csv", table([*map(str, range(20)), *["OVLD"] * 30]))
+    assert not found and "a column with words in 30 of 50 rows, left aside: 'OVLD' (voltage_V)" in said, said
 
 
 SAMPLES = [{"time_s": 0.1 * k, "voltage_V": speed, "speed_rad_s": 1.5} for k, speed in enumerate(SPEED)]
