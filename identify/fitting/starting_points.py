@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.experiment import Experiment, misfit
 from firmloop.identify.fitting.least_squares import triangle
 from firmloop.identify.plants.kinds import find_kind
+from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import Engine
 
@@ -25,9 +26,9 @@ _SEED = 20240229  # any; fixed, so that a fit repeats
 def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Experiment]) -> tuple[Array, ...]:
     """Return parameter vectors (k,), the most promising first.
 
-    Where values are missing, a grid of shapes is scored: the output is linear in the kind's scale and in the initial
-    state, so that both follow by linear least squares. Where all are given, these are the first start and the others
-    lie around it (Latin hypercube over the logarithms of the free ones).
+    Where values are missing, a grid of shapes is scored: the output is linear in the kind's scale, in the level that it
+    rests at and in the initial state, so that these follow by linear least squares. Where all are given, they are the
+    first start and the others lie around it (Latin hypercube over the logarithms of the free ones).
     """
     given = np.array([parameter.value for parameter in plant.parameters])
     if np.any(np.isnan(given)):
@@ -52,40 +53,44 @@ def _scored_grid(plant: Plant, simulator: Engine, experiments: Sequence[Experime
     names = [parameter.name for parameter in plant.parameters]
     step = min(made.course.step for made in experiments)
     span = max(float(made.course.time[-1] - made.course.time[0]) for made in experiments)
+    level = [k for k, each in enumerate(plant.parameters) if each.name == OUTPUT and each.free]
     scored: dict[tuple[float, ...], float] = {}
     for shape in kind.shapes(step, span):
         constants = np.array([shape.get(name, math.nan) for name in names])
         constants = np.where(np.isnan(given), constants, given)
         bounded = [min(max(value, p.low), p.high) for value, p in zip(constants, plant.parameters, strict=True)]
         constants = np.array(bounded)
-        unscaled = names.index(kind.scale) if kind.scale is not None and np.isnan(constants).any() else -1
-        constants, cost = _scaled(simulator, experiments, constants, unscaled)
+        scale = [names.index(kind.scale)] if kind.scale is not None and np.isnan(constants).any() else []
+        constants, cost = _scaled(simulator, experiments, constants, (*scale, *level), bool(scale))
         scored.setdefault(tuple(constants.tolist()), cost)
     best = sorted((cost, constants) for constants, cost in scored.items() if math.isfinite(cost))
     return tuple(np.array(constants) for _, constants in itertools.islice(best, _KEPT))
 
 
 def _scaled(
-    simulator: Engine, experiments: Sequence[Experiment], constants: Array, unscaled: int
+    simulator: Engine, experiments: Sequence[Experiment], constants: Array, linear: Sequence[int], scaled: bool
 ) -> tuple[Array, float]:
-    """Find the scale (where it is index `unscaled` >= 0) and the initial states; return the constants and the cost."""
+    """Find what the output is linear in: the constants `linear`, of which the first is the scale where `scaled`, and
+    the initial states; return the constants and the cost.
+    """
     trial = constants.copy()
-    if unscaled >= 0:
-        trial[unscaled] = 1.0
-    states = simulator.states
+    states, levels = simulator.states, list(linear[scaled:])
+    trial[list(linear[:scaled])] = 0.0  # what is left then is no answer to the input
     rows = []
     for made in experiments:
-        residual, slopes = misfit(made, simulator, trial, np.zeros(states), ())
-        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+        residual, slopes = misfit(made, simulator, trial, np.zeros(states), levels)
+        columns = [-slopes[..., len(levels) :], -slopes[..., : len(levels)]]
+        if scaled:
+            moved = trial.copy()
+            moved[linear[0]] = 1.0
+            answer, own = misfit(made, simulator, moved, np.zeros(states), ())
+            columns = [-own, (residual - answer)[..., None], columns[1]]
+        if not all(np.all(np.isfinite(each)) for each in (residual, *columns)):
             return trial, math.inf
-        forced = made.target - residual if unscaled >= 0 else np.zeros_like(residual)
-        aim = made.target if unscaled >= 0 else residual
-        tall = -slopes.reshape(made.target.size, states), forced.reshape(-1, 1), aim.reshape(-1, 1)
+        tall = [each.reshape(residual.size, each.shape[-1]) for each in (*columns, residual[..., None])]
         # Below the rows of the initial state stands what no initial state can explain.
         rows.append(triangle(*tall)[states:, states:])
-    forced_part, aim_part = np.concatenate(rows).T
-    power = float(forced_part @ forced_part)
-    scale = float(forced_part @ aim_part) / power if power > 0.0 else 0.0
-    if unscaled >= 0:
-        trial[unscaled] = scale
-    return trial, float(np.sum((aim_part - scale * forced_part) ** 2))
+    below = np.concatenate(rows)
+    found = np.linalg.lstsq(below[:, :-1], below[:, -1], rcond=None)[0]
+    trial[list(linear)] += found
+    return trial, float(np.sum((below[:, -1] - below[:, :-1] @ found) ** 2))

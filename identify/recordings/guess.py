@@ -116,14 +116,14 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
     ]
     aims = [_quantity(name, unit) for name, unit in pairs]
     wishes = ["" if _words(name) & _REFERENCES else aim for (name, _), aim in zip(pairs, aims, strict=True)]
-    made = []
+    made: list[Guessed] = []
     for (foreign, unit), wish, aim in zip(pairs, wishes, aims, strict=True):
         words = _words(foreign)
         own = foreign if ending_of(foreign) and re.fullmatch(r"[A-Za-z]\w*", foreign, re.ASCII) else ""
         twins = [other for (other, _), same in zip(pairs, wishes, strict=True) if wish and same == wish]
         apart = own not in ("", wish) and (not wish or _same(unit_of(own), unit_of(wish)))
         plain = not wish or (len(twins) > 1 and apart)
-        name = (own or _slug(foreign, unit)) if plain else wish
+        name = (own or _slug(foreign, unit, [each.name for each in made])) if plain else wish
         leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
         leaning = leaning or _BY_QUANTITY.get(wish, 1 if unit in _SHARES else 0)
         made.append(
@@ -144,6 +144,10 @@ def refuse_twins(used: Sequence[Guessed], among: Sequence[Guessed], file: str) -
         same = [each.foreign for each in among if each.name == one.name and not each.reference]
         if len(same) > 1:
             both = " and ".join(map(repr, same))
+            if len(set(same)) < len(same):
+                raise IdentifyError(
+                    f"{file}: {len(same)} columns are called {same[-1]!r}; give each a name of its own in the header"
+                )
             raise IdentifyError(
                 f"{file}: columns {both} both seem to be {one.name}; say which one is to be left out: "
                 f"--leave-out {same[-1]!r}"
@@ -200,18 +204,19 @@ def _words(name: str) -> frozenset[str]:
     return frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
 
 
-def _slug(foreign: str, unit: str) -> str:
-    """Return a name that can stand for any column, with the unit of ours that fits at its end."""
+def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
+    """Return a name that can stand for any column and is not taken, with the unit of ours that fits at its end."""
     bare = re.sub(r"[\[(].*?[\])]", "", foreign)
     plain = "_".join(re.findall(r"[A-Za-z0-9]+", bare)) or "column"
     plain = plain if plain[0].isalpha() else f"column_{plain}"
     ending = next((each for each in _PLAIN_ENDINGS if unit and _converts(unit, unit_of(f"x_{each}"))), "")
-    if not ending or ending_of(plain) == ending:
-        return plain
-    carried = carried_unit(plain)
+    carried = carried_unit(plain) if ending and ending_of(plain) != ending else ""
+    plain = plain.removesuffix(f"_{ending}") if ending else plain
     if carried:
         plain = re.sub(rf"_?{re.escape(carried)}$", "", plain) or "column"
-    return f"{plain}_{ending}"
+    tail = f"_{ending}" if ending else ""
+    names = (f"{plain}{number}{tail}" for number in ("", *(f"_{k}" for k in range(2, len(taken) + 3))))
+    return next(name for name in names if name not in taken)
 
 
 _PLAIN_ENDINGS = ("V", "A", "rad_s", "rad", "m", "m_s", "C", "N_m", "N", "Pa", "m3_s", "kg_s", "W", "kg", "m3", "ohm")

@@ -21,7 +21,7 @@ from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.scratch import scratch_folder
 from firmloop.identify.units import carried_unit, unit_of
 from firmloop.project.first_text import FirstParameter, FirstProject, first_text
-from firmloop.project.project import read_project
+from firmloop.project.project import Project, read_project
 from firmloop.project.table import ProjectError
 from firmloop.stages import fitting, making
 from firmloop.stages.data import Data
@@ -81,6 +81,8 @@ def guess_project(
             continue
         if tried[-1][0] > _GOOD:
             break
+    if not tried and isinstance(complaint, ProjectError):
+        raise IdentifyError(f"{paths[0]}: no project can be made of it: {complaint}")
     if not tried:
         raise IdentifyError(f"no plant kind fits {drive} -> {outputs[0]}: {complaint}")
     best = max(score for score, _ in tried)
@@ -92,16 +94,23 @@ def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> tuple[float, F
     kind, outputs, parameters = proposal
     first = replace(base, kind=kind, outputs=outputs, parameters=parameters)
     with scratch_folder(Path(tempfile.gettempdir()), ".firmloop_init") as folder:
-        file = folder / "project.toml"
-        file.write_text(first_text(first, folder), encoding="utf-8")
-        project = read_project(file)
+        project = _read(first, folder)
         found = fitting.identify(project, seen, lambda share, doing: None)
         first = _settled(first, found)
-        file.write_text(first_text(first, folder), encoding="utf-8")
-        making.design(read_project(file), found.plant)
+        making.design(_read(first, folder), found.plant)
     scores = [each.scores[outputs[0]].fit_percent for each in found.train]
     score = float(np.mean(scores))
     return (score if math.isfinite(score) else -math.inf), first
+
+
+def _read(first: FirstProject, folder: Path) -> Project:
+    """Read the project as it would be written; a complaint names no file, as there will be none."""
+    file = folder / "project.toml"
+    file.write_text(first_text(first, folder), encoding="utf-8")
+    try:
+        return read_project(file)
+    except ProjectError as error:
+        raise ProjectError(re.sub(rf"^{re.escape(str(file))}:(\d+:)? ", "", str(error))) from None
 
 
 def _settled(first: FirstProject, found: Fit) -> FirstProject:

@@ -166,6 +166,13 @@ WRONG: dict[str, tuple[str, str, list[str], str]] = {  # file, its text, further
         [],
         "columns 'omega' and 'speed_rpm' both seem to be speed_rad_s; say which one is to be left out: --leave-out",
     ),
+    "one header twice": ("a.csv", text("t,u,w,w", TIME, DRIVE, SPEED, SPEED), [], "2 columns are called 'w'"),
+    "numbers beyond any project": (
+        "a.csv",
+        text("t,u,w", TIME, DRIVE, SPEED * 1e12),
+        [],
+        "a.csv: no project can be made of it: [signals.reference] low holds",
+    ),
     "no time": ("a.csv", text("u,omega", DRIVE, SPEED), [], "--period 0.001"),
     "nothing that moves": ("a.csv", text("t,u,omega", TIME, DRIVE, 0 * SPEED), [], "two columns that change"),
     "a column that is not there": ("a.csv", text("t,u,w", TIME, DRIVE, SPEED), ["--leave-out", "q"], "no such column"),
@@ -183,6 +190,30 @@ def test_what_cannot_be_guessed_is_said_and_nothing_is_written(
     assert main(["init", name, *more]) == 2
     assert words in capsys.readouterr().err
     assert [path.name for path in file.parent.iterdir()] == [name]
+
+
+def test_a_log_that_begins_while_it_heats_up_is_no_plant_that_does_not_answer(
+    bench: Callable[[str, str], Path],
+) -> None:
+    power = np.repeat(np.random.default_rng(3).choice([0.0, 40.0, 80.0], 30), 20)
+    power[:20], level, rows = 80.0, 0.0, []
+    for u in power:
+        rows.append(20.0 + level)
+        level += (1 - np.exp(-1 / 12)) * (0.15 * u - level)
+    heated = np.array(rows) + np.random.default_rng(4).normal(size=len(rows)) * 0.02
+    file = bench("a.csv", text("time_s,heater_percent,temperature_C", np.arange(600.0), power, heated))
+    assert main(["init", "a.csv"]) == 0
+    fitted = tomllib.loads(file.with_suffix(".toml").read_text())["plant"]["parameters"]
+    found = {name: fitted[name]["value"] for name in ("gain", "time_constant_s", "output_at_rest", "input_at_rest")}
+    assert found["gain"] == pytest.approx(0.15, rel=0.02) and found["time_constant_s"] == pytest.approx(12.0, rel=0.02)
+    assert found["output_at_rest"] - found["gain"] * found["input_at_rest"] == pytest.approx(20.0, abs=0.1)
+
+
+def test_names_without_a_latin_letter_stay_apart(bench: Callable[[str, str], Path]) -> None:
+    file = bench("a.csv", text("t,напряжение,скорость", TIME, DRIVE, SPEED))
+    assert main(["init", "a.csv"]) == 0
+    made = tomllib.loads(file.with_suffix(".toml").read_text())
+    assert made["recordings"]["rename"] == {"t": "time_s", "напряжение": "column", "скорость": "column_2"}
 
 
 def test_what_was_asked_for_is_taken(bench: Callable[[str, str], Path]) -> None:
