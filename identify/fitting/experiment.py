@@ -14,6 +14,7 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import (
     Conditioning,
     check_conditioning,
+    check_parts,
     condition_input,
     condition_output,
     find_lag,
@@ -52,6 +53,7 @@ def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) 
     drive = np.column_stack([condition_input(conditioning, n, c) for n, c in zip(inputs, course.drive.T, strict=True)])
     course = replace(course, drive=np.ascontiguousarray(drive))
     values = measured(plant, recording)
+    check_parts(conditioning, recording.source, course.time)
     made = []
     for first, end in windows(conditioning, course.time, 2 * len(plant.states) + 2):
         check_conditioning(conditioning, (*inputs, *names), recording.source, course.time[first:end])

@@ -70,8 +70,9 @@ def _scored_grid(plant: Plant, simulator: Engine, experiments: Sequence[Experime
 def _scaled(
     simulator: Engine, experiments: Sequence[Experiment], constants: Array, linear: Sequence[int], scaled: bool
 ) -> tuple[Array, float]:
-    """Find what the output is linear in: the constants `linear`, of which the first is the scale where `scaled`, and
-    the initial states; return the constants and the cost.
+    """Find what the output is linear in, the constants `linear` and the initial states; return constants and cost.
+
+    The first of `linear` is the scale where `scaled`.
     """
     trial = constants.copy()
     states, levels = simulator.states, list(linear[scaled:])

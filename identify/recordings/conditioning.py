@@ -48,7 +48,8 @@ NONE = Conditioning()
 _LISTS = ("remove_offset", "detrend", "align")
 # A filter of more rows or orders loses all its digits, and harmonics beyond these are noise.
 MOST = {"savgol_window": 100_001, "savgol_order": 20, "line_harmonics": 100}
-MOST_PARTS = 1_000_000  # that a recording is resampled to, or cut into
+MOST_PARTS = 1_000_000  # that a recording is cut into
+_FINER, _FEW_PARTS = 10, 100_000  # moments for each row that it is resampled to: more show nothing more; and for all
 _WHOLE = tuple(MOST)
 _SECONDS = ("resample_s", "align_max_lag_s", "window_s", "line_Hz")
 
@@ -178,6 +179,18 @@ def condition_input(conditioning: Conditioning, name: str, values: Array) -> Arr
     return np.asarray(values - values.mean()) if name in conditioning.remove_offset else values
 
 
+def check_parts(conditioning: Conditioning, source: str, time: Array) -> None:
+    """Raise IdentifyError where a whole recording, of rows at `time`, would be cut into too many windows or moments."""
+    duration = float(time[-1] - time[0])
+    for key, most in (("window_s", MOST_PARTS), ("resample_s", max(_FINER * len(time), _FEW_PARTS))):
+        length = getattr(conditioning, key)
+        if length and duration / length > most:
+            raise IdentifyError(
+                f"recordings.conditioning.{key} is {length:g}: cuts the {duration:g} s and {len(time):,} rows of "
+                f"{source} into {duration / length:.3g} parts; at most {most:,}: make it longer"
+            )
+
+
 def check_conditioning(conditioning: Conditioning, names: tuple[str, ...], source: str, time: Array) -> None:
     """Raise IdentifyError where `conditioning` does not fit a recording."""
     where = "recordings.conditioning"
@@ -185,14 +198,6 @@ def check_conditioning(conditioning: Conditioning, names: tuple[str, ...], sourc
         for name in getattr(conditioning, key):
             if name not in names:
                 raise IdentifyError(f"{where}.{key}: {name} is no signal of the plant, which has {', '.join(names)}")
-    duration = float(time[-1] - time[0])
-    for key in ("resample_s", "window_s"):
-        length = getattr(conditioning, key)
-        if length and duration / length > MOST_PARTS:
-            raise IdentifyError(
-                f"{where}.{key} is {length:g}: cuts the {duration:g} s of {source} into {duration / length:.3g} parts; "
-                f"at most {MOST_PARTS:,}: make it longer"
-            )
     grid = compared_time(conditioning, time)
     rows = len(grid)
     if conditioning.line_Hz:

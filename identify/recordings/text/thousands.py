@@ -17,7 +17,7 @@ _NO_NUMBER = ("nan", "inf", "infinity")  # that is read as one
 def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
     """Return the lines without such marks and quotes around numbers, and what is told of it.
 
-    A mark is sure where a number has two of them, or one and a decimal mark; a comma or a point alone may be either, and
+    A mark is sure where a number has two of them, or one and a decimal mark. A comma or a point alone may be either:
     the other numbers decide it: those of its own column, or all of them where commas part the columns.
     Only lines that have words where the last one has them are rows: headers and what stands above them are not.
     """

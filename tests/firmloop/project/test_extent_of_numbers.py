@@ -42,3 +42,13 @@ def test_a_coefficient_that_no_double_can_compute_with_is_refused(
     (tmp_path / "p.toml").write_text(FILTER.format(numerator=f"[{value}]", denominator="[1.0, 1.0]"))
     assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
     assert "numerator" in capsys.readouterr().err
+
+
+def test_windows_do_not_hide_how_many_moments_a_recording_is_resampled_to(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = "[recordings.conditioning]\nwindow_s = 0.2\nresample_s = 1e-5\n[plant]"
+    project.write_text(project.read_text().replace("[plant]", keys, 1))
+    assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "resample_s is 1e-05" in said and "at most 100,000: make it longer" in said, said

@@ -12,7 +12,7 @@ from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import (
     NONE,
     Conditioning,
-    check_conditioning,
+    check_parts,
     compared_time,
     condition_output,
     conditioning_from_table,
@@ -188,10 +188,10 @@ def test_an_aligned_clock_moves_no_parameter_and_widens_its_interval() -> None:
     assert np.min(known) > 1.1
 
 
-@pytest.mark.parametrize("key", ["resample_s", "window_s"])
-def test_a_grid_beyond_all_measure_is_refused(key: str) -> None:
-    with pytest.raises(IdentifyError, match=rf"{key} is 1e-12: .* at most 1,000,000"):
-        check_conditioning(Conditioning(**{key: 1e-12}), ("y",), "r.csv", np.linspace(0.0, 1.0, 50))
+@pytest.mark.parametrize(("key", "most"), [("resample_s", "100,000"), ("window_s", "1,000,000")])
+def test_a_grid_beyond_all_measure_is_refused(key: str, most: str) -> None:
+    with pytest.raises(IdentifyError, match=rf"{key} is 1e-12: .* 50 rows of r.csv .* at most {most}"):
+        check_parts(Conditioning(**{key: 1e-12}), "r.csv", np.linspace(0.0, 1.0, 50))
 
 
 @pytest.mark.parametrize("length", [1e-6, 1e-12, 1e-300])
