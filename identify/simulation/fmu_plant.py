@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ Array = NDArray[np.float64]
 
 NUMBERS = {"2.0": "Real", "3.0": "Float64"}  # by version of the standard, what a signal must be
 MOST_BYTES = 256 << 20  # of all that an FMU holds, unpacked
+MOST_FILES = 10_000
 BUILT = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 _NEEDED_FOR = "an FMU as the plant"
 
@@ -51,6 +53,7 @@ class FmuPlant:
         try:
             _check_archive(file)
             fmpy.extract(str(file), str(scratch.path))
+            _check_documents(scratch.path)
             described = fmpy.read_model_description(str(scratch.path), validate=True)
         except (OSError, ValueError, zipfile.BadZipFile) as error:
             raise IdentifyError(f"{file}: is no FMU that can be read ({_first_line(error)})") from None
@@ -142,9 +145,25 @@ def _check_archive(file: Path) -> None:
     if not file.is_file():
         raise ValueError("it is no file")
     with zipfile.ZipFile(file) as archive:
-        size = sum(each.file_size for each in archive.infolist())
+        held = archive.infolist()
+    size = sum(each.file_size for each in held)
     if size > MOST_BYTES:
         raise ValueError(f"it unpacks to {size:,} bytes, and no more than {MOST_BYTES:,} are taken")
+    if len(held) > MOST_FILES:
+        raise ValueError(f"it holds {len(held):,} files, and no more than {MOST_FILES:,} are taken")
+
+
+def _check_documents(folder: Path) -> None:
+    """Refuse XML with a document type, which FMI has none of: its entities read other files, or grow without end."""
+    for file in sorted(folder.rglob("*.xml")):
+        reader = expat.ParserCreate()
+        reader.StartDoctypeDeclHandler = _refuse_document_type
+        with file.open("rb") as stream:
+            reader.ParseFile(stream)
+
+
+def _refuse_document_type(*_: object) -> None:
+    raise ValueError("its XML has a document type, as FMI has none: export it again")
 
 
 def _slave_of_two() -> Any:

@@ -89,11 +89,14 @@ def changed(fmu: Path, old: str, new: str) -> Path:
     return other
 
 
+MORE = "".join(f'<!ENTITY a{k} "{"&a;" * 10}">' for k in range(1, 9))
 WRONG = {
     "a model that is a path": ('modelIdentifier="', 'modelIdentifier="../../', "is no name of C"),
     "a source that is not in it": ('SourceFile name="', 'SourceFile name="../../', "is not in it"),
     "another name": ('name="voltage_V"', 'name="volts"', "has no input 'voltage_V', as [plant] has; it has volts"),
     "no co-simulation": ("CoSimulation", "ModelExchange", "other.fmu: "),
+    "an entity that is a file": ("?>\n", '?>\n<!DOCTYPE x [<!ENTITY e SYSTEM "/etc/hostname">]>\n', "a document type"),
+    "entities that grow": ("?>\n", f'?>\n<!DOCTYPE x [<!ENTITY a "{"a" * 99}">{MORE}]>\n', "a document type"),
     "no XML": ("<fmiModelDescription", "<fmi", "is not as its standard says"),
 }
 
@@ -130,7 +133,12 @@ def test_an_fmu_that_unpacks_to_any_size_or_never_ends_is_refused(
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("resources/0", "w") as member:
         for _ in range(300):
             member.write(bytes(1 << 20))
-    for file, words in ((pipe, "it is no file"), (bomb, "it unpacks to 314,572,800 bytes")):
+    many = tmp_path / "many.fmu"
+    with zipfile.ZipFile(many, "w") as archive:
+        for k in range(10_001):
+            archive.writestr(f"resources/{k}", "")
+    tried = ((pipe, "it is no file"), (bomb, "unpacks to 314,572,800 bytes"), (many, "it holds 10,001 files"))
+    for file, words in tried:
         assert verified(project, "--fmu", str(file))[0] == 2
         assert words in capsys.readouterr().err
 
