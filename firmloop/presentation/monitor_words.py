@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from firmloop.stages.board.tape import Tape
 
 BARS = " .:-=+*#%@"  # of the terminal's plot, from low to high
+_NO_NUMBER = "!"
 PLOT_WIDTH = 60
 PICTURE_WIDTH = 36  # so that a line with its value fits a terminal of 80
 PICTURE = 10.0  # s that the picture of a watch looks back
@@ -34,6 +35,11 @@ def about_watched(found: Watched, every: int) -> list[str]:
         f"{len(seen.rows):,} samples of {', '.join(channel.name for channel in found.channels)}, every "
         f"{every * period:g} s; lost: {seen.lost_in_image} in the image, {seen.lost_on_line} on the line"
     )
+    for name, values in found.recording.columns.items():
+        lost = int(np.count_nonzero(~np.isfinite(values)))
+        if lost:
+            first = float(found.recording.time[~np.isfinite(values)][0])
+            lines.append(f"{name}: {lost:,} samples are nan or infinite, the first at {first:.6g} s, drawn as !")
     if found.steps is not None:
         lines.append(f"the controller ran {found.steps:,} steps, {found.late} of them late")
     return lines
@@ -79,8 +85,15 @@ def picture(tape: Tape, channels: Sequence[Channel], every: float) -> list[str]:
 
 
 def sparks(values: NDArray[np.float64], width: int = PLOT_WIDTH) -> str:
-    """Draw a column in one line of characters: the mean of each stretch, from its lowest to its highest value."""
-    means = np.array([part.mean() for part in np.array_split(values, min(width, len(values)))])
-    span = float(np.ptp(means)) or 1.0
-    places = ((means - means.min()) / span * (len(BARS) - 1)).round().astype(int)
-    return "".join(BARS[place] for place in places)
+    """Draw a column in one line: the mean of each stretch, from its lowest to its highest value; ! is no number."""
+    largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0)) or 1.0
+    parts = np.array_split(values / largest, min(width, len(values)))
+    with np.errstate(invalid="ignore"):
+        means = np.array([part.mean() for part in parts])
+    told = means[np.isfinite(means)]
+    if not len(told):
+        return _NO_NUMBER * len(means)
+    span = float(np.ptp(told)) or 1.0
+    places = ((np.where(np.isfinite(means), means, told.min()) - told.min()) / span * (len(BARS) - 1)).round()
+    drawn = (BARS[int(place)] for place in places)
+    return "".join(bar if is_one else _NO_NUMBER for bar, is_one in zip(drawn, np.isfinite(means), strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 from bench.links.live import TANK
 from bench.links.scope import PROJECT, ROOT, TARGET
+from firmloop.cli import main
 from firmloop.identify.recordings.recording import read_recording
 
 
@@ -92,3 +94,18 @@ def test_a_monitor_draws_on_a_terminal_while_it_runs(tmp_path: Path) -> None:
     assert max(map(len, drawn)) < 80 + len("\x1b[K")
     assert frames[0].count("\n") == 3 and "\x1b[3A" in frames[0]
     assert "\x1b[J" in frames[-1] and "stopped; seen.csv holds what came before" in frames[-1]
+
+
+@pytest.mark.qemu
+def test_a_signal_that_is_no_number_for_a_while_is_watched_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lost = "volatile float zero = 0.0F; in->measurement = (count % 100U < 20U) ? 1.0F / zero : level;"
+    tank = TANK.format(name="tank").replace("in->measurement = level;", lost)
+    (tmp_path / "tank.toml").write_text(PROJECT)
+    (tmp_path / "tank.c").write_text(tank)
+    asked = ["monitor", str(tmp_path / "tank.toml"), "--target", TARGET, "--live", str(tmp_path / "tank.c")]
+    assert main([*asked, "--seconds", "0.4", "--out", str(tmp_path / "seen.csv")]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"temperature_C: \d+ samples are nan or infinite, the first at [\d.]+ s, drawn as !", said), said
+    assert re.search(r"temperature_C \|[^|]*[^!|]!+[^!|]", said) and re.search(r"reference_C \|[^!|]+\|", said), said
