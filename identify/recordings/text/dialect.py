@@ -19,6 +19,7 @@ _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spa
 _WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), ("|", ","))
 _SPACED = ((" ", "."), (" ", ","))  # any number of them is one
 _FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
+_FIRST = 10_000  # lines that are looked at before all of them: a file has no longer preamble
 _HIGHEST = 60  # lines between a header and its rows
 _NO_UNIT = ("", "-", "none", "1", "#")
 
@@ -55,9 +56,10 @@ PLAIN = Dialect(",", ".")
 
 def find_dialect(lines: list[str]) -> Dialect | Misread | None:
     """Return how the columns of `lines` are written, what is wrong with them, or None where nothing is recognized."""
-    found = [each for each in (_table(lines, *way) for way in _WAYS) if each is not None]
-    found = found or [each for each in (_table(lines, *way) for way in _SPACED) if each is not None]
-    if not found:
+    ways = ((part, ways) for part in (lines[:_FIRST], lines[_FIRST:] and lines) for ways in (_WAYS, _SPACED))
+    tables = ([each for each in (_table(part, *way) for way in ways) if each is not None] for part, ways in ways)
+    found = next(filter(None, tables), None)
+    if found is None:
         return None
     widest = max(found, key=lambda each: len(_cells(lines[each.first], each)))
     dialect = _with_header(lines, widest)

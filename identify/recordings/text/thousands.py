@@ -29,6 +29,7 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
         return lines, ""
     words = _words(_cells(last, delimiter))
     rows = {k: row for k in told if _words(row := _cells(lines[k], delimiter)) == words}
+    telling = [cell for row in rows.values() for cell in row if _TELLING.search(cell)]
     spaced = delimiter == "," and re.search(rf"\d{_BLANK}+[-+\d]", bare)  # 0,001 6,000: blanks may part columns
     wrong = None
     for mark, point in _WAYS[:4] if spaced else _WAYS:
@@ -38,11 +39,8 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
         alone = "" if mark in _SAID else rf"|{once}+{end}"
         sure = re.compile(rf"{once}+{re.escape(point)}\d+|{once}{{2,}}{end}{alone}")
         told_by_others = False
-        if not any(sure.fullmatch(cell) for row in rows.values() for cell in row):
-            single = re.compile(once)
-            places = {k for row in rows.values() for k, cell in enumerate(row) if single.fullmatch(cell)}
-            others = places if delimiter != "," or mark != "," else set(range(words[0]))
-            told_by_others = mark in _SAID and bool(places) and _decided(lines, delimiter, words, (mark, point), others)
+        if not any(sure.fullmatch(cell) for cell in telling):
+            told_by_others = mark in _SAID and _decided(lines, rows, delimiter, words, (mark, point))
             if not told_by_others:
                 continue
         number = re.compile(rf"{once}+{end}|[-+]?\d*{end}(?:[eE][-+]?\d+)?")
@@ -67,20 +65,28 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
     return wrong or (lines, "")
 
 
-def _decided(lines: list[str], delimiter: str, words: list[int], marks: tuple[str, str], columns: set[int]) -> bool:
-    """Tell whether numbers of `columns` have the second mark as the decimal one, and none in the file has the first."""
+def _decided(
+    lines: list[str], rows: dict[int, list[str]], delimiter: str, words: list[int], marks: tuple[str, str]
+) -> bool:
+    """Tell whether other numbers have the second mark as the decimal one, and none in the file has the first.
+
+    They are those of the columns in which a number has the first mark once; all, where that and `delimiter` are commas.
+    """
     mark, point = map(re.escape, marks)
     fraction = r"[-+]?(?:(?:0|[1-9]\d{{3,}})?{0}\d+|\d+{0}(?:\d{{0,2}}|\d{{4,}}))(?:[eE][-+]?\d+)?"
     against, decides = re.compile(fraction.format(mark)), re.compile(fraction.format(point))
-    found = False
-    for line in lines:
-        cells = _cells(line, delimiter)
+    once = re.compile(rf"[-+]?[1-9]\d{{0,2}}{mark}\d{{3}}")
+    found: set[int] = set()
+    columns: set[int] = set()
+    for k, line in enumerate(lines):
+        cells = rows.get(k) or _cells(line, delimiter)
         if _words(cells) != words:
             continue
         if any(map(against.fullmatch, cells)):
             return False
-        found = found or any(decides.fullmatch(cells[k]) for k in columns)
-    return found
+        columns.update(j for j, cell in enumerate(cells) if once.fullmatch(cell))
+        found.update(j for j, cell in enumerate(cells) if decides.fullmatch(cell))
+    return bool(columns) and bool(found if marks[0] == delimiter == "," else found & columns)
 
 
 def _words(cells: list[str]) -> list[int]:
