@@ -22,7 +22,15 @@ from types import FrameType
 from typing import NoReturn
 
 from firmloop.commands import command_names, load_command
-from firmloop.console import Console, JsonConsole, TextConsole, complain
+from firmloop.console import (
+    Console,
+    JsonConsole,
+    NoRoomError,
+    TextConsole,
+    complain,
+    forget_output,
+    open_streams,
+)
 
 USERS_ERRORS = (
     "firmloop.project.table.ProjectError",
@@ -38,6 +46,20 @@ WRONG_FILE, NO_TOOL, OUR_FAULT, STOPPED, NO_READER = 2, 3, 70, 130, 141
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status."""
+    open_streams()
+    try:
+        return _run(argv)
+    except BrokenPipeError:
+        forget_output()
+        return NO_READER
+    except NoRoomError as error:
+        forget_output()
+        complain(str(error))
+        return WRONG_FILE
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    """Run one command; return the exit status, or raise that nobody takes what it says."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # a terminal that knows ASCII only must not end a walk
@@ -58,10 +80,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             status: int = arguments.run(arguments, console)
         console.close()
         return status
-    except BrokenPipeError:
-        # Python flushes stdout once more when it ends; give it something to flush into.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return NO_READER
+    except (BrokenPipeError, NoRoomError):
+        raise
     except (KeyboardInterrupt, _Stopped):
         return _ended()
     except Exception as error:

@@ -36,14 +36,16 @@ class Console(Protocol):
         """Say why there is no result."""
 
 
+class NoRoomError(Exception):
+    """Standard output takes no more: of a place that is none of the project's, it is no `OSError`."""
+
+
 class TextConsole:
     """Results for people."""
 
     def lines(self, lines: Iterable[str]) -> None:
         """Print at once, so that a long walk shows where it is."""
-        for line in lines:
-            print(visible(line))
-        sys.stdout.flush()
+        _show("".join(f"{visible(line)}\n" for line in lines))
 
     def result(self, key: str, value: object) -> None:
         """Keep nothing: the lines have said it."""
@@ -73,8 +75,7 @@ class JsonConsole:
         """Print the document."""
         # What is no figure is null, for JSON has no word for it.
         told = json.loads(json.dumps(self._document, default=_plain), parse_constant=lambda _: None)
-        print(json.dumps(told, indent=1, allow_nan=False))  # ASCII: no control character leaves it raw
-        sys.stdout.flush()
+        _show(f"{json.dumps(told, indent=1, allow_nan=False)}\n")  # ASCII: no control character leaves it raw
 
     def fail(self, message: str) -> None:
         """Say it on stderr, and in a document that holds nothing else."""
@@ -184,6 +185,29 @@ def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
         words = [word.ljust(width) for word, width in zip(row, widths, strict=False)]
         lines.append(f"  {'  '.join(words)}".rstrip())
     return lines
+
+
+def open_streams() -> None:
+    """Let standard output and errors that whoever called has closed swallow what is said."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+
+
+def forget_output() -> None:
+    """Let nothing more be said: Python flushes standard output once more when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _show(text: str) -> None:
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise NoRoomError(f"standard output cannot be written: {error.strerror}; send it elsewhere") from None
 
 
 def _error(text: str) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -75,3 +77,20 @@ def test_json_of_a_failure_holds_no_result(capsys: pytest.CaptureFixture[str]) -
 def test_table_aligns_rows_of_any_length() -> None:
     assert console.table([("a", "bb", "c"), ("aaa", "b"), ()]) == ["  a    bb  c", "  aaa  b", ""]
     assert console.table([]) == []
+
+
+FULL = "firmloop: standard output cannot be written: No space left on device; send it elsewhere\n"
+LOST = {"explain pid": (0, 2, 141), "--version": (0, 2, 141), "explain pid --json": (0, 2, 141)}
+LOST |= {"explain nothing": (2, 2, 2), "explain nothing --json": (2, 2, 141)}  # a complaint, and one in a document
+
+
+@pytest.mark.parametrize("asked", LOST)
+def test_a_standard_output_that_is_lost_is_no_fault_and_no_other_place_is_blamed(asked: str) -> None:
+    late = "import time, firmloop.cli as cli; time.sleep(0.2); raise SystemExit(cli.main())"
+    for lost, status in zip((">&-", "2>&-", ">/dev/full", "| true"), (LOST[asked][0], *LOST[asked]), strict=True):
+        script = f"{sys.executable} -c '{late}' {asked} {lost}; exit ${{PIPESTATUS[0]}}"
+        done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+        assert done.returncode == status, (lost, done.stderr)
+        told = "explain nothing: no key" in done.stderr
+        assert told == ("nothing" in asked and lost != "2>&-")
+        assert told or done.stderr == (FULL if "full" in lost else "")
