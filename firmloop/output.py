@@ -20,12 +20,12 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # writing fails with these wit
 
 
 @contextmanager
-def results_folder(folder: Path, stale: Sequence[str]) -> Iterator[Path]:
+def results_folder(folder: Path, stale: Sequence[str], option: str = "--out") -> Iterator[Path]:
     """Give a temporary folder; its files move into `folder`, each atomically, if nothing is raised.
 
     A folder that is there is used again: files of the same name are replaced, those that match a pattern of `stale` and
     were not made again are removed, others are left alone. After an error nothing has changed, and folders made on the
-    way are gone.
+    way are gone. `option` is the one that `folder` was given by.
 
     Raises
     ------
@@ -33,11 +33,11 @@ def results_folder(folder: Path, stale: Sequence[str]) -> Iterator[Path]:
         when `folder` is a file or cannot be written.
     """
     if folder.exists() and not folder.is_dir():
-        raise ProjectError(f"--out {folder}: is a file; name a folder")
-    place = Path(os.path.abspath(folder))
-    with _beside(place, folder) as partial:
+        raise ProjectError(f"{option} {folder}: is a file; name a folder")
+    place, shown = Path(os.path.abspath(folder)), f"{option} {folder}"
+    with _beside(place, shown) as partial:
         yield partial
-        _move(partial, place, folder, stale)
+        _move(partial, place, shown, stale)
 
 
 @contextmanager
@@ -54,14 +54,14 @@ def results_file(file: Path, endings: tuple[str, ...] = (".csv", ".csv.gz")) -> 
     if what := _in_the_way(file):
         raise ProjectError(f"--out {file}: is {what}; name a file")
     place = Path(os.path.abspath(file))
-    with _beside(place, file) as partial:
+    with _beside(place, f"--out {file}") as partial:
         yield partial / file.name
         _settle(partial / file.name)
         os.replace(partial / file.name, place)
 
 
 @contextmanager
-def _beside(place: Path, shown: Path) -> Iterator[Path]:
+def _beside(place: Path, shown: str) -> Iterator[Path]:
     """Give a temporary folder inside `place`, else beside it (the same disk); take away what is not needed."""
     home = place if place.is_dir() else place.parent
     made: list[Path] = []
@@ -76,7 +76,7 @@ def _beside(place: Path, shown: Path) -> Iterator[Path]:
         where = str(error.filename or "")
         if error.errno not in FULL and not where.startswith(str(home)):
             raise
-        raise ProjectError(f"--out {shown}: cannot be written: {error.strerror}; choose another place") from None
+        raise ProjectError(f"{shown}: cannot be written: {error.strerror}; choose another place") from None
     finally:
         if scratch:
             scratch.remove()
@@ -92,7 +92,7 @@ def _make_folders(folder: Path) -> list[Path]:
     return missing
 
 
-def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None:
+def _move(partial: Path, place: Path, shown: str, stale: Sequence[str]) -> None:
     """Move every file to its place, each on the disk before; nothing moves where a folder or link stands in the way.
 
     Documents speak of the other files: the old ones go before any file changes, and the new ones come last. However
@@ -101,10 +101,10 @@ def _move(partial: Path, place: Path, shown: Path, stale: Sequence[str]) -> None
     files = [path.relative_to(partial) for path in sorted(partial.rglob("*")) if path.is_file()]
     for relative in files:
         if what := _in_the_way(place / relative):
-            raise ProjectError(f"--out {shown}: {relative} is {what} there; move it away or choose another folder")
+            raise ProjectError(f"{shown}: {relative} is {what} there; move it away or choose another folder")
         for parent in relative.parents:
             if parent.name and (place / parent).is_symlink():  # it would lead the files out of the folder
-                raise ProjectError(f"--out {shown}: {parent} is a link there; move it away or choose another folder")
+                raise ProjectError(f"{shown}: {parent} is a link there; move it away or choose another folder")
         _settle(partial / relative)
     if not place.exists():
         partial.rename(place)
@@ -143,6 +143,12 @@ def save(files: Mapping[str, str], folder: Path) -> None:
     save_over(files, folder, ())
 
 
+def save_report(text: str, file: Path, option: str) -> None:
+    """Write a report beside other files, at the place that `option` has named."""
+    with results_folder(file.parent, (), option) as partial:
+        write_files({file.name: text}, partial)
+
+
 def save_over(files: Mapping[str, str], folder: Path, stale: Sequence[str]) -> None:
     """Write files by their name into `folder`, all or none; what matches `stale` and is not among them goes."""
     with results_folder(folder, stale) as partial:
@@ -164,7 +170,7 @@ def new_file(file: Path) -> Iterator[Callable[[str], None]]:
 
     def write(text: str) -> None:
         place = Path(os.path.abspath(file))
-        with _beside(place, file):
+        with _beside(place, f"--out {file}"):
             try:
                 stream = place.open("x", encoding="utf-8", newline="\n")  # unlike a rename, it replaces nothing
             except FileExistsError:

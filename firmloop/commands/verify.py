@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.door.load import load
     from firmloop.door.verify import verify
     from firmloop.identify.extras import ToolError
-    from firmloop.output import VERDICTS, results_folder, save, written
+    from firmloop.output import VERDICTS, results_folder, save_report, written
     from firmloop.presentation.junit import junit
     from firmloop.presentation.sarif import sarif
     from firmloop.project.project import campaign_targets, require
@@ -60,12 +60,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     def report(bundle: Bundle | None, outcomes: Sequence[Outcome], found: Sequence[Growth]) -> None:
         if arguments.junit is not None:
-            save({arguments.junit.name: junit(project.name, outcomes, found)}, arguments.junit.parent)
+            save_report(junit(project.name, outcomes, found), arguments.junit, "--junit")
         if arguments.sarif is not None:
             with progress("reading the C with static checks"):
                 readings = read_statically(bundle) if bundle is not None else ()
             text = sarif(arguments.out / project.name / "src", bundle, outcomes, readings)
-            save({arguments.sarif.name: text}, arguments.sarif.parent)
+            save_report(text, arguments.sarif, "--sarif")
 
     with results_folder(arguments.out, VERDICTS) as folder:
         asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port, "fmu": arguments.fmu}

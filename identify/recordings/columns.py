@@ -94,7 +94,9 @@ def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | No
                 f"{table.names[k]!r} (column {k + 1}{', renamed' if table.names[k] != name else ''})"
                 for k in (first, position)
             )
-            raise IdentifyError(f"{file}: column {name} stands twice: {both}; rename or delete one of them")
+            alike = table.names[first] == table.names[position]  # which no line of [recordings.rename] tells apart
+            remedy = "give one of them another name in the header" if alike else "rename one of them"
+            raise IdentifyError(f"{file}: column {name} stands twice: {both}; {remedy}, or delete it")
     units = table.units or ("",) * len(names)
     notes = list(table.notes)
     columns = []

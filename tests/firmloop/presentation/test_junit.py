@@ -63,3 +63,13 @@ def test_what_was_not_run_is_an_error(project: Path, tmp_path: Path) -> None:
     assert status == 3 and report[0].attrib["errors"] != "0"
     assert cases(report, "error") == CLAIMS[:1]
     assert "not run: " in report[0][0][0].attrib["message"]
+
+
+@pytest.mark.parametrize("option", ["--junit", "--sarif"])
+def test_a_report_that_cannot_be_written_is_called_by_its_own_option(
+    option: str, project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "taken").touch()
+    asked = ["verify", str(project), "--out", str(tmp_path / "out"), "--steps", "50", "--target", "host"]
+    assert main([*asked, option, str(tmp_path / "taken" / "report")]) == 2
+    assert f"firmloop: {option} {tmp_path / 'taken'}: is a file" in capsys.readouterr().err

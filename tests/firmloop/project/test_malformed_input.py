@@ -173,7 +173,7 @@ RECORDINGS: dict[str, tuple[Callable[[str], bytes], tuple[str, ...]]] = {
     "missing column": (lambda text: text.replace("temperature_C", "speed_rad_s").encode(), ("temperature_C",)),
     "missing input": (lambda text: text.replace("voltage_V", "drive_V").encode(), ("voltage_V",)),
     "missing time": (lambda text: text.replace("time_s", "t").encode(), ("time_s", "rename")),
-    "column twice": (lambda text: text.replace("voltage_V", "time_s").encode(), ("twice",)),
+    "column twice": (lambda text: text.replace("voltage_V", "time_s").encode(), ("twice", "in the header")),
     "nan": (_lines(lambda lines: [*lines[:9], "0.40,nan,1", *lines[10:]]), ("10", "voltage_V")),
     "infinity": (_lines(lambda lines: [*lines[:9], "0.40,1,inf", *lines[10:]]), ("10", "temperature_C")),
     "a word": (_lines(lambda lines: [*lines[:9], "0.40,one,1", *lines[10:]]), ("10", "voltage_V")),
