@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import os
+import re
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -108,6 +109,10 @@ def column(recording: Recording, name: str) -> Array:
     if name not in recording.columns:
         lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
         aside = "".join(f"; {note}" for note in recording.notes if "column" in note.partition(_ASIDE)[0] != note)
+        if name in re.findall(r"[^(),]+", aside.rpartition("(")[2].replace(", ", ",")):
+            raise IdentifyError(
+                f"{recording.source}: column {name} is no column of numbers{aside}; write numbers there"
+            )
         raise IdentifyError(
             f"{recording.source}: column {name} is missing; it has {', '.join(recording.columns) or 'only time_s'} "
             f"(map a foreign name in [recordings.rename]){aside}",

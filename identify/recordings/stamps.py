@@ -25,6 +25,7 @@ _PRESCALED = {
     for power in range(8, 45)
     for bits in (32 if power >= 32 else 24 if power >= 24 else 16,)
 }
+_SWAPPED = 50  # places that a logger, or a network, puts a row too early or too late
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
@@ -120,9 +121,16 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
             f"{plain}: time must rise; it begins anew there, so that the file holds {len(falls) + 1} recordings: split "
             f"it before {table.place} {table.places[k + 1]} and list the parts in [recordings]"
         )
+    back = f"{plain}: time must rise; it goes back {len(falls)} times, by up to {-float(falls.min()):.4g} s"
+    places = np.argsort(np.argsort(time, kind="stable"), kind="stable")
+    if int(np.max(np.abs(places - np.arange(len(time))))) > _SWAPPED:
+        return IdentifyError(
+            f"{back}: where the clock is a counter that wraps within a few rows, sorting would tear the recording: "
+            "give the time between rows as recordings.period_s; sort the rows only if the file has them in no order"
+        )
     return IdentifyError(
-        f"{plain}: time must rise; it goes back {len(falls)} times, by up to {-float(falls.min()):.4g} s: sort the "
-        "rows by time if the logger has swapped them, or split the file where a second recording begins"
+        f"{back}: sort the rows by time if the logger has swapped them, or split the file where a second recording "
+        "begins"
     )
 
 

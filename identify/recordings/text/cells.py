@@ -14,9 +14,9 @@ def quoted_cells(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(cell: str) -> bool:
-    """Tell whether a cell is a decimal number, nan and inf among them; 1_000 is none."""
+    """Tell whether a cell is a decimal number in ASCII, nan and inf among them; 1_000 is none."""
     try:
-        float(cell.replace("_", "?"))
+        float(cell.replace("_", "?").encode("ascii", "replace"))
     except ValueError:
         return False
     return True

@@ -294,11 +294,19 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "a column of no numbers": ("\n".join([f"{HEADER},a", *(f"{row},nan" for row in ROWS)]), ("leave the column out",)),
     "words where numbers belong": (
         "\n".join([HEADER, *(row.replace(",", ",0x", 1) for row in ROWS)]),
-        ("column voltage_V is missing", "a column without numbers, left aside: '0x"),
+        ("column voltage_V is no column of numbers", "a column without numbers, left aside: '0x"),
     ),
     "the mark of an instrument for an overload": (
         PLAIN.replace(ROWS[7].split(",")[1], "9.91E+37"),
         ("line 9", "9.91e+37", "overload"),
+    ),
+    "digits of another script": (
+        PLAIN.translate({ord(digit): 0x660 + int(digit) for digit in "0123456789"}),
+        ("line 2, column time_s: is '", "write numbers there"),
+    ),
+    "a counter that wraps within two rows": (
+        "\n".join([HEADER, *(f"{k * 0.05 % 0.065536:.6f},{row.partition(',')[2]}" for k, row in enumerate(ROWS))]),
+        ("sorting would tear the recording", "recordings.period_s"),
     ),
     "another unit": (PLAIN.replace("voltage_V", "voltage_mV"), ('voltage_mV = { name = "voltage_V", unit = "mV" }',)),
     "one empty cell": (PLAIN.replace(ROWS[7], f"{ROWS[7].partition(',')[0]},,1"), ("line 9", "or delete the row")),
