@@ -38,6 +38,11 @@ def make(request: ExcitationRequest) -> Array:
         raise IdentifyError(
             f"experiment.clock_s is {clock:g}, below period_s = {request.period:g}; give a multiple of it"
         )
+    if held >= request.samples:
+        raise IdentifyError(
+            f"experiment.clock_s is {clock:g} and the signal lasts {request.duration:g} s, so that it never changes; "
+            "give a shorter clock_s or a longer duration_s"
+        )
     bits = sequence(order)
     return np.where(bits[(np.arange(request.samples) // held) % len(bits)], request.high, request.low)
 

@@ -52,3 +52,14 @@ def test_windows_do_not_hide_how_many_moments_a_recording_is_resampled_to(
     assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "resample_s is 1e-05" in said and "at most 100,000: make it longer" in said, said
+
+
+@pytest.mark.parametrize("clock", ["5.0", "1e30"])
+def test_a_clock_in_which_an_excitation_never_changes_is_refused(
+    clock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = f'signal = "prbs"\nlow = -6\nhigh = 6\nperiod_s = 0.01\nduration_s = 5\nclock_s = {clock}\n'
+    (tmp_path / "p.toml").write_text(f'schema = 1\nname = "x"\n[experiment]\n{keys}')
+    assert main(["excite", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "experiment.clock_s is" in said and "never changes; give a shorter clock_s" in said, said
