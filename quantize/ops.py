@@ -73,6 +73,13 @@ def _function(says: str, name: str, run: Callable[..., Any], bound: Callable[...
     return Operation(says, run, bound, {"float32": f"fl_{name}_f32({{0}})", "float64": f"fl_{name}_f64({{0}})"})
 
 
+def _down(says: str, name: str) -> Operation:
+    def bound(a: Interval, s: int) -> Interval:
+        return int(a[0]) >> int(s), int(a[1]) >> int(s)
+
+    return Operation(says, lambda a, s: a >> s, bound, {"fixed": f"{name}({{0}}, {{1}}U)"}, whole=(1,))
+
+
 def _curved(
     says: str, run: Callable[..., Any], bound: Callable[..., Interval], c: str, whole: tuple[int, ...]
 ) -> Operation:
@@ -94,6 +101,14 @@ def _minimum(a: Operand, b: Operand) -> Operand:
 
 def _maximum(a: Operand, b: Operand) -> Operand:
     return np.where(a > b, a, b)
+
+
+def _limited(x: Operand, low: Operand, high: Operand) -> Operand:
+    return np.where(x >= low, np.where(x > high, high, x), low)  # a NaN yields `low`
+
+
+def _limited_bound(x: Interval, low: float, high: float) -> Interval:
+    return min(max(x[0], low), high), min(max(x[1], low), high)
 
 
 def _truth(value: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -186,6 +201,12 @@ OPERATIONS: dict[str, Operation] = {
         {"fixed": "fl_high_i32({0}, {1}U)"},
         whole=(1,),
     ),
+    "mul_add": Operation(
+        "a value and a product over 2**32, rounded to nearest",
+        lambda first, a, b: first + ((a * b + (1 << 31)) >> 32),
+        lambda first, a, b: tuple(x + shift_right(int(y), 32) for x, y in zip(first, _product(a, b), strict=True)),
+        {"fixed": "fl_mul_add_i32({0}, {1}, {2})"},
+    ),
     "mul_down": Operation(
         "64-bit product, rounded down",
         lambda a, b, s: (a * b) >> s,
@@ -193,20 +214,8 @@ OPERATIONS: dict[str, Operation] = {
         {"fixed": "fl_mul_down_i32({0}, {1}, {2}U)"},
         whole=(2,),
     ),
-    "high_down": Operation(
-        "a 64-bit sum of products, rounded down into its format",
-        lambda acc, s: acc >> s,
-        lambda acc, s: (int(acc[0]) >> int(s), int(acc[1]) >> int(s)),
-        {"fixed": "fl_down_i32({0}, {1}U)"},
-        whole=(1,),
-    ),
-    "asr": Operation(
-        "divided by a power of two, rounded down",
-        lambda a, s: a >> s,
-        lambda a, s: (int(a[0]) >> int(s), int(a[1]) >> int(s)),
-        {"fixed": "fl_asr_i32({0}, {1}U)"},
-        whole=(1,),
-    ),
+    "high_down": _down("a 64-bit sum of products, rounded down into its format", "fl_down_i32"),
+    "asr": _down("divided by a power of two, rounded down", "fl_asr_i32"),
     "shr": Operation(
         "divided by a power of two, rounded to nearest",
         shift_right,
@@ -234,12 +243,7 @@ OPERATIONS: dict[str, Operation] = {
     "max": Operation(
         "larger", _maximum, lambda a, b: (max(a[0], b[0]), max(a[1], b[1])), _helper("fl_max", "{0}, {1}")
     ),
-    "clamp": Operation(
-        "limited to a range",
-        lambda x, low, high: np.where(x >= low, np.where(x > high, high, x), low),  # a NaN yields `low`
-        lambda x, low, high: (min(max(x[0], low), high), min(max(x[1], low), high)),
-        _helper("fl_clamp", "{0}, {1}, {2}"),
-    ),
+    "clamp": Operation("limited to a range", _limited, _limited_bound, _helper("fl_clamp", "{0}, {1}, {2}")),
     "abs": Operation("magnitude", lambda a: np.where(a < 0, -a, a), _absolute, _helper("fl_abs", "{0}")),
     "lt": Operation("less", lambda a, b: _truth(a < b), _compared, _both("({0} < {1}) ? 1 : 0"), truth=True),
     "le": Operation("not more", lambda a, b: _truth(a <= b), _compared, _both("({0} <= {1}) ? 1 : 0"), truth=True),

@@ -137,7 +137,7 @@ def _operation(op: Op) -> dict[str, object]:
         "function": op.function,
         "arguments": list(op.arguments),
         "word": value.number.bits,
-        "product_word": 64 if op.function in ("mul_shift", "mul_down", "wide", "mac") else None,
+        "product_word": 64 if op.function in ("mul_shift", "mul_add", "mul_down", "wide", "mac") else None,
         "margin": round((2 ** (value.number.bits - 1) - 1) / size, 6) if fixed and size else None,
         "argument": TRUTH if truth else argument,
     }

@@ -44,6 +44,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("ops",),
         ("free_state",),
         ("lower", "proof"),
+        ("word_length",),
     ),
     "verify": (
         ("lanes",),

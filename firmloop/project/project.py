@@ -18,8 +18,8 @@ from firmloop.identify.signal import Signal
 from firmloop.identify.units import carried_unit
 from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, ProjectTable, read_table
-from firmloop.quantize.lower.word_length import Allowed
 from firmloop.quantize.lower.words import ROUNDINGS
+from firmloop.quantize.word_length import Allowed
 
 SCHEMA = 1
 MAX_ERROR = "max_error_"  # and the unit of an output

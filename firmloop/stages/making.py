@@ -13,10 +13,10 @@ from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.identify.plants.plant import Plant
 from firmloop.project.project import Project
-from firmloop.quantize.lower.word_length import lower_within
 from firmloop.quantize.program import Program
 from firmloop.quantize.proof import proof
 from firmloop.quantize.twins.qp import optimum
+from firmloop.quantize.word_length import lower_within
 from firmloop.stages.plant import located
 from firmloop.verify.proofs.checker import Checked, check_proof
 from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input

@@ -11,9 +11,9 @@ from firmloop.design.law import DesignError, Law, Scalar
 from firmloop.design.roles import reference_and_measurement
 from firmloop.project.project import Project
 from firmloop.project.project_text import settled
-from firmloop.quantize.lower.word_length import lower_within
 from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.twins.qp import optimum
+from firmloop.quantize.word_length import lower_within
 from firmloop.stages.making import formats_of
 from firmloop.stages.plant import plant_of
 from firmloop.verify.replay import Controller

@@ -23,18 +23,20 @@ from firmloop.quantize.lower.places import (
     HIGH,
     WORD,
     Part,
+    apart,
     bits,
     bits_alone,
     coefficient,
     exactly,
     near,
     nothing,
-    places,
     seen,
+    shifts,
     size,
     split,
     vanishes,
 )
+from firmloop.quantize.lower.products import FEW, factor_of, one_by_one
 from firmloop.quantize.lower.q_formats import WIDENED, fit
 from firmloop.quantize.lower.words import ROUNDINGS, Dropping, down, ends, literal_error, number, operand, up
 from firmloop.quantize.program import TOO_FAR, Number, QuantizeError, Value
@@ -52,6 +54,7 @@ class FixedBuilder:
     word: int
     rounding: Dropping = ROUNDINGS["nearest"]
     ops: Builder = field(default_factory=Builder)
+    short: dict[str, Term] = field(default_factory=dict)  # the inputs themselves by the names they have when widened
 
     def signal(self, low: float, high: float, q: int) -> Number:
         """Return the format of an input or output: `q`, or the finest that fits its word."""
@@ -74,6 +77,8 @@ class FixedBuilder:
         self.ops.wish = (f"{value.name}_wide", value.unit) if self.word < 32 else ("", "")
         found = self.widened(raw, raw.number.fraction + WIDENED[self.word])
         self.ops.wish = ("", "")
+        if self.word < 32:
+            self.short[found.name] = raw
         return found
 
     def fresh(self, probes: Sequence[Term], asks: str) -> Term:
@@ -107,6 +112,15 @@ class FixedBuilder:
             return self.ops.emit(self.rounding.product, (a, 1, -shift), number(q), error)
         return self.ops.emit("asr", (a, -shift), number(q), a.error + 2.0**-q)
 
+    def _from_input(self, part: Part, q: int) -> Part:
+        """Return a product of an input with a power of two as the input itself, moved, where no place is lost."""
+        weight, term = part
+        raw = self.short.get(term.name)
+        if raw is None or term.number.fraction == q or not exactly(weight, raw, q):
+            return part
+        moved = self._moved(raw, abs(float(weight)), q)
+        return part if moved is None else (Fraction(1 if weight > 0 else -1), moved)
+
     # -- sums -----------------------------------------------------------------------------------------------------
 
     def total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
@@ -118,6 +132,7 @@ class FixedBuilder:
     def _total(self, parts: Sequence[Part], constant: Fraction, q: int) -> Operand:
         parts = [p for pair in self._differences(parts) for p in pair]
         plain = all(abs(weight) == 1 for weight, _ in parts)
+        parts = parts if plain else [self._from_input(p, q) for p in parts]
         if plain and len(parts) == 1 and constant and near(constant, q) == 0:
             raise QuantizeError(
                 f"a value in units of {2.0**-q:g} is to be moved by {float(constant):g}, which is nothing there: give "
@@ -139,8 +154,8 @@ class FixedBuilder:
             signs = [Fraction(1 if weight > 0 else -1) for weight, _ in products]
             whole, products = [*whole, *((s, t) for s, t in zip(signs, moved, strict=True) if t is not None)], []
         if not products:
-            return self._plain(whole, constant, q, wish)
-        shift, left = self._shift(products, whole, q)
+            return self.plain(whole, constant, q, wish)
+        shift, left = shifts(products, q)
         weak = [p for p, k in zip(products, left, strict=True) if bits(p, shift, q, k) < FEWEST_IN_SUM]
         if weak and bits_alone(weak, q):
             alone = [self._product(term, Constant(float(w)), q) for w, term in weak]
@@ -148,21 +163,17 @@ class FixedBuilder:
             whole = [*whole, *((Fraction(1), term) for term in (alone if kept else seen(alone, weak, beside, q)))]
             products, left = kept, [k for p, k in zip(products, left, strict=True) if p not in weak]
             if not products:
-                return self._plain(whole, constant, q, wish)
-        first = self._plain(whole, constant, q, ("", "")) if whole or constant else None
+                return self.plain(whole, constant, q, wish)
+        few = len(products) <= FEW[self.word] and self.rounding.adds and shift == HIGH and not weak
+        if few and (beside or self.word < 32) and apart(products, whole, constant, q):
+            return one_by_one(self, list(zip(products, left, strict=True)), whole, constant, q, wish)
+        first = self.plain(whole, constant, q, ("", "")) if whole or constant else None
         wide = Number("fixed", 64, q + shift)
         total: Term | None = None
         error = self.rounding.error * 2.0**-q
         for (weight, term), k in zip(products, left, strict=True):
-            a = self.widened(term, term.number.fraction + k)
-            factor = near(weight, q + shift - a.number.fraction)
-            if factor == 0:
-                raise QuantizeError(
-                    f"the coefficient {float(weight):g} cannot be held in fixed point beside the ranges it works on: "
-                    "it is too small; rescale the signals' units or use float32"
-                )
-            error += size(a, 0) * literal_error(weight, factor, q + shift - a.number.fraction)
-            error += abs(float(weight)) * a.error
+            a, factor, off = factor_of(self, weight, term, k, q + shift)
+            error += off
             start = () if total is None else (total,)
             total = self.ops.emit("wide" if total is None else "mac", (*start, a, factor), wide, 0.0)
         assert total is not None
@@ -202,7 +213,7 @@ class FixedBuilder:
                 rest.append([(weight, a)])
         return found + rest
 
-    def _plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: tuple[str, str]) -> Term:
+    def plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: tuple[str, str]) -> Term:
         """Return the sum of values taken as they are."""
         ordered = sorted(whole, key=lambda part: part[0] < 0)
         weight, first = ordered[0] if ordered else (Fraction(1), None)
@@ -232,17 +243,6 @@ class FixedBuilder:
             total = self.ops.emit("add", (total, raw), number(q), error)
         return total
 
-    def _shift(self, products: Sequence[Part], whole: Sequence[Part], q: int) -> tuple[int, list[int]]:
-        """Return by how much the sum is shifted at its end, and each value to the left before it is multiplied."""
-        room = [max(0, math.floor(math.log2(WORD / max(1, -term.low - 1, term.high)))) for _, term in products]
-        needed = [places(p, HIGH, q) - 31 for p in products]
-        if all(n <= r for n, r in zip(needed, room, strict=True)):
-            return HIGH, [max(0, n) for n in needed]
-        shift = min(HIGH - max(needed), 62)
-        if shift < 1:
-            raise QuantizeError(f"a product cannot be brought to Q{q}: {TOO_FAR}")
-        return shift, [0] * len(products)
-
     # -- operations of the law ------------------------------------------------------------------------------------
 
     def binary(self, function: str, a: Operand, b: Operand, q: int) -> Operand:
@@ -255,6 +255,10 @@ class FixedBuilder:
         toward = {"min": down, "max": up}.get(function, near)  # a limit is rounded to its inner side
         (x, x_error), (y, y_error) = (operand(each, fraction, toward) for each in (a, b))
         error = max(x_error, y_error) if function in ("min", "max") else x_error + y_error
+        if function in ("eq", "ne") and isinstance(x, Term) and isinstance(y, Term):
+            difference = self.ops.known.get(("sub", number(fraction), x.name, y.name))
+            if difference is not None:  # no second one beside it: a compiler has its flags already
+                x, y = difference, 0
         found = self.ops.emit(function, (x, y), number(fraction), error)
         shares = [t for t in (a, b) if isinstance(t, Term) and t.share > 0.0]
         if function not in ("min", "max") or not shares:

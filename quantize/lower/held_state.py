@@ -19,6 +19,8 @@ from dataclasses import replace
 from firmloop.quantize.free_state import LEAST, free_state
 from firmloop.quantize.program import Op, Program, Value
 
+SHORT = 40  # operations: the kinds' examples up to 33 gain on a Cortex-M4 and an M3, those from 51 on do not
+
 
 def from_any_state(program: Program) -> Program:
     """Return a fixed-point `program` that every state word leaves defined and that is in its ranges one step later."""
@@ -30,7 +32,23 @@ def from_any_state(program: Program) -> Program:
         cut |= set(harmful)
         harmed = free_state(program, [v.name for v in program.state]).harmed
         harmful = [name for name in _fed_by(program, harmed) if name not in cut]
-    return program
+    return _read_first(program, {f"self.{name}" for name in cut})
+
+
+def _read_first(program: Program, cut: set[str]) -> Program:
+    """Put what brings states into their ranges in front of a short program: a compiler loads the state at once then.
+
+    In a long one, words that are read long before they are used would be pushed out of the registers again.
+    """
+    if len(program.body) > SHORT:
+        return program
+    first = [op for op in program.body if _reads(op, cut)]
+    return replace(program, body=(*first, *(op for op in program.body if not _reads(op, cut))))
+
+
+def _reads(op: Op, cut: set[str]) -> bool:
+    """Tell whether an operation asks for the first sample, or reads a state that is brought into its range."""
+    return op.arguments[0] in cut or (op.function == "eq" and op.arguments[1:] == (LEAST,))
 
 
 def _limited_when_read(program: Program) -> tuple[Program, set[str]]:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from firmloop.quantize.lower.builder import Term
 from firmloop.quantize.lower.q_formats import FINEST, fit
 from firmloop.quantize.lower.sums import near_one
-from firmloop.quantize.program import QuantizeError
+from firmloop.quantize.program import TOO_FAR, QuantizeError
 
 WORD = 2**31 - 1
 HIGH = 32  # shift of a sum that stands in the upper of two words
@@ -69,6 +69,24 @@ def places(part: Part, shift: int, q: int) -> int:
     """Return how many bits the weight has in the format that a sum needs."""
     weight, term = part
     return near(abs(weight), q + shift - term.number.fraction).bit_length()
+
+
+def shifts(products: Sequence[Part], q: int) -> tuple[int, list[int]]:
+    """Return by how much a sum is shifted at its end, and each value to the left before it is multiplied."""
+    room = [max(0, math.floor(math.log2(WORD / max(1, -term.low - 1, term.high)))) for _, term in products]
+    needed = [places(p, HIGH, q) - 31 for p in products]
+    if all(n <= r for n, r in zip(needed, room, strict=True)):
+        return HIGH, [max(0, n) for n in needed]
+    shift = min(HIGH - max(needed), 62)
+    if shift < 1:
+        raise QuantizeError(f"a product cannot be brought to Q{q}: {TOO_FAR}")
+    return shift, [0] * len(products)
+
+
+def apart(products: Sequence[Part], others: Sequence[Part], constant: Fraction, q: int) -> bool:
+    """Tell whether a sum fits its word at each of its parts, and no product is nothing by itself."""
+    parts = [abs(float(weight)) * size(term, 0) * 2.0**q + 1 for weight, term in (*products, *others)]
+    return min(parts[: len(products)]) > 2 and sum(parts) + abs(float(constant)) * 2.0**q <= WORD
 
 
 def bits(part: Part, shift: int, q: int, left: int) -> int:

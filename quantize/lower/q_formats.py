@@ -93,7 +93,7 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
         _check(q, signal.name)
     words = [(-(2.0 ** (bits - 1 - q)), 2.0 ** (bits - 1 - q)) for q in inputs]
     spans = _spans(graph, sums, [[held_range(law, s) for s in law.state], words, [(0.0, 1.0)]])
-    fractions = _Choice(law, graph, sums, spans, [q + WIDENED[bits] for q in inputs]).fractions()
+    fractions = _Choice(law, graph, sums, spans, [q + WIDENED[bits] for q in inputs], WIDENED[bits]).fractions()
     places = {node.place: k for k, node in enumerate(graph.nodes) if node.function == "argument"}
     state = tuple(
         fractions[places[0, j]] if (0, j) in places else fit(*held_range(law, s), 32) for j, s in enumerate(law.state)
@@ -113,9 +113,16 @@ class _Choice:
     """The groups of one law, and the fraction of each."""
 
     def __init__(
-        self, law: Law, graph: Graph, sums: Mapping[int, Sum], spans: Sequence[Span], inputs: Sequence[int]
+        self,
+        law: Law,
+        graph: Graph,
+        sums: Mapping[int, Sum],
+        spans: Sequence[Span],
+        inputs: Sequence[int],
+        widened: int,
     ) -> None:
         self.law, self.graph, self.sums, self.spans, self.inputs = law, graph, sums, spans, inputs
+        self.widened = widened  # bits that an input is shifted to the left
         self.held = {k for k in range(len(graph.nodes)) if k in sums or not is_linear(graph, k)}
         constants = {k for k, node in enumerate(graph.nodes) if node.function == "constant"}
         self.held -= constants
@@ -210,6 +217,9 @@ class _Choice:
             own = self.inputs[self.graph.nodes[a].place[1]] if self._input(a) else fractions[self.groups.of(a)]
             if abs(weight) == 1 and own == q:
                 continue
+            mantissa, exponent = math.frexp(abs(weight))
+            if self._input(a) and mantissa == 0.5 and 0 < exponent + q - own + self.widened <= self.widened:
+                continue  # a short input is moved by a shift alone
             room = max(0, math.floor(math.log2(WORD / max(1.0, max(map(abs, self.spans[a])) * 2.0**own))))
             if abs(weight) * Fraction(2) ** (32 + q - own - room) > WORD:
                 return False

@@ -20,11 +20,12 @@ class Dropping:
     product: str
     shift: str
     error: float
+    adds: bool  # whether a product can be rounded so as it is added
 
 
 ROUNDINGS = {
-    "nearest": Dropping("high", "mul_shift", "shr", 0.5),
-    "floor": Dropping("high_down", "mul_down", "asr", 1.0),
+    "nearest": Dropping("high", "mul_shift", "shr", 0.5, True),
+    "floor": Dropping("high_down", "mul_down", "asr", 1.0, False),
 }
 
 

@@ -136,6 +136,15 @@ def test_multiply_shift_is_round_half_up(library: ctypes.CDLL, a: int, b: int, s
 
 
 @settings(max_examples=300, deadline=None)
+@given(*[st.integers(-WORD, WORD - 1)] * 3)
+def test_a_product_is_rounded_half_up_as_it_is_added(library: ctypes.CDLL, first: int, a: int, b: int) -> None:
+    result = first + (a * b + 2**31) // 2**32
+    if -WORD <= result < WORD:
+        columns = [np.array([x], "i4") for x in (first, a, b)]
+        assert call(library, "fixed", "mul_add", columns)[0] == result
+
+
+@settings(max_examples=300, deadline=None)
 @given(
     st.lists(st.tuples(*[st.integers(-WORD, WORD - 1)] * 2), min_size=1, max_size=5),
     st.integers(1, 62),

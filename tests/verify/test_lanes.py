@@ -19,7 +19,7 @@ from tests.laws import FULL, pid, random_law
 ONE = ("copy", "neg", "abs", "not", "none", "lost", "magnitude", "shr", "high", "asr", "high_down", "shl", "wrap")
 ARITY = {
     **dict.fromkeys(ONE, 1),
-    **dict.fromkeys(("select", "clamp", "mac", "outside", "beyond"), 3),
+    **dict.fromkeys(("select", "clamp", "mac", "mul_add", "outside", "beyond"), 3),
 }
 WORD = 2**31
 

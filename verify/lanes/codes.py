@@ -8,7 +8,7 @@ CODES = {
 }
 WHOLE = {
     **{"mac": 17, "mul_shift": 18, "mul_down": 19, "shr": 20, "high": 20, "asr": 21, "high_down": 21},
-    **{"shl": 22, "wrap": 23},
+    **{"shl": 22, "wrap": 23, "mul_add": 32},
 }
 REAL = {
     **{"div": 24, "outside": 25, "beyond": 26, "none": 27, "nought": 28, "none_where": 29, "lost": 30},

@@ -92,6 +92,7 @@ void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t 
                 EACH(21, a[k] >> s)                                          /* asr, high_down */
                 EACH(22, a[k] << s)                                          /* shl */
                 EACH(23, (int64_t)((uint64_t)a[k] << (32 + s)) >> (32 + s))  /* wrap */
+                EACH(32, a[k] + ((b[k] * c[k] + ((int64_t)1 << 31)) >> 32))  /* mul_add */
 #else
                 EACH(24, a[k] / b[k])                                        /* div */
                 EACH(25, (a[k] >= b[k]) ? ((a[k] > c[k]) ? 1 : 0) : 1)       /* outside */

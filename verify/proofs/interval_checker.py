@@ -267,6 +267,7 @@ def _rules() -> Iterator[tuple[str, IntervalRule]]:
             inner=lambda a, b, s: [_down(_product(a, b), s)],
         ),
     )
+    yield "mul_add", IntervalRule("vvv", lambda first, a, b: _sum(first, _near(_product(a, b), (32, 32))))
     yield "high", IntervalRule("ws", _near, counts=(1, 63), inner=lambda a, s: [_down(a, s)])
     yield "min", IntervalRule("vv", _smaller)
     yield "max", IntervalRule("vv", _larger)

@@ -161,11 +161,14 @@ def _row(
             c = given[2]
             assert c is not None
             return None if {1, 2} <= set(moving) else a + b * values[2] + c * values[1]
-        case "high":
-            return _rounded(a * float(2.0 ** -values[1]), own, order)
+        case "mul_add":
+            c = given[2]
+            assert c is not None
+            product = _rounded((b * values[2] + c * values[1]) * 2.0**-32, own, order)
+            return None if {1, 2} <= set(moving) else a + product
         case "asr" | "high_down":  # rounded down: up to a whole unit
             return 2.0 * _rounded(a * float(2.0 ** -values[1]) / 2.0, own, order)
-        case "shr":
+        case "shr" | "high":
             return _rounded(a * float(2.0 ** -values[1]), own, order)
         case "mul" | "wide" | "mul_shift" | "mul_down":
             return None if moving == [0, 1] else _product(op.function, a, b, values, own, order)

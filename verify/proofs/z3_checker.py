@@ -36,6 +36,7 @@ PRODUCTS = {
     "mul_shift": (0, 1),
     "mul_down": (0, 1),
     "mac": (1, 2),
+    "mul_add": (1, 2),
 }  # places of the factors
 READS = {"mac": (64, 32, 32), "high": (64, 0), "high_down": (64, 0)}  # bits of each operand; 0 is a shift count;
 SHIFTS = {
@@ -50,7 +51,8 @@ SHIFTS = {
 }  # place of the count
 MOST = {"shl": 30, "shr": 31, "asr": 31, "wrap": 31}  # of a count; 63 for the others
 GIVES = {"wide": 64, "mac": 64}  # bits of the result; 32 for all others
-ARITY = {"neg": 1, "abs": 1, "copy": 1, "not": 1, "clamp": 3, "select": 3, "mac": 3, "mul_shift": 3, "mul_down": 3}
+THREE = ("clamp", "select", "mac", "mul_add", "mul_shift", "mul_down")
+ARITY = {**dict.fromkeys(("neg", "abs", "copy", "not"), 1), **dict.fromkeys(THREE, 3)}
 Ranges = Mapping[str, tuple[int, int]]
 
 
@@ -243,7 +245,7 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
         case "shr":
             rounded = a[0] + (one << (a[1] - 1))
             return rounded >> a[1], [(rounded, 32)]
-        case "asr":
+        case "asr" | "high_down":
             return a[0] >> a[1], []
         case "wrap":
             return (a[0] << (a[1] + WIDE - 32)) >> (a[1] + WIDE - 32), []
@@ -254,10 +256,11 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] * a[1], []
         case "mac":
             return a[0] + a[1] * a[2], []  # the product of two 32-bit values fits 64 bits, the sum is the result
+        case "mul_add":  # rounded by itself, or as the lower half of 64 bits whose upper half the value is
+            rounded = (a[1] * a[2] + (one << 31)) >> 32
+            return a[0] + rounded, [(rounded, 32), ((a[0] << 32) + (one << 31) + a[1] * a[2], 64)]
         case "mul_down":
             return (a[0] * a[1]) >> a[2], [(a[0] * a[1], 64)]
-        case "high_down":
-            return a[0] >> a[1], []
         case "high":  # the C adds the last bit that is shifted out to what it has rounded down into 32 bits
             return (a[0] >> a[1]) + ((a[0] >> (a[1] - 1)) & one), [(a[0] >> a[1], 32)]
         case _:

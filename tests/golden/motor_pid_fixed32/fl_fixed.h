@@ -13,6 +13,11 @@
 #endif
 #endif
 
+/* Arm cores with these instructions multiply, round and add in one, which no compiler does by itself. */
+#if defined(__ARM_FEATURE_SIMD32) && defined(__GNUC__)
+#define FL_SMMLAR
+#endif
+
 /* The shifts below need an arithmetic right shift of negative numbers, which C99 leaves to the compiler. */
 typedef char fl_assert_arithmetic_shift[((-3) >> 1) == -2 ? 1 : -1];
 /* ... and the conversion below keeps the lower 32 bits, which C99 leaves to it too. */
@@ -72,7 +77,28 @@ static inline int32_t fl_high_i32(int64_t acc, uint32_t s) {
 
 /* a * b / 2^s in 64 bits, rounded to nearest, halves up; s from 1 to 62, the result fits 32 bits. */
 static inline int32_t fl_mul_shift_i32(int32_t a, int32_t b, uint32_t s) {
+#if defined(FL_SMMLAR)
+    if (s == 32U) {
+        int32_t high;
+        __asm__("smmulr %0, %1, %2" : "=r"(high) : "r"(a), "r"(b));
+        return high;
+    }
+#endif
     return fl_high_i32((int64_t)a * b, s);
+}
+
+/* first + a * b / 2^32, the product rounded to nearest, halves up; the result fits 32 bits. Other Arm cores add both in
+ * the 64 bits of one instruction, cores without it behind the product. */
+static inline int32_t fl_mul_add_i32(int32_t first, int32_t a, int32_t b) {
+#if defined(FL_SMMLAR)
+    int32_t sum;
+    __asm__("smmlar %0, %1, %2, %3" : "=r"(sum) : "r"(a), "r"(b), "r"(first));
+    return sum;
+#elif defined(__ARM_ARCH_ISA_THUMB) && (__ARM_ARCH_ISA_THUMB == 2)
+    return fl_low_i32((((int64_t)first * 4294967296) | 0x80000000) + ((int64_t)a * b), 32U);
+#else
+    return first + fl_mul_shift_i32(a, b, 32U);
+#endif
 }
 
 static inline int32_t fl_min_i32(int32_t a, int32_t b) {

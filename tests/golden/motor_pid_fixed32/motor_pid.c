@@ -20,17 +20,17 @@ void motor_pid_init(motor_pid_t *self)
 uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_out_t *out)
 {
     const int32_t fresh = (self->filtered == (-2147483647 - 1)) ? 1 : 0; /* truth */
+    const int32_t filtered_held = fl_clamp_i32(self->filtered, -536870912, 536870911); /* rad/s, Q20, -512 to 512 */
+    const int32_t integral_held = fl_clamp_i32(self->integral, -1073741824, 1073741823); /* V, Q23, -128 to 128 */
     const int64_t t1 = fl_wide_i64(in->reference, 214748365); /* Q52, -102.4 to 102.4 */
     const int64_t t2 = fl_mac_i64(t1, in->measurement, -1073741824); /* Q52, -614.4 to 614.4 */
     const int32_t t3 = fl_high_i32(t2, 32U); /* Q20, -614.4 to 614.4 */
-    const int32_t filtered_held = fl_clamp_i32(self->filtered, -536870912, 536870911); /* rad/s, Q20, -512 to 512 */
     const int32_t t4 = (fresh != 0) ? t3 : filtered_held; /* Q20, -614.4 to 614.4 */
     const int32_t t5 = t3 - t4; /* Q20, -1228.8 to 1228.8 */
     const int64_t t6 = fl_wide_i64(t5, 1249445032); /* Q55, -44.6836 to 44.6836 */
     const int64_t t7 = fl_mac_i64(t6, in->reference, 300647711); /* Q55, -62.6036 to 62.6036 */
     const int64_t t8 = fl_mac_i64(t7, in->measurement, -429496730); /* Q55, -88.2036 to 88.2036 */
     const int32_t t9 = fl_high_i32(t8, 32U); /* Q23, -88.2036 to 88.2036 */
-    const int32_t integral_held = fl_clamp_i32(self->integral, -1073741824, 1073741823); /* V, Q23, -128 to 128 */
     const int32_t unlimited = integral_held + t9; /* V, Q23, -216.204 to 216.204 */
     const int32_t t10 = fl_max_i32(unlimited, -100663296); /* Q23, -12 to 216.204 */
     const int32_t output_limited = fl_min_i32(t10, 100663296); /* V, Q23, -12 to 12 */
@@ -40,10 +40,8 @@ uint32_t motor_pid_step(motor_pid_t *self, const motor_pid_in_t *in, motor_pid_o
     const int64_t t14 = fl_mac_i64(t13, in->measurement, -12025908); /* Q55, -5.99767 to 5.99767 */
     const int32_t t15 = fl_high_i32(t14, 32U); /* Q23, -5.99767 to 5.99767 */
     const int32_t integral_new = integral_held + t15; /* V, Q23, -133.998 to 133.998 */
-    const int64_t t16 = fl_wide_i64(t5, 390451572); /* Q52, -111.709 to 111.709 */
-    const int32_t t17 = fl_high_i32(t16, 32U); /* Q20, -111.709 to 111.709 */
-    const int32_t filtered_new = t4 + t17; /* rad/s, Q20, -726.109 to 726.109 */
-    const int32_t saturated = (output_limited != unlimited) ? 1 : 0; /* truth */
+    const int32_t filtered_new = fl_mul_add_i32(t4, t5, 390451572); /* rad/s, Q20, -726.109 to 726.109 */
+    const int32_t saturated = (t11 != 0) ? 1 : 0; /* truth */
 
     out->output = output_limited;
     self->integral = integral_new;

@@ -50,9 +50,15 @@ def named(found: dict[str, Any], function: str) -> dict[str, Any]:
     return next(o for o in found["operations"] if o["function"] == function)
 
 
-@pytest.mark.parametrize("function", ["wide", "mac", "high", "sub", "max", "clamp", "select", "shl"])
-def test_a_range_claimed_too_small_is_refused(function: str) -> None:
-    found = document("fixed16")
+ONE_BY_ONE = ("mul_shift", "mul_add", "sub", "max", "clamp", "select", "shl")
+
+
+@pytest.mark.parametrize(
+    ("arithmetic", "function"),
+    [*(("fixed32", name) for name in ("wide", "mac", "high")), *(("fixed16", name) for name in ONE_BY_ONE)],
+)
+def test_a_range_claimed_too_small_is_refused(arithmetic: str, function: str) -> None:
+    found = document(arithmetic)
     named(found, function)["high"] -= 1
     with pytest.raises(ProofError):
         check_proof(found)

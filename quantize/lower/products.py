@@ -1,0 +1,76 @@
+"""Multiply the values of a sum by their weights, and round few products one by one, each as it is added.
+
+A core that multiplies, rounds and adds in one instruction takes one for each product then, and none for their sum. Each
+is half a unit in the last place off, not their sum: an output of 16 bits sees nothing of that. With one product beside
+values that are taken as they are, it is the same number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Protocol
+
+from firmloop.quantize.lower.builder import Builder, Term
+from firmloop.quantize.lower.places import HIGH, Part, near, size
+from firmloop.quantize.lower.words import Dropping, literal_error, number
+from firmloop.quantize.program import QuantizeError
+
+FEW = {16: 3, 32: 1}  # products of a sum by the word of inputs and outputs; more stay one sum, which other cores add
+Wish = tuple[str, str]
+
+
+class Summing(Protocol):
+    """What a sum needs of a builder."""
+
+    ops: Builder
+    rounding: Dropping
+
+    def widened(self, a: Term, q: int) -> Term:
+        """Return a value at fraction `q`."""
+        ...
+
+    def plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: Wish) -> Term:
+        """Return the sum of values taken as they are."""
+        ...
+
+
+def factor_of(summing: Summing, weight: Fraction, term: Term, left: int, q: int) -> tuple[Term, int, float]:
+    """Return a value shifted to the left, what makes it a product at fraction `q`, and by how much that is off."""
+    a = summing.widened(term, term.number.fraction + left)
+    factor = near(weight, q - a.number.fraction)
+    if factor == 0:
+        raise QuantizeError(
+            f"the coefficient {float(weight):g} cannot be held in fixed point beside the ranges it works on: "
+            "it is too small; rescale the signals' units or use float32"
+        )
+    error = size(a, 0) * literal_error(weight, factor, q - a.number.fraction)
+    return a, factor, error + abs(float(weight)) * a.error
+
+
+def one_by_one(
+    summing: Summing,
+    products: Sequence[tuple[Part, int]],
+    whole: Sequence[Part],
+    constant: Fraction,
+    q: int,
+    wish: Wish,
+) -> Term:
+    """Return a sum of products, each with its shift to the left; what is subtracted as it is comes last."""
+    added, taken = ([p for p in whole if (p[0] > 0) == plus] for plus in (True, False))
+    ops = summing.ops
+    total = summing.plain(added, constant, q, ("", "")) if added or constant else None
+    for n, ((weight, term), left) in enumerate(products, 1):
+        a, factor, error = factor_of(summing, weight, term, left, q + HIGH)
+        error += summing.rounding.error * 2.0**-q
+        ops.wish = wish if n == len(products) and not taken else ("", "")
+        if total is None:
+            total = ops.emit("mul_shift", (a, factor, HIGH), number(q), error)
+        else:
+            total = ops.emit("mul_add", (total, a, factor), number(q), total.error + error)
+    assert total is not None
+    for n, (_, term) in enumerate(taken, 1):
+        a = summing.widened(term, q)
+        ops.wish = wish if n == len(taken) else ("", "")
+        total = ops.emit("sub", (total, a), number(q), total.error + a.error)
+    return total
