@@ -15,7 +15,7 @@ from firmloop.design.optimum import Solution
 from firmloop.design.outcome import CAPPED, SOLVED
 from firmloop.design.quadratic.region import drawn_parameters
 from firmloop.quantize.formats.quadratic import rows_of, table_of
-from firmloop.quantize.twins.qp import Raw, optimum, solve
+from firmloop.quantize.twins.qp import Raw, Rows, optimum, solve
 
 DRAWN, LEAST_DRAWN = 2000, 300
 SPARE = 1.4
@@ -24,6 +24,7 @@ LEAST = 100  # work, for a problem that hardly ever meets a limit
 LONGEST = 50_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
 CHECKS = 6  # times that, where answers are checked
+AT_ONCE = 64  # searches between two looks whether answers need a check
 NUMBERS = 2**26  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
@@ -36,23 +37,32 @@ def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]
     drawn = max(LEAST_DRAWN, min(DRAWN, NUMBERS // len(problem.low) ** 2))
     rounded = drawn_parameters(law, drawn, 0).astype(arithmetic)
     best = optimum(problem, rounded.astype(np.float64))
-    found, right = _tried(problem, arithmetic, rounded, best, False)
-    known = best.status != CAPPED
-    checked = bool(np.any(known & ~right & ((best.status == SOLVED) | (found.status == SOLVED))))
+    known = best.status != CAPPED  # even float64 goes round in circles, from states where no moves keep every limit
+    most = int(best.work[known].max(initial=0))
+    work, checked = 0, False
+    rows = _with_work(problem, arithmetic, ENDLESS * most, False)
+    for first in range(0, len(rounded), AT_ONCE):  # until one asks for a check: all are searched again with it then
+        part = slice(first, first + AT_ONCE)
+        one = Solution(best.moves[part], best.status[part], best.work[part], best.side[part])
+        found, right = _tried(problem, rows, rounded[part], one)
+        if np.any(known[part] & ~right & ((one.status == SOLVED) | (found.status == SOLVED))):
+            checked = True
+            break
+        work = max(work, found.work[right].max(initial=0))
     if checked:
-        found, right = _tried(problem, arithmetic, rounded, best, True)
-    work = found.work[right].max(initial=0)
+        found, right = _tried(problem, _with_work(problem, arithmetic, ENDLESS * CHECKS * most, True), rounded, best)
+        work = found.work[right].max(initial=0)
     return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work)))), checked
 
 
-def _tried(
-    problem: Quadratic, arithmetic: str, parameters: Raw, best: Solution, checked: bool
-) -> tuple[Solution, NDArray[np.bool_]]:
-    """Search in this arithmetic with work to spare; return which searches end as `best` does."""
-    spare = ENDLESS * (CHECKS if checked else 1)
-    known = best.status != CAPPED  # even float64 goes round in circles, from states where no moves keep every limit
-    longest = min(LONGEST, max(LEAST, spare * int(best.work[known].max(initial=0))))
-    rows = rows_of(table_of(problem, arithmetic, "drawn", longest, checked), np.dtype(arithmetic))
+def _with_work(problem: Quadratic, arithmetic: str, most: int, checked: bool) -> Rows:
+    longest = min(LONGEST, max(LEAST, most))
+    return rows_of(table_of(problem, arithmetic, "drawn", longest, checked), np.dtype(arithmetic))
+
+
+def _tried(problem: Quadratic, rows: Rows, parameters: Raw, best: Solution) -> tuple[Solution, NDArray[np.bool_]]:
+    """Search in the arithmetic of `rows`; return which searches end as `best` does."""
+    known = best.status != CAPPED
     found = solve(rows, parameters)
     low, high = (ends[: len(problem.scale)] * problem.scale for ends in (problem.low, problem.high))
     away = np.abs(np.clip(found.moves, low, high) - np.clip(best.moves, low, high)).max(axis=1)
