@@ -21,11 +21,13 @@ from firmloop.diagnose.policy import (
     STEPS_AT_ONCE,
     STEPS_PAST_KINKS,
 )
-from firmloop.identify.fitting.experiment import experiments
+from firmloop.identify.fitting.experiment import Experiment, experiments
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve
 from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import constants_of, simulator
 
 
@@ -39,7 +41,7 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     plant = replace(problem.plant, parameters=nominal)
     plant = with_effects(plant, [*declared(plant, fitted.terms), *(term.use(values) for term in fitted.terms)])
     engine = simulator(plant, problem.train[0].hold)
-    fit_problem = make_problem(plant, engine, [experiments(plant, recording, NONE) for recording in problem.train])
+    fit_problem = make_problem(plant, engine, [_bounded(problem, plant, recording) for recording in problem.train])
     fit_problem = replace(fit_problem, weights=np.array([1.0 / noise.rms for noise in noises]))
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
@@ -61,6 +63,14 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
         for near, start in zip(place.starts, fitted.point.starts, strict=True)
     )
     return fit(problem, problem.train, fitted.terms, Point({**values, **moved}, begun), noises, 0)
+
+
+def _bounded(problem: Problem, plant: Plant, recording: Recording) -> tuple[Experiment, ...]:
+    """Return what a recording is compared with; a simulation takes no more steps than one of the search."""
+    most = problem.engine.course(recording).most_steps
+    return tuple(
+        replace(made, course=replace(made.course, most_steps=most)) for made in experiments(plant, recording, NONE)
+    )
 
 
 def _solved(fit_problem: FitProblem, place: FitPoint, most: int) -> tuple[FitPoint, float, int]:

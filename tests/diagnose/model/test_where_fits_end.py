@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import draw_case
+from firmloop.diagnose.model import kinks
 from firmloop.diagnose.model.continuation import grown
 from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of, tethers
@@ -16,6 +17,7 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coor
 from firmloop.diagnose.model.torque_scale import near_given
 from firmloop.diagnose.search.from_given import runaways
 from firmloop.identify.fitting.noise import white
+from firmloop.identify.fitting.problem import FitPoint, FitProblem
 from firmloop.identify.plants.effects import find_effect
 from tests.diagnose.cases import drawn, problem_of, said_of
 
@@ -122,3 +124,23 @@ def test_a_stretch_that_grows_leads_to_a_gap(tmp_path: Path) -> None:
     found = grown(problem, begun, noises_of(problem, begun.residuals))
     assert abs(begun.point.values[gap] / true.values[gap] - 1.0) > 0.1
     assert found.point.values[gap] == pytest.approx(true.values[gap], rel=0.01)
+
+
+def test_no_simulation_of_the_last_fit_takes_more_steps_than_one_of_the_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of teeth as hard as a search may leave them, one simulation went on for a quarter of an hour."""
+    problem = problem_of(drawn(tmp_path, 470089))
+    begin = first_point(problem, problem.train)
+    noises = [white(1.0) for _ in problem.plant.outputs]
+    fitted = fit(problem, problem.train, (), begin, noises, 0)
+    most = []
+
+    def solve(asked: FitProblem, place: FitPoint, steps: int) -> tuple[FitPoint, float]:
+        most.extend(made.course.most_steps for made in asked.experiments)
+        return place, 0.0
+
+    monkeypatch.setattr(kinks, "solve", solve)
+    kinks.polished(problem, fitted, noises)
+    assert set(most) == {problem.engine.course(recording).most_steps for recording in problem.train}
+    assert min(most) > 0.0
