@@ -194,7 +194,7 @@ BRIEF_CONTACT = 0.2  # of the rows: fewer do not tell how stiff and how damped a
 HARDER_CONTACTS = (1.0, 3.0, 10.0)  # factors on how stiff contacts are, where a stretch begins to grow
 STEPS_PAST_KINKS = 60  # from one start
 STEPS_AT_ONCE = 4  # of one solve
-LEAST_KINK_DECREASE = 1e-7  # of the cost, by which a few steps have to lower it
+LEAST_KINK_DECREASE = 1e-5  # of the cost, by which a few steps have to lower it: of 10,000 rows a tenth of a unit
 LIMIT_NUDGES = (0.97, 1.03, 0.9, 1.1)  # factors on a limit, from which the fit starts again
 MOST_KINK_SOLVES = 100  # solves of a few steps each
 

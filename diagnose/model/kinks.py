@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, declared
 from firmloop.diagnose.policy import (
+    FIT_PATIENCE,
     LEAST_KINK_DECREASE,
     LIMIT_NUDGES,
     MOST_KINK_SOLVES,
@@ -34,7 +36,7 @@ from firmloop.identify.simulation.simulate import constants_of, simulator
 def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: int = MOST_KINK_SOLVES) -> Fitted:
     """Return the fit at its minimum of the plain squared error, outputs weighted by 1 / noise rms.
 
-    After `most` solves of a few steps each it stays where it is.
+    After `most` solves of a few steps each it stays where it is, and before one where that would take too long.
     """
     values = fitted.point.values
     nominal = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
@@ -45,6 +47,11 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     fit_problem = replace(fit_problem, weights=np.array([1.0 / noise.rms for noise in noises]))
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
+    before, runs = problem.engine.steps, STEPS_AT_ONCE * 2 * (len(fit_problem.free) + starts.size)
+    for index, recording in enumerate(problem.train):
+        residual_of(problem, recording, fitted.point, index)
+    if runs * (problem.engine.steps - before) > FIT_PATIENCE:
+        return fitted
     place, cost, left = _solved(fit_problem, FitPoint(constants, starts), most)
     kinked = limits(fitted.terms)
     places = [k for k, p in enumerate(plant.parameters) if p.name in kinked]

@@ -88,7 +88,7 @@ EDITS: dict[str, tuple[str, Callable[[str], str], str]] = {
     "operands exchanged": (".c", swap(r"= (\w+) - (\w+);", r"= \2 - \1;"), "sub"),
     "a line dropped": (".c", swap(r"    const int32_t .*\n", ""), "operation"),
     "a line more": (".c", swap(r"(    out->output)", r"    self->kp = 0;\n\1"), "output"),
-    "a narrower type": (".c", swap(r"const int64_t", "const int32_t"), "operation"),
+    "a narrower type": (".c", swap(r"const int32_t", "const int16_t"), "operation"),
     "a store dropped": (".c", swap(r"    self->integral = \w+;\n", ""), "integral"),
     "a first value": (".c", swap(r"self->integral = 0;", "self->integral = 1;"), "the start of integral"),
     "a setter without its check": (".c", swap(r" && \(kp <= WHEEL_SPEED_KP_HIGH\)", ""), "the setter of kp"),
