@@ -196,6 +196,7 @@ STEPS_PAST_KINKS = 60  # from one start
 STEPS_AT_ONCE = 4  # of one solve
 LEAST_KINK_DECREASE = 1e-5  # of the cost, by which a few steps have to lower it: of 10,000 rows a tenth of a unit
 LIMIT_NUDGES = (0.97, 1.03, 0.9, 1.1)  # factors on a limit, from which the fit starts again
+LONGER = 10.0  # times the steps of a simulation where a last fit begins: one of more counts as diverged
 MOST_KINK_SOLVES = 100  # solves of a few steps each
 
 # What has no name: the shapes it may have.

@@ -19,6 +19,7 @@ from firmloop.diagnose.policy import (
     FIT_PATIENCE,
     LEAST_KINK_DECREASE,
     LIMIT_NUDGES,
+    LONGER,
     MOST_KINK_SOLVES,
     STEPS_AT_ONCE,
     STEPS_PAST_KINKS,
@@ -43,14 +44,17 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     plant = replace(problem.plant, parameters=nominal)
     plant = with_effects(plant, [*declared(plant, fitted.terms), *(term.use(values) for term in fitted.terms)])
     engine = simulator(plant, problem.train[0].hold)
-    fit_problem = make_problem(plant, engine, [_bounded(problem, plant, recording) for recording in problem.train])
+    parts, took = [], 0.0
+    for index, recording in enumerate(problem.train):
+        before = problem.engine.steps
+        residual_of(problem, recording, fitted.point, index)
+        took += problem.engine.steps - before
+        parts.append(_bounded(plant, recording, LONGER * 1e6 * (problem.engine.steps - before)))
+    fit_problem = make_problem(plant, engine, parts)
     fit_problem = replace(fit_problem, weights=np.array([1.0 / noise.rms for noise in noises]))
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
-    before, runs = problem.engine.steps, STEPS_AT_ONCE * 2 * (len(fit_problem.free) + starts.size)
-    for index, recording in enumerate(problem.train):
-        residual_of(problem, recording, fitted.point, index)
-    if runs * (problem.engine.steps - before) > FIT_PATIENCE:
+    if STEPS_AT_ONCE * 2 * (len(fit_problem.free) + starts.size) * took > FIT_PATIENCE:
         return fitted
     place, cost, left = _solved(fit_problem, FitPoint(constants, starts), most)
     kinked = limits(fitted.terms)
@@ -72,9 +76,8 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     return fit(problem, problem.train, fitted.terms, Point({**values, **moved}, begun), noises, 0)
 
 
-def _bounded(problem: Problem, plant: Plant, recording: Recording) -> tuple[Experiment, ...]:
-    """Return what a recording is compared with; a simulation takes no more steps than one of the search."""
-    most = problem.engine.course(recording).most_steps
+def _bounded(plant: Plant, recording: Recording, most: float) -> tuple[Experiment, ...]:
+    """Return what a recording is compared with; a simulation of more than so many steps counts as diverged."""
     return tuple(
         replace(made, course=replace(made.course, most_steps=most)) for made in experiments(plant, recording, NONE)
     )

@@ -11,7 +11,7 @@ import pytest
 from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model import kinks
 from firmloop.diagnose.model.continuation import grown
-from firmloop.diagnose.model.descent import SumOfSquares
+from firmloop.diagnose.model.descent import SumOfSquares, residual_of
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of, tethers
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coordinates, entered, first_point
 from firmloop.diagnose.model.torque_scale import near_given
@@ -126,15 +126,17 @@ def test_a_stretch_that_grows_leads_to_a_gap(tmp_path: Path) -> None:
     assert found.point.values[gap] == pytest.approx(true.values[gap], rel=0.01)
 
 
-def test_no_simulation_of_the_last_fit_takes_more_steps_than_one_of_the_search(
+def test_no_simulation_of_a_last_fit_takes_far_longer_than_where_it_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of teeth as hard as a search may leave them, one simulation went on for a quarter of an hour."""
     problem = problem_of(drawn(tmp_path, 470089))
-    begin = first_point(problem, problem.train)
     noises = [white(1.0) for _ in problem.plant.outputs]
-    fitted = fit(problem, problem.train, (), begin, noises, 0)
-    most = []
+    fitted = fit(problem, problem.train, (), first_point(problem, problem.train), noises, 0)
+    begun = problem.engine.steps
+    residual_of(problem, problem.train[0], fitted.point, 0)
+    alone = 1e6 * (problem.engine.steps - begun)
+    most: list[float] = []
 
     def solve(asked: FitProblem, place: FitPoint, steps: int) -> tuple[FitPoint, float]:
         most.extend(made.course.most_steps for made in asked.experiments)
@@ -142,5 +144,4 @@ def test_no_simulation_of_the_last_fit_takes_more_steps_than_one_of_the_search(
 
     monkeypatch.setattr(kinks, "solve", solve)
     kinks.polished(problem, fitted, noises)
-    assert set(most) == {problem.engine.course(recording).most_steps for recording in problem.train}
-    assert min(most) > 0.0
+    assert 2.0 * alone < most[0] < 100.0 * alone
