@@ -194,7 +194,7 @@ static inline double fl_wave_f64(double x, uint64_t ahead) {
         value = (value * z) - 0.001388888888888889;
         value = (value * z) + 0.041666666666666664;
         value = (value * z) - 0.5;
-        value = 1.0 + (z * value);
+        value = (0.75 + (z * value)) + 0.25; /* libgcc of Cortex-M rounds 1 - x wrongly for x about 2^-33 */
     } else {
         value = 2.8114572543455206e-15;
         value = (value * z) - 7.647163731819816e-13;
@@ -246,7 +246,7 @@ static inline double fl_exp_f64(double x) {
 
 static inline double fl_tanh_f64(double x) {
     const double within = fl_clamp_f64(x, -20.0, 20.0);
-    return 1.0 - (2.0 / (fl_exp_f64(within + within) + 1.0));
+    return (0.75 - (2.0 / (fl_exp_f64(within + within) + 1.0))) + 0.25; /* as above */
 }
 
 #endif
