@@ -14,8 +14,9 @@ from bench.diagnose.blind_cases import Case, draw_case, single_case, write_case
 from bench.diagnose.concealed import MACHINES
 from firmloop.cli import main
 from firmloop.diagnose.data.checks import preflight
+from firmloop.diagnose.model.candidate import Candidate, rated
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, make_problem
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, first_point, make_problem
 from firmloop.door.diagnose import diagnose
 from firmloop.door.load import load
 from firmloop.identify.fitting.noise import Noise, white
@@ -59,6 +60,13 @@ def problem_of(project: Path) -> Problem:
     made = read_project(project)
     plant, data = plant_of(made), read_data(made)
     return make_problem(plant, data.train, data.test, preflight(plant, data.train, data.test).floors)
+
+
+def nominal_of(problem: Problem) -> Candidate:
+    """Return the nominal plant refitted, as a search begins with it."""
+    flat = [white(float(problem.train[0].columns[signal.name].std())) for signal in problem.plant.outputs]
+    fitted = fit(problem, problem.train, (), first_point(problem, problem.train), flat, 24)
+    return rated(problem, fit(problem, problem.train, (), fitted.point, noises_of(problem, fitted.residuals), 24))
 
 
 def refitted(

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import single_case
-from firmloop.diagnose.model.candidate import rated
-from firmloop.diagnose.model.fit import fit, noises_of
+from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import Point, entered, first_point
 from firmloop.diagnose.search.round import screened
 from firmloop.diagnose.search.screen import secants
 from firmloop.identify.fitting.noise import white
-from tests.diagnose.cases import BY_NAME, concealed, problem_of, truths, written
+from tests.diagnose.cases import BY_NAME, concealed, nominal_of, problem_of, truths, written
 
 
 def test_beside_a_slow_clock_a_limit_that_is_never_met_changes_nothing(tmp_path: Path) -> None:
@@ -40,9 +39,7 @@ def test_a_motor_driven_a_hundred_times_as_hard_as_it_cogs_shows_how_often_it_do
     large = tuple({**start, term.keys[0]: 0.1} for start in whole.starts[term.label])
     problem = replace(whole, starts={**whole.starts, term.label: large})
     problem.engine.follow(False)
-    flat = [white(float(problem.train[0].columns[signal.name].std())) for signal in problem.plant.outputs]
-    fitted = fit(problem, problem.train, (), first_point(problem, problem.train), flat, 24)
-    nominal = rated(problem, fit(problem, problem.train, (), fitted.point, noises_of(problem, fitted.residuals), 24))
+    nominal = nominal_of(problem)
     best = screened(problem, nominal)[0]
     truth = truths(tmp_path, "cogging_torque")
     assert best.term is term
