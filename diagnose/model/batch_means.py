@@ -52,7 +52,7 @@ def _means(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: Libr
         told = _by_batches(problem, fitted, noises, term, index, (residual,))
         if told is None:
             return None
-        found.append(told[0][0])
+        found.append(told[0].sizes)
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, product
 
 from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
@@ -56,8 +56,8 @@ PLAIN = Dialect(",", ".")
 
 def find_dialect(lines: list[str]) -> Dialect | Misread | None:
     """Return how the columns of `lines` are written, what is wrong with them, or None where nothing is recognized."""
-    ways = ((part, ways) for part in (lines[:_FIRST], lines[_FIRST:] and lines) for ways in (_WAYS, _SPACED))
-    tables = ([each for each in (_table(part, *way) for way in ways) if each is not None] for part, ways in ways)
+    tries = product((lines[:_FIRST], lines[_FIRST:] and lines), (_WAYS, _SPACED))
+    tables = ([each for way in ways if (each := _table(part, *way)) is not None] for part, ways in tries)
     found = next(filter(None, tables), None)
     if found is None:
         return None
