@@ -13,7 +13,7 @@ from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
-from firmloop.identify.recordings.text.cells import is_number
+from firmloop.identify.recordings.text.cells import grouped, is_number
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, find_dialect, first_name
 from firmloop.identify.recordings.text.exports import read_export
 from firmloop.identify.recordings.text.json_lines import are_json_lines, rows_of_json
@@ -21,7 +21,7 @@ from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
-_THOUSAND = re.compile(r"(?<![\d.])[1-9]\d{0,2},\d{3}(?!\d)")
+_THOUSAND = re.compile(rf"(?<![\d.]){grouped(',')}(?!\d)")
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
 _MINUS = "\u2212"  # of typesetters

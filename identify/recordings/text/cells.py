@@ -1,4 +1,4 @@
-"""Cells of a line: what is quoted is one, and what is a number is told in one way."""
+"""Cells of a line: what is quoted is one, and what is a number, plain or in thousands, is told in one way."""
 
 from __future__ import annotations
 
@@ -11,6 +11,14 @@ def quoted_cells(line: str, delimiter: str) -> list[str]:
         return next(csv.reader([line.strip(" \r")], delimiter=delimiter))
     except csv.Error:
         return [line]
+
+
+def grouped(mark: str) -> str:
+    """Return the pattern of a whole number with one mark for thousands, such as 12,345; a + behind it takes more.
+
+    `mark` is the pattern of one. No such number begins with 0: that is a fraction.
+    """
+    return rf"[-+]?[1-9]\d{{0,2}}(?:{mark}\d{{3}})"
 
 
 def is_number(cell: str) -> bool:

@@ -12,7 +12,7 @@ from itertools import islice, product
 
 from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
-from firmloop.identify.recordings.text.cells import is_number, quoted_cells
+from firmloop.identify.recordings.text.cells import grouped, is_number, quoted_cells
 from firmloop.identify.units import carried_unit
 
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
@@ -69,14 +69,10 @@ def find_dialect(lines: list[str]) -> Dialect | Misread | None:
         held = (row for row in islice(lines, dialect.first, None) if mark in row)
         cells = (cell.strip() for row in held for cell in _cells(row, dialect) if mark in cell)
         example = next(cells, "")
-        if example and all(map(_thousands(mark).fullmatch, (example, *cells))):
+        if example and all(map(re.compile(f"{grouped(re.escape(mark))}+").fullmatch, (example, *cells))):
             remedy = "save the file with points in its numbers and no marks for thousands"
             return Misread("", f"can be read in two ways: {example} may be a fraction or thousands", remedy)
     return dialect
-
-
-def _thousands(mark: str) -> re.Pattern[str]:
-    return re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+")
 
 
 def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from firmloop.identify.recordings.table import Misread
-from firmloop.identify.recordings.text.cells import quoted_cells
+from firmloop.identify.recordings.text.cells import grouped, quoted_cells
 
 _BLANK = "[ \u00a0\u2009\u202f]"
 _WAYS = ((",", "."), (".", ","), ("['\u2019]", "."), ("['\u2019]", ","), (_BLANK, "."), (_BLANK, ","))
@@ -34,7 +34,7 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
     wrong = None
     for mark, point in _WAYS[:4] if spaced else _WAYS:
         between = mark if mark.startswith("[") else re.escape(mark)
-        once = rf"[-+]?[1-9]\d{{0,2}}(?:{between}\d{{3}})"
+        once = grouped(between)
         end = rf"(?:{re.escape(point)}\d*)?"
         alone = "" if mark in _SAID else rf"|{once}+{end}"
         sure = re.compile(rf"{once}+{re.escape(point)}\d+|{once}{{2,}}{end}{alone}")
@@ -75,7 +75,7 @@ def _decided(
     mark, point = map(re.escape, marks)
     fraction = r"[-+]?(?:(?:0|[1-9]\d{{3,}})?{0}\d+|\d+{0}(?:\d{{0,2}}|\d{{4,}}))(?:[eE][-+]?\d+)?"
     against, decides = re.compile(fraction.format(mark)), re.compile(fraction.format(point))
-    once = re.compile(rf"[-+]?[1-9]\d{{0,2}}{mark}\d{{3}}")
+    once = re.compile(grouped(mark))
     found: set[int] = set()
     columns: set[int] = set()
     for k, line in enumerate(lines):
