@@ -104,7 +104,8 @@ def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | No
         columns.append(_converted(rule, foreign, printed, values, file))
         if printed and not rule.unit and columns[-1] is not values:
             notes.append(f"{foreign} is converted from {printed} by its line of units")
-    made = replace(table, names=names, columns=tuple(columns), units=(), notes=tuple(notes))
+    words = {rename.get(name, Column(name)).name: holds for name, holds in table.words.items()}
+    made = replace(table, names=names, columns=tuple(columns), units=(), notes=tuple(notes), words=words)
     if clock is not None:
         return _clocked(made, clock)
     if "time_s" not in names:

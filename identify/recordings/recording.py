@@ -5,10 +5,9 @@ from __future__ import annotations
 import gzip
 import hashlib
 import os
-import re
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -28,7 +27,6 @@ from firmloop.identify.units import unit_of
 Array = NDArray[np.float64]
 
 FEWEST_ROWS = 3  # one step and one row to judge it by
-_ASIDE = " left aside: "  # in a note, before what is shown of it
 MOST = 1e30  # of a reading; instruments write 9.9E+37 or 9.91E+37 where they have none, as SCPI asks for
 
 
@@ -37,7 +35,8 @@ class Recording:
     """Signals over time; the input of row k acts from `time[k]`, an output of row k is read just before that.
 
     `time` is (n,) in s, strictly rising and not necessarily even; every column is (n,) in its signal's unit, and the
-    range of a signal is what was measured. `source` names the file, `sha256` its bytes.
+    range of a signal is what was measured. `source` names the file, `sha256` its bytes. `words` says what its columns
+    without numbers hold.
     """
 
     time: Array
@@ -47,6 +46,7 @@ class Recording:
     sha256: str
     hold: str = "zero_order"  # what an input does between rows, see identify.hold
     notes: tuple[str, ...] = ()  # how the file was read, where it is not plain
+    words: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def part(self, first: int, end: int) -> Recording:
         """Return the rows from `first` to before `end`, at the times they had."""
@@ -70,7 +70,7 @@ def read_recording(
     made = make_recording(columns.pop("time_s"), columns, path.name, digest)
     lost = (*leapt_over(made.time), *uncounted(made.time, made.columns))
     notes = (*(f"{path.name} {note}" for note in table.notes), *(f"{path.name}: {note}" for note in lost))
-    return replace(made, hold=hold, notes=notes)
+    return replace(made, hold=hold, notes=notes, words=MappingProxyType(dict(table.words)))
 
 
 def read_raw(path: Path) -> tuple[RawTable, str]:
@@ -107,12 +107,13 @@ def make_recording(time: Array, columns: Mapping[str, Array], source: str, sha25
 def column(recording: Recording, name: str) -> Array:
     """Return one column, or raise IdentifyError that lists those there are, with the line for one in another unit."""
     if name not in recording.columns:
-        lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
-        aside = "".join(f"; {note}" for note in recording.notes if "column" in note.partition(_ASIDE)[0] != note)
-        if name in re.findall(r"[^(),]+", aside.rpartition("(")[2].replace(", ", ",")):
+        if holds := recording.words.get(name):
             raise IdentifyError(
-                f"{recording.source}: column {name} is no column of numbers{aside}; write numbers there"
+                f"{recording.source}: column {name} is no column of numbers, it {holds}; write numbers there"
             )
+        lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
+        without = ", ".join(f"{word} ({holds})" for word, holds in recording.words.items())
+        aside = f"; without numbers: {without[:200]}" if without else ""
         raise IdentifyError(
             f"{recording.source}: column {name} is missing; it has {', '.join(recording.columns) or 'only time_s'} "
             f"(map a foreign name in [recordings.rename]){aside}",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ class RawTable:
     """Columns of equal length. `places[k]` is where row k stands in the file, counted in `place` (line, row).
 
     `units` is what a line of units says of each column, empty where there is none; `notes` how the file was read, where
-    that is not plain.
+    that is not plain; `words` what the columns without numbers hold, which are left aside.
     """
 
     names: tuple[str, ...]
@@ -24,6 +26,7 @@ class RawTable:
     places: NDArray[np.int64]
     units: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    words: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +47,13 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
     Dates become seconds from the first; text, and single values beside arrays, are left aside.
     """
     columns = []
-    aside = tuple(name for name, array in arrays if _is_a_remark(array))
+    aside = {
+        name: "holds text" if array.dtype.kind in "USO" else "is one value"
+        for name, array in arrays
+        if _is_a_remark(array)
+    }
     if len(arrays) - len(aside) < _FEWEST:  # then what is left aside may be the signal itself
-        aside = ()
+        aside = {}
     arrays = tuple((name, _seconds(array)) for name, array in arrays if name not in aside)
     for name, array in arrays:
         if array.ndim != 1:
@@ -61,7 +68,7 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
     rows = len(columns[0]) if columns else 0
     names = tuple(name for name, _ in arrays)
     notes = (f"holds {', '.join(aside)[:80]} beside its columns, left aside",) if aside and columns else ()
-    return RawTable(names, tuple(columns), "row", np.arange(1, rows + 1), (), notes)
+    return RawTable(names, tuple(columns), "row", np.arange(1, rows + 1), (), notes, aside)
 
 
 def without_row_numbers(table: RawTable) -> RawTable:

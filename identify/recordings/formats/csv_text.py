@@ -136,8 +136,8 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
-    left = ", ".join(table.names[k] for k in words if table.names[k])
-    aside = f"{aside} ({left})" if left else aside
+    left = {table.names[k]: holds for k, holds in words.items() if table.names[k]}
+    aside = f"{aside} ({', '.join(left)})" if left else aside
     return RawTable(
         tuple(table.names[k] for k in kept),
         tuple(table.columns[k] for k in kept),
@@ -145,6 +145,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
         table.places,
         tuple(found.units[k] for k in kept) if found.units else (),
         (*found.notes, *filter(None, (stamps, marks, aside))),
+        left,
     )
 
 

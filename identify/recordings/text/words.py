@@ -11,8 +11,8 @@ _SHOWN = 20  # letters of a word
 ASIDE = "nan"  # stands in place of a word
 
 
-def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
-    """Return the lines with `nan` in those columns, which they are, and what is told of it.
+def without_words(lines: list[str]) -> tuple[list[str], dict[int, str], str]:
+    """Return the lines with `nan` in those columns, what each of them holds by its place, and what is told of it.
 
     Rows are the lines that have numbers and words where the last line has them. The first mark that parts the last line
     into numbers and words is the one between columns: no other is tried, as a decimal comma would part it otherwise.
@@ -38,11 +38,14 @@ def without_words(lines: list[str]) -> tuple[list[str], tuple[int, ...], str]:
         if len(rows) < max(_FEWEST, filled + 1):  # a column of numbers, of which some readings failed, is none of words
             break
         out = [rows.get(k, line) for k, line in enumerate(lines)]
-        shown = ", ".join(dict.fromkeys(repr(_bare(cells[j])[:_SHOWN]) if _bare(cells[j]) else "empty" for j in words))
+        shown = {j: repr(_bare(cells[j])[:_SHOWN]) if _bare(cells[j]) else "" for j in words}
+        told = ", ".join(dict.fromkeys(each or "empty" for each in shown.values()))
         held = "a column" if len(words) == 1 else f"{len(words)} columns"
-        without = f"with words in {len(rows)} of {len(rows) + filled} rows" if filled else "without numbers"
-        return out, words, f"has {held} {without}, left aside: {shown}"
-    return lines, (), ""
+        part = f" in {len(rows)} of {len(rows) + filled} rows" if filled else ""
+        without = f"with words{part}" if filled else "without numbers"
+        holds = {j: f"{f'holds {word}' if word else 'is empty'}{part}" for j, word in shown.items()}
+        return out, holds, f"has {held} {without}, left aside: {told}"
+    return lines, {}, ""
 
 
 def _bare(cell: str) -> str:

@@ -294,7 +294,7 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "a column of no numbers": ("\n".join([f"{HEADER},a", *(f"{row},nan" for row in ROWS)]), ("leave the column out",)),
     "words where numbers belong": (
         "\n".join([HEADER, *(row.replace(",", ",0x", 1) for row in ROWS)]),
-        ("column voltage_V is no column of numbers", "a column without numbers, left aside: '0x"),
+        ("column voltage_V is no column of numbers, it holds '0x",),
     ),
     "the mark of an instrument for an overload": (
         PLAIN.replace(ROWS[7].split(",")[1], "9.91E+37"),

@@ -149,7 +149,26 @@ def test_a_column_of_mostly_words_is_named_where_it_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said, found = simulated(tmp_path, capsys, "log.csv", table([*map(str, range(20)), *["OVLD"] * 30]))
-    assert not found and "a column with words in 30 of 50 rows, left aside: 'OVLD' (voltage_V)" in said, said
+    assert not found and "voltage_V is no column of numbers, it holds 'OVLD' in 30 of 50 rows" in said, said
+
+
+def test_a_renamed_column_of_words_is_named_as_the_project_calls_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "log.csv").write_text(
+        table([*["OVLD"] * 9]).replace("voltage_V", "u, state").replace("OVLD", "OVLD,on")
+    )
+    (tmp_path / "p.toml").write_text(
+        PROJECT.format(file="log.csv").replace("[plant]", '[recordings.rename]\nu = "voltage_V"\n[plant]', 1)
+    )
+    asked = ["simulate", str(tmp_path / "p.toml"), str(tmp_path / "log.csv"), "--out", str(tmp_path / "out.csv")]
+    assert main(asked) == 2
+    said = capsys.readouterr().err
+    assert "column voltage_V is no column of numbers, it holds 'OVLD'; write numbers there" in said, said
+    (tmp_path / "p.toml").write_text(PROJECT.format(file="log.csv"))
+    assert main(asked) == 2
+    said = capsys.readouterr().err
+    assert "column voltage_V is missing" in said and "without numbers: u (holds 'OVLD'), state (holds 'on')" in said
 
 
 SAMPLES = [{"time_s": 0.1 * k, "voltage_V": speed, "speed_rad_s": 1.5} for k, speed in enumerate(SPEED)]
