@@ -73,9 +73,7 @@ class JsonConsole:
 
     def close(self) -> None:
         """Print the document."""
-        # What is no figure is null, for JSON has no word for it.
-        told = json.loads(json.dumps(self._document, default=_plain), parse_constant=lambda _: None)
-        _show(f"{json.dumps(told, indent=1, allow_nan=False)}\n")  # ASCII: no control character leaves it raw
+        _show(f"{json_of(self._document, 1)}\n")
 
     def fail(self, message: str) -> None:
         """Say it on stderr, and in a document that holds nothing else."""
@@ -185,6 +183,15 @@ def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
         words = [word.ljust(width) for word, width in zip(row, widths, strict=False)]
         lines.append(f"  {'  '.join(words)}".rstrip())
     return lines
+
+
+def json_of(document: object, indent: int | None = None) -> str:
+    """Return a document in JSON, in ASCII so that no control character leaves it raw.
+
+    A number that is no figure, NaN or infinite, is null: JSON has no word for it, and who reads it would stop there.
+    """
+    told = json.loads(json.dumps(document, default=_plain), parse_constant=lambda _: None)
+    return json.dumps(told, indent=indent, allow_nan=False)
 
 
 def open_streams() -> None:

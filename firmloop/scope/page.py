@@ -5,10 +5,11 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from firmloop.console import json_of
 
 FOLDER = Path(__file__).parent / "page"
 SCRIPTS = (
@@ -33,7 +34,7 @@ def page_of(facts: Mapping[str, object]) -> Page:
     """Return the page of one watch."""
     style = _text("scope.css")
     script = "\n".join(_text(name) for name in SCRIPTS)
-    told = json.dumps(facts).replace("<", "\\u003c")  # so that no name in it can end the element that holds it
+    told = json_of(facts).replace("<", "\\u003c")  # so that no name in it can end the element that holds it
     text = _text("scope.html")
     for mark, put in (
         ("{title}", html.escape(str(facts["name"]))),

@@ -21,7 +21,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-from firmloop.console import complain
+from firmloop.console import complain, json_of
 from firmloop.identify.recordings.recording import write_recording
 from firmloop.project.table import ProjectError
 from firmloop.scope.display import Display
@@ -94,7 +94,7 @@ class _Answer(BaseHTTPRequestHandler):
         except LinkError as error:
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, str(error))
         else:
-            self._send(HTTPStatus.OK, "application/json", json.dumps(done).encode())
+            self._send(HTTPStatus.OK, "application/json", json_of(done).encode())
 
     def log_message(self, *unused: object) -> None:
         """Log nothing: the terminal is the user's."""
@@ -141,7 +141,7 @@ class _Answer(BaseHTTPRequestHandler):
             self.server.readers.discard(self)
 
     def _event(self, kind: str, told: object, number: int) -> None:
-        self.wfile.write(f"event: {kind}\nid: {number}\ndata: {json.dumps(told)}\n\n".encode())
+        self.wfile.write(f"event: {kind}\nid: {number}\ndata: {json_of(told)}\n\n".encode())
 
     def _send_recording(self) -> None:
         try:
@@ -172,7 +172,7 @@ class _Answer(BaseHTTPRequestHandler):
         return name, value
 
     def _refuse(self, status: HTTPStatus, says: str) -> None:
-        self._send(status, "application/json", json.dumps({"error": says}).encode())
+        self._send(status, "application/json", json_of({"error": says}).encode())
 
     def _send(self, status: HTTPStatus, kind: str, content: bytes, policy: str = "default-src 'none'") -> None:
         self._head(status, kind, len(content), policy)

@@ -62,8 +62,9 @@ class Tunables {
   }
 
   show(entry, value) {
-    entry.slider.value = value;
-    if (document.activeElement !== entry.field) entry.field.value = shownNumber(value);
+    entry.field.placeholder = value === null ? "no number" : ""; // the controller holds NaN or an infinity
+    if (value !== null) entry.slider.value = value;
+    if (document.activeElement !== entry.field) entry.field.value = value === null ? "" : shownNumber(value);
   }
 
   /* Shows what the controller holds, as another page may have set it. */
