@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 
@@ -17,6 +18,13 @@ def _asked_for_help() -> Path | None:
     file = stem / "__main__.py" if stem.is_dir() else stem.with_suffix(".py")
     own = parts[0] != "bench" or not file.is_file() or "ArgumentParser(" in file.read_text(encoding="utf-8")
     return None if own else file
+
+
+def named(asked: Sequence[str], known: Collection[str], what: str) -> Sequence[str]:
+    """Return what was asked for by name, all that is known where nothing was; end with a sentence if one is none."""
+    if strange := [name for name in asked if name not in known]:
+        sys.exit(f"{strange[0]!r} is no {what}; there are {', '.join(known)}")
+    return asked or list(known)
 
 
 if _file := _asked_for_help():

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench import named
 from bench.diagnose import truth
 from bench.diagnose.induction_truth import L3510, Motor
 from firmloop.cli import main as firmloop
@@ -140,22 +141,22 @@ def main() -> int:
         "      s"
     )
     missed = 0
-    for name in sys.argv[1:] or CASES:
+    for name in named(sys.argv[1:], CASES, "case"):
         case, begun = CASES[name], time.process_time()
         status, found = diagnosed(case)
         took = time.process_time() - begun
-        named, sought = [effect["name"] for effect in found["effects"]], name.partition(",")[0]
+        told, sought = [effect["name"] for effect in found["effects"]], name.partition(",")[0]
         value: Mapping[str, Any] = {"value": np.nan, "ci95": [np.nan, np.nan]}
-        if sought in named:
-            value = found["effects"][named.index(sought)]["parameters"][case.parameter]
+        if sought in told:
+            value = found["effects"][told.index(sought)]["parameters"][case.parameter]
         low, high = value["ci95"] or (np.nan, np.nan)
         print(
-            f"{name:23} {found['verdict']:17} {', '.join(named):25} {case.parameter:12} {case.value:>6.4g} "
+            f"{name:23} {found['verdict']:17} {', '.join(told):25} {case.parameter:12} {case.value:>6.4g} "
             f"{value['value']:>7.4g}   {low:.4g} to {high:.4g} {took:>6.0f}",
             flush=True,
         )
         near = abs(value["value"] / case.value - 1.0) < 0.1
-        missed += not (status == 1 and named == [sought] and near)
+        missed += not (status == 1 and told == [sought] and near)
     return int(missed > 0)
 
 

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
@@ -14,6 +15,7 @@ from collections.abc import Callable
 
 from hypothesis import HealthCheck, given, seed, settings
 
+from bench import named
 from tests.fuzz.targets import TARGETS, Target
 
 CASES = 12_500
@@ -34,21 +36,21 @@ def _attempts(target: Target, cases: int, start: int) -> Callable[[], None]:
 
 def main() -> int:
     """Run the doors asked for; return 1 if any case failed."""
-    asked = [int(word) for word in sys.argv[1:3]]
-    cases, start = (asked + [CASES, 1][len(asked) :])[:2]
-    doors = sys.argv[3:] or list(TARGETS)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="?", type=int, default=CASES, help="of each door")
+    parser.add_argument("seed", nargs="?", type=int, default=1)
+    parser.add_argument("doors", nargs="*", metavar="door", help=f"one of {', '.join(TARGETS)} (default: all)")
+    asked = parser.parse_args()
     failed = 0
-    for name in doors:
-        target = TARGETS[name]
+    for name in named(asked.doors, TARGETS, "door"):
         begin = time.monotonic()
-
         try:
-            _attempts(target, cases, start)()
+            _attempts(TARGETS[name], asked.cases, asked.seed)()
             said = "no fault"
         except Exception as error:
             failed += 1
             said = "\n".join([f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])])
-        print(f"{name:>12}: {cases:,} cases in {time.monotonic() - begin:.0f} s: {said}", flush=True)
+        print(f"{name:>12}: {asked.cases:,} cases in {time.monotonic() - begin:.0f} s: {said}", flush=True)
     return 1 if failed else 0
 
 

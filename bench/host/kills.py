@@ -16,6 +16,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+from bench import named
 from bench.host.power_loss import VERBS, bench_of
 from tests.fuzz.losses import Bench, lose_power_once
 
@@ -23,12 +24,12 @@ from tests.fuzz.losses import Bench, lose_power_once
 def main() -> int:
     """Kill them, verb by verb."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("verbs", nargs="*", default=list(VERBS), metavar="VERB")
+    parser.add_argument("verbs", nargs="*", metavar="VERB")
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     dice, failed, killed = random.Random(arguments.seed), 0, 0
-    drawn = Counter(dice.choices(arguments.verbs, k=arguments.count))
+    drawn = Counter(dice.choices(named(arguments.verbs, VERBS, "verb that is killed"), k=arguments.count))
     for verb, count in drawn.items():
         bad: list[str] = []
         with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:

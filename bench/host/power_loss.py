@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
+from bench import named
 from tests.firmloop.conftest import PROJECT, recording
 from tests.fuzz.losses import Bench, lose_memory, lose_power, lose_room
 
@@ -49,7 +50,7 @@ SWEEPS: Mapping[str, Callable[..., int]] = {
 def main() -> int:
     """Sweep each verb; print what was found."""
     failed = 0
-    for verb in sys.argv[1:] or VERBS:
+    for verb in named(sys.argv[1:], VERBS, "verb that is swept"):
         begin, said = time.monotonic(), []
         for what, sweep in SWEEPS.items():
             with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:

@@ -8,6 +8,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__")
@@ -32,3 +34,17 @@ def test_every_measurement_answers_for_help() -> None:
 
 def test_the_short_flag_asks_for_help_too() -> None:
     assert not asked("bench.host.power_loss", "-h")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bench.host.fuzz", "1", "1", "window"], "'window' is no door; there are expression, frame"),
+        (["bench.host.power_loss", "fly"], "'fly' is no verb that is swept; there are simulate"),
+        (["bench.host.kills", "fly"], "'fly' is no verb that is killed; there are simulate"),
+    ],
+)
+def test_a_name_that_a_bench_does_not_know_is_told_with_those_it_does(words: list[str], said: str) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-m", *words], cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.startswith(said), done.stderr
