@@ -78,6 +78,18 @@ def compared(evidence: Evidence, recording: Recording, outputs: Array) -> list[t
     return pairs
 
 
+def unexplained(evidence: Evidence, recording: Recording) -> list[float] | None:
+    """Return the share of each output's variance that is not explained, by a scale of the plant as given.
+
+    None where the plant cannot be run as it is given.
+    """
+    run = run_as_given(evidence.given, recording)
+    if run is None:
+        return None
+    fits = [alike(*pair)[0] for pair in compared(evidence, recording, run)]
+    return [1.0 - max(fit, 0.0) ** 2 for fit in fits]
+
+
 _PIECES = 100  # of a recording, over which a position is seen to move
 _ROWS = 16_384  # that are put side by side at a time
 

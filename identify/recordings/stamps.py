@@ -30,6 +30,7 @@ _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
 _USUAL, _AWAY = 0.95, 4.0  # share of a signal's steps that are usual ones; how many it is away by that has moved
+_EVEN = 0.01  # of its step: what rises so evenly is a clock, and no signal with noise
 _STRETCH = 20.0  # typical steps a counter may go across its end
 
 
@@ -51,6 +52,11 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
     k = int(stuck[0])
     where = f"{file}: {table.place} {table.places[k + 1]}, column time_s"
     plain = f"{where}: {float(time[k + 1])!r} does not come after {float(time[k])!r} of the row before"
+    if clock := _other_clock(table, stuck):
+        raise IdentifyError(
+            f"{plain}: time must rise; the column {clock[0]} does, by {clock[1]:.6g} in every row: if that is the "
+            f"time, exchange the names time_s and {clock[0]} in the file's header or in [recordings.rename]"
+        )
     falls = steps[steps < 0.0]
     if len(falls) and not np.any(steps > 0.0):
         raise IdentifyError(f"{plain}: time must rise; it falls in every row: turn the rows around, the last one first")
@@ -80,6 +86,18 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
         "the time between rows if they are even",
         f"[recordings]\nperiod_s = {usual:.6g}",
     )
+
+
+def _other_clock(table: RawTable, stuck: NDArray[np.intp]) -> tuple[str, float] | None:
+    """Return the name and the step of a column that rises as only a time does, where time_s is none; no row number."""
+    if len(stuck) <= max(2, _SHARE * len(table.places)):
+        return None
+    for name, column in zip(table.names, table.columns, strict=True):
+        steps = np.diff(column)
+        usual = float(np.median(steps))
+        if name != "time_s" and usual > 0.0 and usual != 1.0 and float(np.ptp(steps)) < _EVEN * usual:
+            return name, usual
+    return None
 
 
 def _rows(count: int) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
+from firmloop.identify.fitting.evidence import Evidence, unexplained
 from firmloop.identify.recordings.recording import Recording
 
 _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "thousands of seconds": 1e3, "hours": 3600.0}
@@ -18,10 +18,10 @@ _BETTER = 0.4  # of what is not explained on the clock as it is
 def look(evidence: Evidence) -> tuple[str, ...]:
     """Try every unit on the first recording."""
     recording = evidence.recordings[0]
-    plain = _unexplained(evidence, recording)
+    plain = unexplained(evidence, recording)
     if plain is None:
         return ()
-    tried = {unit: _unexplained(evidence, _converted(recording, factor)) for unit, factor in _UNITS.items()}
+    tried = {unit: unexplained(evidence, _converted(recording, factor)) for unit, factor in _UNITS.items()}
     known = {unit: shares for unit, shares in tried.items() if shares is not None}
     if not known:
         return ()
@@ -38,15 +38,6 @@ def look(evidence: Evidence) -> tuple[str, ...]:
 
 def _converted(recording: Recording, factor: float) -> Recording:
     return replace(recording, time=recording.time * factor)
-
-
-def _unexplained(evidence: Evidence, recording: Recording) -> list[float] | None:
-    """Return the share of each output's variance that is not explained, by a scale of the plant as given."""
-    run = run_as_given(evidence.given, recording)
-    if run is None:
-        return None
-    fits = [alike(*pair)[0] for pair in compared(evidence, recording, run)]
-    return [1.0 - max(fit, 0.0) ** 2 for fit in fits]
 
 
 CHECK = Check(
