@@ -49,6 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     open_streams()
     try:
         return _run(argv)
+    except (KeyboardInterrupt, _Stopped):
+        return _ended()
     except BrokenPipeError:
         forget_output()
         return NO_READER
@@ -82,8 +84,6 @@ def _run(argv: Sequence[str] | None) -> int:
         return status
     except (BrokenPipeError, NoRoomError):
         raise
-    except (KeyboardInterrupt, _Stopped):
-        return _ended()
     except Exception as error:
         return _ended() if _stop_within(error) else _failed(error, console)
 
