@@ -29,6 +29,24 @@ def campaign(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def fmu(parser: argparse.ArgumentParser, does: str) -> None:
+    """Ask for an FMU, and for what it calls our signals."""
+    parser.add_argument(
+        "--fmu",
+        type=Path,
+        metavar="FILE.fmu",
+        help=f"{does}; it is a program, and runs with your rights",
+    )
+    parser.add_argument(
+        "--wire",
+        type=wire,
+        action="append",
+        default=[],
+        metavar="SIGNAL=VARIABLE",
+        help="what the FMU calls a signal, where it has another name; may be repeated",
+    )
+
+
 def watched(parser: argparse.ArgumentParser) -> None:
     """Ask where a controller runs, and what of it to watch."""
     parser.add_argument(
@@ -73,6 +91,14 @@ def steps(text: str) -> int:
 def seed(text: str) -> int:
     """Read the seed of a random generator."""
     return whole(text, 0, 2**63 - 1)
+
+
+def wire(text: str) -> tuple[str, str]:
+    """Read SIGNAL=VARIABLE."""
+    signal, _, variable = text.partition("=")
+    if not signal.strip() or not variable.strip():
+        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not like speed_rad_s=motor.w")
+    return signal.strip(), variable.strip()
 
 
 def setting(text: str) -> tuple[str, float, float]:

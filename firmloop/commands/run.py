@@ -21,6 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Ask for the project, the folder of the results, where to verify, and where to file the evidence."""
     ask.project_and_place(parser, "DIR")
     ask.campaign(parser)
+    ask.fmu(parser, "closes the loop in the place of the fitted plant")
     parser.add_argument(
         "--evidence",
         type=ask.place,
@@ -46,7 +47,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     before = None if place is None else filed(place)
     with results_folder(arguments.out, VERDICTS) as folder:
         asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port}
-        made = walk(project, targets=targets, **asked, stage=progress, tell=lambda noun: tell_noun(console, noun))
+        plant = {"fmu": arguments.fmu, "wires": dict(arguments.wire)}
+        made = walk(
+            project, targets=targets, **asked, **plant, stage=progress, tell=lambda noun: tell_noun(console, noun)
+        )
         with progress("writing the report"):
             files = made.files(arguments.out)
         write_files(files, folder)

@@ -18,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask.project_and_place(parser, "FILE.csv")
     parser.add_argument("recording", type=Path, metavar="RECORDING", help="the recording whose input is taken")
     parser.add_argument("--fit-initial", action="store_true", help="fit the initial state instead of starting at rest")
+    ask.fmu(parser, "predicts in the place of the equations of [plant], or without one")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -31,7 +32,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if os.path.realpath(out) == os.path.realpath(arguments.recording):
         raise ProjectError(f"--out {out}: is the recording itself; choose another file")
     start = as_recorded if arguments.fit_initial else at_rest
-    made = simulate(project, arguments.recording, start=start, stage=progress)
+    plant = {"fmu": arguments.fmu, "wires": dict(arguments.wire)}
+    made = simulate(project, arguments.recording, start=start, **plant, stage=progress)
     made.save(out)
     console.lines([f"note: {note}" for note in (*made.measured.notes, *made.predicted.notes)])
     written(console, out.parent, [out.name])

@@ -28,9 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--growth", type=_percent, default=2.0, metavar="PERCENT", help="that a cost may grow by (default 2)"
     )
-    parser.add_argument(
-        "--fmu", type=Path, metavar="FILE.fmu", help="closes the loop in the place of the equations of [plant]"
-    )
+    ask.fmu(parser, "closes the loop in the place of the equations of [plant], or without one")
     parser.add_argument("--junit", type=ask.place, metavar="FILE", help="a JUnit report for continuous integration")
     parser.add_argument(
         "--sarif", type=ask.place, metavar="FILE", help="a SARIF report, with what static checks find in the C"
@@ -68,9 +66,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             save_report(text, arguments.sarif, "--sarif")
 
     with results_folder(arguments.out, VERDICTS) as folder:
-        asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port, "fmu": arguments.fmu}
+        asked = {"steps": arguments.steps, "seed": arguments.seed, "port": arguments.port}
+        plant = {"fmu": arguments.fmu, "wires": dict(arguments.wire)}
         try:
-            made = verify(project, targets=targets, **asked, stage=progress, tell=lambda noun: tell_noun(console, noun))
+            made = verify(
+                project, targets=targets, **asked, **plant, stage=progress, tell=lambda noun: tell_noun(console, noun)
+            )
         except ToolError as error:
             report(None, [Outcome(target, None, str(error)) for target in targets], ())
             raise

@@ -10,6 +10,7 @@ from firmloop.door.design import Designed, design
 from firmloop.door.generate import Code, generate_for
 from firmloop.door.identify import Identified, identify
 from firmloop.door.verify import SEED, STEPS, Tell, Verified, check_targets, silent, verify_for
+from firmloop.identify.simulation.fmu_plant import fmu_of
 from firmloop.output import VERDICTS, save_over
 from firmloop.presentation.notebook import notebook
 from firmloop.presentation.report import Walk, report, walk_sections
@@ -68,6 +69,8 @@ def run(
     steps: int = STEPS,
     seed: int = SEED,
     port: str | None = None,
+    fmu: str | Path | None = None,
+    wires: Mapping[str, str] | None = None,
     stage: Stage = quietly,
     tell: Tell = silent,
 ) -> Run:
@@ -77,8 +80,8 @@ def run(
     ----------
     project
         with `[recordings]`, `[plant]`, `[controller]`, `[signals]` and `[arithmetic]`
-    targets, steps, seed, port
-        as `verify` takes them
+    targets, steps, seed, port, fmu, wires
+        as `verify` takes them: an FMU closes the loop in the place of the fitted plant
     tell
         called with each noun as soon as it is there: Identified, Designed, Code, Tracking, Outcome
 
@@ -92,7 +95,7 @@ def run(
         when the C compiler that the simulator needs is not installed.
     """
     require(project, "recordings", "plant", "controller", "signals", "arithmetic")
-    campaign = Campaign(campaign_targets(project, targets), steps, seed, port)
+    campaign = Campaign(campaign_targets(project, targets), steps, seed, port, fmu_of(fmu, wires))
     check_targets(project, campaign)
     identified = identify(project, stage=stage)
     tell(identified)

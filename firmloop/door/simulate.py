@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from firmloop.identify.recordings.recording import Recording, write_recording
+from firmloop.identify.simulation.fmu_plant import fmu_of
 from firmloop.identify.units import unit_of
 from firmloop.output import results_file
 from firmloop.presentation.figures import CurvePair, comparison_figure
 from firmloop.presentation.notebook import notebook
 from firmloop.project.project import Project, require
+from firmloop.project.table import ProjectError
 from firmloop.stages import prediction
 from firmloop.stages.data import read_as_named
 from firmloop.stages.prediction import Start, as_recorded, at_rest
@@ -53,28 +56,45 @@ class Simulated:
 
 
 def simulate(
-    project: Project, recording: str | os.PathLike[str], *, start: Start = at_rest, stage: Stage = quietly
+    project: Project,
+    recording: str | os.PathLike[str],
+    *,
+    start: Start = at_rest,
+    fmu: str | Path | None = None,
+    wires: Mapping[str, str] | None = None,
+    stage: Stage = quietly,
 ) -> Simulated:
     """Predict every output of a recording from its input column alone.
 
     Parameters
     ----------
     project
-        with `[plant]`; `[recordings]` says how columns are named, where it is there
+        with `[plant]`, unless there is an FMU; `[recordings]` says how columns are named, where it is there
     recording
         the file, as `[recordings]` takes it
     start
         `firmloop.at_rest`, at the first recorded position, or `firmloop.as_recorded`, which fits the initial state
+    fmu, wires
+        a co-simulation FMU in the place of the equations of `[plant]`, from its own start, or without one; and, by our
+        column, what it calls those that it has under another name. A variable with a unit is converted. It is a
+        program of whoever made it, and runs in this process
 
     Raises
     ------
     ProjectError
         when a part of the project is missing or wrong.
     IdentifyError
-        when the recording cannot be used.
+        when the recording or the FMU cannot be used.
     ToolError
-        when the C compiler that the simulator needs is not installed.
+        when the C compiler that the simulator needs, or FMPy, is not installed.
     """
+    given = fmu_of(fmu, wires)
+    if given is not None:
+        if start is as_recorded:
+            raise ProjectError(f"--fit-initial: {given.file.name} begins where its maker has it begin; leave it out")
+        read = read_as_named(project, Path(recording))
+        with stage("simulating"):
+            return Simulated(read, *prediction.predicted_by(given, project, read))
     require(project, "plant")
     read = read_as_named(project, Path(recording))
     assert project.plant is not None, "require() has seen to it"

@@ -9,18 +9,21 @@ from pathlib import Path
 from firmloop.codegen.target import load_target
 from firmloop.door.generate import Code, generate
 from firmloop.identify.simulation.compiler import ToolError
+from firmloop.identify.simulation.fmu_plant import fmu_of
 from firmloop.output import VERDICTS, save_over
 from firmloop.presentation.documents import as_json
 from firmloop.presentation.figures import LIMIT, search_figure
 from firmloop.presentation.notebook import notebook
 from firmloop.presentation.sections import targets_section, verdict_cards
 from firmloop.project.project import Campaign, Project, campaign_targets
+from firmloop.project.table import ProjectError
 from firmloop.stages.baseline import cost_document
 from firmloop.stages.data import Data, available_data, recorded_inputs
+from firmloop.stages.loops import check_fmu
 from firmloop.stages.plant import located
 from firmloop.stages.progress import Stage, quietly
 from firmloop.stages.tracking import Tracking, tracking
-from firmloop.stages.verification import Outcome, check_fmu, try_here, verify_target
+from firmloop.stages.verification import Outcome, try_here, verify_target
 from firmloop.verify.trial import Trial
 from firmloop.verify.verdict import Verdict
 
@@ -83,6 +86,7 @@ def verify(
     seed: int = SEED,
     port: str | None = None,
     fmu: str | Path | None = None,
+    wires: Mapping[str, str] | None = None,
     stage: Stage = quietly,
     tell: Tell = silent,
 ) -> Verified:
@@ -100,8 +104,10 @@ def verify(
         of the noise stimuli
     port
         where the board is, such as /dev/ttyACM0, COM3, socket://host:port
-    fmu
-        a co-simulation FMU that closes the loop in the place of the equations of `[plant]`, whose names it bears
+    fmu, wires
+        a co-simulation FMU that closes the loop in the place of the equations of `[plant]`, or without one; and, by
+        our signal, what it calls those that it has under another name: the plant's, or the controller's. A variable
+        with a unit is converted. It is a program of whoever made it, and runs in this process
     tell
         called with each noun as soon as it is there: Code, Tracking, Outcome
 
@@ -115,8 +121,7 @@ def verify(
         when no target could be run.
     """
     project = source if isinstance(source, Project) else source.project
-    where = Path(fmu) if fmu is not None else None
-    campaign = Campaign(campaign_targets(project, targets), steps, seed, port, fmu=where)
+    campaign = Campaign(campaign_targets(project, targets), steps, seed, port, fmu_of(fmu, wires))
     check_targets(project, campaign)
     if isinstance(source, Project):
         source = generate(source, stage=stage)
@@ -128,10 +133,17 @@ def verify(
 
 
 def check_targets(project: Project, campaign: Campaign) -> None:
-    """Read every target's file before minutes of work, so that a wrong one is told at once."""
+    """Read every target's file, and what an FMU says of itself, before minutes of work: a wrong one is told at once."""
     with located(project):
-        for name in campaign.targets:
-            load_target(name)
+        targets = [load_target(name) for name in campaign.targets]
+    if campaign.fmu is None:
+        return
+    if all("library" in target.links for target in targets):
+        raise ProjectError(
+            f"{project.path}: the loop is closed on emulated cores and on boards, and {', '.join(campaign.targets)} is "
+            "none: name one with --target, such as qemu_mps2_an386"
+        )
+    campaign.fmu.ends()
 
 
 def verify_for(campaign: Campaign, code: Code, data: Data, stage: Stage, tell: Tell) -> Verified:
@@ -139,7 +151,7 @@ def verify_for(campaign: Campaign, code: Code, data: Data, stage: Stage, tell: T
     project, design, generated = code.project, code.design, code.generated
     found, why = None, ""
     if campaign.fmu is not None:
-        check_fmu(project, design, code.plant, campaign, campaign.fmu)
+        check_fmu(campaign.fmu, project, design, code.plant)
     with stage("following a wave"):
         try:
             found = tracking(project, design, generated.program, code.plant)

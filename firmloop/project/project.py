@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from firmloop.codegen.bundle import CodegenError
 from firmloop.codegen.names import check_identifier
@@ -20,6 +21,9 @@ from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, ProjectTable, read_table
 from firmloop.quantize.lower.words import ROUNDINGS
 from firmloop.quantize.word_length import Allowed
+
+if TYPE_CHECKING:
+    from firmloop.identify.simulation.fmu_plant import Fmu
 
 SCHEMA = 1
 MAX_ERROR = "max_error_"  # and the unit of an output
@@ -96,9 +100,7 @@ class Campaign:
     steps: int
     seed: int
     port: str | None
-    baseline: Path | None = None  # an older cost.json or verdict.json that the costs are compared with
-    growth: float = 2.0  # % by which a cost may exceed it
-    fmu: Path | None = None  # closes the loop in the place of the plant's equations
+    fmu: Fmu | None = None  # closes the loop in the place of the plant's equations
 
 
 def campaign_targets(project: Project, asked: Sequence[str]) -> tuple[str, ...]:

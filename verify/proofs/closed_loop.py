@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.stepped import SteppedPlant
-from firmloop.quantize.program import Program
+from firmloop.quantize.program import Program, Value
 from firmloop.verify.compare import record_type
 from firmloop.verify.link import Link
 from firmloop.verify.reference import Raw, element_type, start_parameters
@@ -53,15 +53,33 @@ class PlantLoop:
 
     `roles` are the controller's inputs for the reference and for the plant's first output, empty where nothing has it;
     `others` further inputs, each with the number of the output that it carries. What is none of these reads zero.
-    `begin` makes of plant and period what moves: the plant's own equations, or what `says` names in their place.
+    What moves is the plant by its own equations, or what `begin` makes of a period, s, and `says` names: then there may
+    be no plant, and every output of the controller drives it.
     """
 
-    plant: Plant
+    plant: Plant | None
     reference: Array  # one value a step, in its unit
     roles: tuple[str, str]
     others: tuple[tuple[str, int], ...] = ()
-    begin: Callable[[Plant, float], Stepped] = SteppedPlant
+    begin: Callable[[float], Stepped] | None = None
     says: str = EQUATIONS
+
+    def start(self, period: float) -> Stepped:
+        """Return what moves, from rest, with a period in s.
+
+        Raises
+        ------
+        IdentifyError
+            when it cannot be moved step by step.
+        """
+        if self.begin is not None:
+            return self.begin(period)
+        assert self.plant is not None, "what has no plant says how it begins"
+        return SteppedPlant(self.plant, period)
+
+    def driven_by(self, program: Program) -> tuple[Value, ...]:
+        """Return the controller's outputs that drive it."""
+        return program.outputs if self.plant is None else program.outputs[: len(self.plant.inputs)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +106,7 @@ def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
 
     A plant that grows without bound ends the run there.
     """
-    model, reference = loop.begin(loop.plant, program.period), loop.reference
+    model, reference = loop.start(program.period), loop.reference
     kind = record_type(program)
     row = np.dtype([(value.name, element_type(value.number)) for value in (*program.inputs, *program.parameters)])
     inputs = {value.name: value for value in program.inputs}
@@ -101,7 +119,7 @@ def close_loop(program: Program, loop: PlantLoop, link: Link) -> LoopRun:
     sent = np.zeros(1, dtype=row)
     for parameter, default in zip(program.parameters, start_parameters(program), strict=True):
         sent[parameter.name] = default
-    driving = program.outputs[: len(loop.plant.inputs)]
+    driving = loop.driven_by(program)
     first = driving[0]
     link.reset()
     for k in range(steps):

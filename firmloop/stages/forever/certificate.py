@@ -23,7 +23,7 @@ from firmloop.project.project import Project
 from firmloop.quantize.program import Program
 from firmloop.stages.forever.equations import NoCertificateError, equations
 from firmloop.stages.forever.rest import settled
-from firmloop.stages.verification import loop_of
+from firmloop.stages.loops import loop_of
 from firmloop.verify.proofs.claims import Claims, ProofError
 from firmloop.verify.proofs.closed_loop import PlantLoop
 from firmloop.verify.proofs.forever.check import Followed, follow, plant_of_part
@@ -60,17 +60,17 @@ def certificate(project: Project, designed: Design, plant: Plant | None, program
         if not claims.fixed:
             raise NoCertificateError(f"a certificate is of fixed point, and the program is in {program.arithmetic}")
         loop = loop_of(project, designed, plant)
-        if loop is None:
+        if loop is None or loop.plant is None:
             raise NoCertificateError("the project has no plant whose loop this controller closes")
-        return _certified(program, claims, loop)
+        return _certified(program, claims, loop, loop.plant)
     except (NoCertificateError, ProofError) as error:
         return {"schema": 1, "program_id": program.id, "found": False, "why": str(error)}
 
 
-def _certified(program: Program, claims: Claims, loop: PlantLoop) -> dict[str, object]:
-    draft = _draft(program, loop)
+def _certified(program: Program, claims: Claims, loop: PlantLoop, plant: Plant) -> dict[str, object]:
+    draft = _draft(program, loop, plant)
     whole = tuple((Fraction(row["low"]), Fraction(row["high"])) for row in draft["plant"]["parameters"])
-    modes = _modes(loop.plant)
+    modes = _modes(plant)
     size = len(modes)
     box_texts = [[row["low"], row["high"]] for row in draft["plant"]["parameters"]]
     first = {
@@ -130,7 +130,7 @@ def _written(part: ShownPart) -> dict[str, object]:
     }
 
 
-def _draft(program: Program, loop: PlantLoop) -> dict[str, Any]:
+def _draft(program: Program, loop: PlantLoop, plant: Plant) -> dict[str, Any]:
     """Return the document without bounds and parts."""
     told, measured = loop.roles
     wires = {**({measured: 0} if measured else {}), **dict(loop.others)}
@@ -143,11 +143,11 @@ def _draft(program: Program, loop: PlantLoop) -> dict[str, Any]:
         "schema": 1,
         "program_id": program.id,
         "found": True,
-        "plant": equations(loop.plant),
+        "plant": equations(plant),
         "wires": {
             "reference": told or None,
             "measured": wires,
-            "drives": [value.name for value in program.outputs[: len(loop.plant.inputs)]],
+            "drives": [value.name for value in loop.driven_by(program)],
         },
         "rest_reference": _text(at_rest),
         "reach": "0",
