@@ -176,6 +176,14 @@ def changed(made, **columns: Callable[[Array], Array]):
     return table, time, {name: columns.get(name, lambda v: v)(v) for name, v in held_columns.items()}
 
 
+def exchanged(made, one: str, other: str):
+    """Give two columns each other's name, the time among them."""
+    table, time, columns = made
+    held = {"time_s": time, **columns}
+    held[one], held[other] = held[other], held[one]
+    return table, held.pop("time_s"), held
+
+
 def retimed(made, factor: float):
     table, time, columns = made
     return table, factor * time, columns
@@ -241,6 +249,8 @@ FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     "dry friction": (lambda r: motor(r, friction=8e-3), ("structure", "rest")),
     "valve bends": (lambda r: bent(swing(r)), ("structure", "rest")),
     "an order is missing": (lambda r: too_simple(swing(r)), ("structure",)),
+    "speed and current exchanged": (lambda r: exchanged(motor(r), "speed_rad_s", "current_A"), ("swapped",)),
+    "input and output exchanged": (lambda r: exchanged(heater(r), "heater_percent", "temperature_C"), ("swapped",)),
 }  # fmt: skip
 
 

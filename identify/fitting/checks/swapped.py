@@ -13,7 +13,7 @@ from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 
 _POOR = 0.3  # share of an output's variance that is not explained as the columns are
-_ALIKE = 0.9  # correlation of every output with the plant as given, once they are exchanged
+_ALIKE = 0.8  # correlation of every output with the plant as given, once they are exchanged
 _BETTER = 0.4  # of what is not explained as the columns are
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.host.identify_faults import heater, motor, stage, swing
+from bench.host.identify_faults import exchanged, heater, motor, stage, swing
 from firmloop.cli import main
 from tests.firmloop.columns.test_identify_says import identified, seeded, written
 
@@ -18,13 +18,6 @@ PAIRS = [
     (motor, "voltage_V", "current_A"),
     (stage, "force_N", "position_m"),
 ]
-
-
-def exchanged(made, one: str, other: str):
-    table, time, columns = made
-    held = {"time_s": time, **columns}
-    held[one], held[other] = held[other], held[one]
-    return table, held.pop("time_s"), held
 
 
 @pytest.mark.parametrize(("make", "one", "other"), PAIRS)
