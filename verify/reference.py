@@ -100,7 +100,7 @@ class Machine:
                     self.constants[slot] = kind.type(argument)
                     places.append(slot)
             self.steps.append((operation.run, self._slot(op.result.name), tuple(places), tuple(shifts)))
-            self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), *shifts[:1]))
+            self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), tuple(shifts)))
         self.compilable = not (program.tables or program.routines) and runs(kind, [step.function for step in self.rows])
         self.inputs = [self.slots[f"in.{v.name}"] for v in program.inputs]
         self.state = [self.slots[f"self.{v.name}"] for v in program.state]

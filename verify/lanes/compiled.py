@@ -13,24 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.simulation.compiler import ToolError, shared_library
-from firmloop.verify.lanes.codes import CODES, REAL, WHOLE
+from firmloop.verify.lanes.codes import known
 
 Raw = NDArray[Any]
 FLAGS = ("-std=c99", "-O3", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
-FUNCTIONS = {"i8": "lanes_i64", "f4": "lanes_f32", "f8": "lanes_f64"}
-KINDS = ("i2", "i4", "i8", "f4", "f8", "u4")  # the last one of status words, which are always whole
+FUNCTIONS = {"i8": "lanes_i64", "f4": "lanes_f32", "f8": "lanes_f64", "f16": "lanes_long"}
+KINDS = ("i2", "i4", "i8", "f4", "f8", "f16", "u4")  # the last one of status words, which are always whole
 WIDTH = 128  # lanes of a row, as in lanes.c
-_SOURCES = ("lanes.c", "steps.h")
+_SOURCES = ("lanes.c", "steps.h", "curved.h", "elementary.h")
 
 
 @dataclass(frozen=True, slots=True)
 class RowStep:
-    """An operation on rows: its name, the row it writes, those it reads, and a shift where it has one."""
+    """An operation on rows: its name, the row it writes, those it reads, and its literal integers."""
 
     function: str
     target: int
     places: tuple[int, ...]
-    shift: int = 0
+    whole: tuple[int, ...] = ()
 
 
 class _Plan(ctypes.Structure):
@@ -85,9 +85,9 @@ class Compiled:
         bits: Sequence[tuple[int, int]] = (),
         tuned: int = 0,
     ) -> None:
-        known = CODES | (WHOLE if kind.kind == "i" else REAL)
-        rows = [(known[s.function], s.target, *s.places, *[0] * (4 - len(s.places)), s.shift) for s in steps]
-        lists = [np.array(rows, np.int32).reshape(-1, 7), *(np.array(x, np.int32) for x in (inputs, states, following))]
+        codes = known(kind)
+        rows = [(codes[s.function], s.target, *_filled(s.places, 4), *_filled(s.whole, 2)) for s in steps]
+        lists = [np.array(rows, np.int32).reshape(-1, 8), *(np.array(x, np.int32) for x in (inputs, states, following))]
         lists += [np.array(results, np.int32), np.array(bits, np.int32).reshape(-1, 2)]
         self._lists = lists  # the plan points into them
         at = [x.ctypes.data for x in lists]
@@ -142,4 +142,8 @@ def _array(x: Raw | None) -> _Array:
 
 def runs(kind: np.dtype[Any], functions: Sequence[str]) -> bool:
     """Tell whether the compiled code knows all these operations on numbers of a kind."""
-    return kind.str[1:] in FUNCTIONS and set(functions) <= (CODES | (WHOLE if kind.kind == "i" else REAL)).keys()
+    return kind.str[1:] in FUNCTIONS and set(functions) <= known(kind).keys()
+
+
+def _filled(given: tuple[int, ...], count: int) -> tuple[int, ...]:
+    return (*given, *[0] * (count - len(given)))

@@ -9,6 +9,7 @@ static void JOIN(load_, KIND)(const array_t *from, int64_t step, int64_t column,
     case INT32: COPY(NUMBER, row[k], ((const int32_t *)from->first)[at + k * by]);
     case INT64: COPY(NUMBER, row[k], ((const int64_t *)from->first)[at + k * by]);
     case FLOAT: COPY(NUMBER, row[k], ((const float *)from->first)[at + k * by]);
+    case LONG: COPY(NUMBER, row[k], ((const long double *)from->first)[at + k * by]);
     default: COPY(NUMBER, row[k], ((const double *)from->first)[at + k * by]);
     }
 }
@@ -22,6 +23,7 @@ static void JOIN(keep_, KIND)(const array_t *to, int64_t step, int64_t column, i
     case INT32: COPY(int32_t, ((int32_t *)to->first)[at + k * by], row[k]);
     case INT64: COPY(int64_t, ((int64_t *)to->first)[at + k * by], row[k]);
     case FLOAT: COPY(float, ((float *)to->first)[at + k * by], row[k]);
+    case LONG: COPY(long double, ((long double *)to->first)[at + k * by], row[k]);
     default: COPY(double, ((double *)to->first)[at + k * by], row[k]);
     }
 }
@@ -62,7 +64,7 @@ void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t 
                 const NUMBER *c = ROW(op->places[2]);
                 NUMBER *t = ROW(op->target);
 #if WHOLE
-                const int32_t s = op->shift;
+                const int32_t s = op->whole[0], z = op->whole[1];
 #else
                 const NUMBER *d = ROW(op->places[3]);
 #endif
@@ -93,6 +95,11 @@ void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t 
                 EACH(22, a[k] << s)                                          /* shl */
                 EACH(23, (int64_t)((uint64_t)a[k] << (32 + s)) >> (32 + s))  /* wrap */
                 EACH(32, a[k] + ((b[k] * c[k] + ((int64_t)1 << 31)) >> 32))  /* mul_add */
+                EACH(33, turn(a[k], s, z))                                   /* turn */
+                EACH(34, turn_sine(a[k]))                                    /* turn_sine */
+                EACH(35, turn_cosine(a[k]))                                  /* turn_cosine */
+                EACH(36, whole_root(a[k], s))                                /* whole_root */
+                EACH(37, inverse(a[k], s, z))                                /* inverse */
 #else
                 EACH(24, a[k] / b[k])                                        /* div */
                 EACH(25, (a[k] >= b[k]) ? ((a[k] > c[k]) ? 1 : 0) : 1)       /* outside */
@@ -101,7 +108,19 @@ void JOIN(lanes_, KIND)(const plan_t *plan, NUMBER *rows, NUMBER *kept, int64_t 
                 EACH(28, (a[k] - a[k]) * b[k])                               /* nought */
                 EACH(29, (a[k] != 0 && b[k] != b[k]) ? 1 : 0)                /* none_where */
                 EACH(30, ((a[k] - a[k]) != (a[k] - a[k])) ? 1 : 0)           /* lost */
-                EACH(31, (NUMBER)fabs((double)a[k]))                         /* magnitude */
+                EACH(31, REAL(fabs)(a[k]))                                   /* magnitude */
+                EACH(43, REAL(sin)(a[k]))                                    /* true_sin */
+                EACH(44, REAL(cos)(a[k]))                                    /* true_cos */
+                EACH(45, REAL(exp)(a[k]))                                    /* true_exp */
+                EACH(46, REAL(tanh)(a[k]))                                   /* true_tanh */
+                EACH(47, REAL(sqrt)(a[k]))                                   /* true_sqrt */
+#ifdef WORD
+                EACH(38, JOIN(wave_, KIND)(a[k], 0))                         /* sin */
+                EACH(39, JOIN(wave_, KIND)(a[k], 1))                         /* cos */
+                EACH(40, JOIN(power_, KIND)(a[k]))                           /* exp */
+                EACH(41, JOIN(bent_, KIND)(a[k]))                            /* tanh */
+                EACH(42, JOIN(root_, KIND)(a[k]))                            /* sqrt */
+#endif
 #endif
                 default:
                     return;
