@@ -137,13 +137,21 @@ class Machine:
         ends = (self.inputs, self.state, self.next, self.results, self.status)
         return Compiled(code, working_type(self.program), self.rows, self.constants, *ends, len(self.program.tunable))
 
-    def watch(self, names: Sequence[str]) -> Callable[[list[Raw], list[Raw]], list[Any]]:
-        """Return what computes one sample of every lane, as `step` does, but perhaps only the values of these names."""
+    def asked(self, names: Sequence[str]) -> Compiled | None:
+        """Return what computes the values of these names in compiled code; None where that does not know it all."""
         code = library() if self.compilable else None
         if code is None:
+            return None
+        slots, following = [self.slots[name] for name in names], self.next or self.state
+        kind = working_type(self.program)
+        return Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, following, slots)
+
+    def watch(self, names: Sequence[str]) -> Callable[[list[Raw], list[Raw]], list[Any]]:
+        """Return what computes one sample of every lane, as `step` does, but perhaps only the values of these names."""
+        ready = self.asked(names)
+        if ready is None:
             return self.step
         slots, kind = [self.slots[name] for name in names], working_type(self.program)
-        ready = Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, self.state, slots)
 
         def watched(inputs: list[Raw], state: list[Raw]) -> list[Any]:
             found = ready.results(np.stack(inputs)[None], np.array(state, dtype=kind))

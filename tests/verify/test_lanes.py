@@ -14,7 +14,7 @@ from firmloop.verify.lanes.compiled import Compiled, RowStep, library
 from firmloop.verify.lanes.laws import SAME, compiled_law
 from firmloop.verify.reference import Raw, Trace, run
 from firmloop.verify.stimuli.settings import requests
-from firmloop.verify.stimuli.stimuli import characters
+from firmloop.verify.stimuli.stimuli import characters, stimuli
 from tests.laws import FULL, pid, random_law
 
 ONE = ("copy", "neg", "abs", "not", "none", "lost", "magnitude", "shr", "high", "asr", "high_down", "shl", "wrap")
@@ -135,3 +135,15 @@ def test_a_law_runs_on_its_own_state_as_numpy_has_it() -> None:
         state = [np.broadcast_to(x, 300) for x in following]
         for one, other in zip(found[k], outputs, strict=True):
             same(one, other)
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_stimuli_meet_the_same_edges_with_compiled_code_and_without(
+    arithmetic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = kinds()["sensorless_speed"]
+    program = lower(kind.design(kind.example).law, arithmetic)
+    quick = stimuli(program, [], 3000, 1)
+    monkeypatch.setattr(reference, "library", lambda: None)
+    for one, other in zip(quick, stimuli(program, [], 3000, 1), strict=True):
+        assert one.inputs.tobytes() == other.inputs.tobytes(), one.name

@@ -42,6 +42,28 @@ typedef struct {
     int64_t lane;
 } array_t;
 
+/* How an input is read: times a factor, rounded and limited. */
+typedef struct {
+    double factor;
+    double least;
+    double most;
+} scale_t;
+
+/* Of every lane two places of its inputs, an element an input, and on which side of an edge the first one is. */
+typedef struct {
+    const double *begin;
+    const double *there;
+    const uint8_t *odd; /* there what is on the edge counts as below it */
+    const uint8_t *side;
+    const uint8_t *alike; /* the value at the other place is on the same side */
+    const scale_t *scales;
+    double limit; /* of the value, where no row is it */
+    double every;
+    int64_t halvings;
+    double *near; /* how far on the way the last two places are */
+    double *far;
+} way_t;
+
 enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 
 #define ROW(place) (rows + (int64_t)(place) * WIDTH)
@@ -67,6 +89,7 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 #define KIND i64
 #define WHOLE 1
 #include "steps.h"
+#include "halving.h"
 #undef NUMBER
 #undef KIND
 #undef WHOLE
@@ -79,6 +102,7 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 #define REAL(name) name##f
 #include "elementary.h"
 #include "steps.h"
+#include "halving.h"
 #undef NUMBER
 #undef KIND
 #undef WORD
@@ -92,6 +116,7 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 #define REAL(name) name
 #include "elementary.h"
 #include "steps.h"
+#include "halving.h"
 #undef NUMBER
 #undef KIND
 #undef WORD

@@ -43,7 +43,9 @@ def measure_rounding(
     A step of the law is computed in float64; in this machine's long double where the program is in float64, else
     nothing would be seen.
     """
-    real: np.dtype[Any] = np.dtype(np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64)
+    real: np.dtype[Any] = np.dtype(
+        np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
+    )
     graph = law_graph(law)
     means, free = _compiled(law, graph, real) or evaluator(graph), _Free(law, graph)
     drift = np.zeros(len(program.outputs))
