@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -161,6 +162,17 @@ class Machine:
             return values
 
         return watched
+
+    @cached_property
+    def after(self) -> Callable[[list[Raw], list[Raw]], list[Raw]]:
+        """What computes the state after one sample of every lane, one array (lanes,) per variable."""
+        watched = self.watch([a.source for a in self.program.next_state])
+
+        def after(inputs: list[Raw], state: list[Raw]) -> list[Raw]:
+            with np.errstate(all="ignore"):
+                return self.following(watched(inputs, state), len(inputs[0]))
+
+        return after
 
     def following(self, values: list[Any], lanes: int) -> list[Raw]:
         """Return the state after a step, one array (lanes,) per variable."""

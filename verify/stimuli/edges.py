@@ -148,9 +148,12 @@ def _missed(
     which: NDArray[np.int64],
 ) -> Array:
     """Return how far above its edge `which` each lane's value is after one sample."""
-    slots = machine.step(inputs, state)
-    above = np.stack([np.broadcast_to(edge.above(machine, slots), len(which)) for edge in wanted])
-    return np.asarray(above[which, np.arange(len(which))])
+    asked, found = machine.watch([name for edge in wanted for name in edge.names()]), np.empty(len(which))
+    for part in parts(len(which)):
+        slots = asked([x[part] for x in inputs], [x[part] for x in state])
+        for j, edge in enumerate(wanted):
+            found[part] = np.where(which[part] == j, edge.above(machine, slots), found[part])
+    return found
 
 
 def drawn(random: np.random.Generator, spans: list[tuple[float, float]], lanes: int, length: int) -> Array:
@@ -214,7 +217,7 @@ def to_an_edge(
         """Tell of limits (rows) and lanes of a part how far above them the value is."""
         now = [x[part] for x in state]
         for later in range(wait):
-            now = after(machine, row(program, noise[part, at + later] if later else inputs, kind), now)
+            now = machine.after(row(program, noise[part, at + later] if later else inputs, kind), now)
         slots = asking(row(program, noise[part, at + wait] if wait else inputs, kind), now)
         return np.stack([np.broadcast_to(edge.above(names, slots), len(inputs)) for edge in asked])
 
@@ -295,14 +298,7 @@ def state_before(program: Program, machine: Machine, noise: Array) -> list[Raw]:
     for part in parts(len(noise)) if noise.shape[1] else ():
         state = [x[part] for x in whole]
         for k in range(noise.shape[1]):
-            state = after(machine, row(program, noise[part, k], kind), state)
+            state = machine.after(row(program, noise[part, k], kind), state)
         for x, held in zip(whole, state, strict=True):
             x[part] = held
     return whole
-
-
-def after(machine: Machine, inputs: list[Raw], state: list[Raw]) -> list[Raw]:
-    """Return the state after one sample."""
-    with np.errstate(all="ignore"):
-        values = machine.step(inputs, state)
-    return machine.following(values, len(inputs[0]))
