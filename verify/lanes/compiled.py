@@ -34,7 +34,7 @@ class RowStep:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Ways:
     """Two places of the inputs of each lane, in their units, and on which side of an edge the first one is.
 
     `begin` and `there` are (lanes, m) in float64; `odd` (lanes,) tells where what is on the edge counts as below it,
@@ -160,7 +160,7 @@ class Compiled:
         run = getattr(self._code, f"lanes_{self._end}")
         run(ctypes.byref(self._plan), rows, kept, *sizes, ends, *[ctypes.byref(_array(x)) for x in arrays])
 
-    def halved(self, way: Way, limit: float, every: float, behind: Raw, state: Raw) -> tuple[Raw, Raw]:
+    def halved(self, way: Ways, limit: float, every: float, behind: Raw, state: Raw) -> tuple[Raw, Raw]:
         """Return how far on the way of each lane the last two places are between which a value passes its edge.
 
         The value is the first result. Its limit is the second one, or `limit` where there is only one; see `Edge` of

@@ -23,7 +23,7 @@ from firmloop.verify.stimuli.edges import (
     row,
     short,
     spans_of,
-    state_before,
+    state_behind,
     to_an_edge,
 )
 
@@ -98,16 +98,20 @@ def _about(program: Program, random: np.random.Generator, crossing: Crossing, le
     machine = Machine(program)
     low, high = np.transpose(spans)
     for wait in range(min(WAIT, crossing.at) + 1):
-        at = crossing.at - wait
-        inputs = random.uniform(low, high, size=(lanes, length, len(spans)))
-        inputs[:, : crossing.at + 1] = crossing.drive[: crossing.at + 1]
-        early = inputs[:, max(0, at - VARIED) : at]
+        first = max(0, crossing.at - wait - VARIED)  # up to which all lanes are one
+        at, driven = crossing.at - wait - first, crossing.drive[first : crossing.at + 1]
+        inputs = np.repeat(driven[None], lanes, axis=0)
+        early = inputs[:, :at]
         early += AMOUNT * (high - low) * random.uniform(-1.0, 1.0, size=early.shape)
-        inputs[:, max(0, at - VARIED) : at] = np.clip(early, low, high)
-        state = state_before(program, machine, inputs[:, :at])
+        inputs[:, :at] = np.clip(early, low, high)
+        one = state_behind(program, machine, crossing.drive[None, :first], start_state(program, 1))
+        state = state_behind(program, machine, inputs[:, :at], [np.repeat(x, lanes) for x in one])
         inputs[:, at] = random.uniform(low, high, size=(lanes, len(spans)))
         which, miss = to_an_edge(program, machine, random, inputs, at, state, wanted, wait)
         if np.isfinite(miss).any():
             break
     best = nearest(which, miss, 3 * most)
-    return np.stack([to_raw(v, inputs[best, :, j]) for j, v in enumerate(program.inputs)], axis=-1)
+    begin = np.broadcast_to(crossing.drive[:first], (len(best), first, len(spans)))
+    rest = random.uniform(low, high, size=(len(best), length - crossing.at - 1, len(spans)))
+    found = np.concatenate([begin, inputs[best], rest], axis=1)
+    return np.stack([to_raw(v, found[..., j]) for j, v in enumerate(program.inputs)], axis=-1)

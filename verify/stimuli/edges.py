@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from firmloop.quantize.ops import LIMITS
 from firmloop.quantize.program import Program
-from firmloop.verify.lanes.compiled import Way
+from firmloop.verify.lanes.compiled import Ways
 from firmloop.verify.reference import Machine, Raw, parts, start_state, working_type
 from firmloop.verify.scaling import reading, to_raw
 from firmloop.verify.stimuli.halving import Lanes, halved
@@ -105,13 +105,13 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
         for at, count in ((0, lanes - lanes * 3 // 4), (max(0, length - 2), lanes * 3 // 4)):
             part = noise[: many * count // lanes]
             noise = noise[len(part) :]
-            state = state_before(program, machine, part[:, :at])
+            state = state_behind(program, machine, part[:, :at], start_state(program, len(part)))
             which, miss = to_an_edge(program, machine, random, part, at, state, wanted)
             parents, children = (PARENTS, CHILDREN) if short(program) else (min(PARENTS_LONG, count), CHILDREN_LONG)
             if short(program) or not program.arithmetic.startswith("fixed"):
                 order = np.repeat(nearest(which, miss, parents), children)
                 part, which = _moved(program, random, part[order], at), which[order]
-                state = state_before(program, machine, part[:, :at])
+                state = state_behind(program, machine, part[:, :at], start_state(program, len(part)))
                 miss = _missed(machine, row(program, part[:, at], kind), state, wanted, which)
             kept.append(part[nearest(which, miss, count, random.random(len(miss)))])
         noise = np.concatenate(kept)
@@ -255,7 +255,7 @@ def to_an_edge(
             for some in (own[part] for part in parts(len(own))):
                 begin, side, alike = here[some], sides[0, j, some], ~crossed[j, some]
                 if ready is not None:
-                    way = Way(begin, there[some], odd[some], side, alike, scales, halvings)
+                    way = Ways(begin, there[some], odd[some], side, alike, scales, halvings)
                     behind = np.empty((wait, len(program.inputs), len(some)), kind)
                     for later in range(wait):
                         behind[later] = row(program, noise[some, at + 1 + later], kind)
@@ -292,13 +292,15 @@ def spans_of(program: Program) -> list[tuple[float, float]]:
     return [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
 
 
-def state_before(program: Program, machine: Machine, noise: Array) -> list[Raw]:
-    """Return the state behind the samples of `noise` (lanes, length, m), from what init() sets."""
-    kind, whole = working_type(program), start_state(program, len(noise))
-    for part in parts(len(noise)) if noise.shape[1] else ():
-        state = [x[part] for x in whole]
+def state_behind(program: Program, machine: Machine, noise: Array, state: list[Raw]) -> list[Raw]:
+    """Return the state behind the samples of `noise` (lanes, length, m), from the one before them."""
+    if not noise.shape[1]:
+        return state
+    whole, kind = [x.copy() for x in state], working_type(program)
+    for part in parts(len(noise)):
+        held = [x[part] for x in state]
         for k in range(noise.shape[1]):
-            state = machine.after(row(program, noise[part, k], kind), state)
-        for x, held in zip(whole, state, strict=True):
-            x[part] = held
+            held = machine.after(row(program, noise[part, k], kind), held)
+        for x, now in zip(whole, held, strict=True):
+            x[part] = now
     return whole
