@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,7 @@ class Machine:
                     self.constants[slot] = kind.type(argument)
                     places.append(slot)
             self.steps.append((operation.run, self._slot(op.result.name), tuple(places), tuple(shifts)))
-            self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), *shifts[:1]))
+            self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), tuple(shifts)))
         self.compilable = not (program.tables or program.routines) and runs(kind, [step.function for step in self.rows])
         self.inputs = [self.slots[f"in.{v.name}"] for v in program.inputs]
         self.state = [self.slots[f"self.{v.name}"] for v in program.state]
@@ -137,13 +138,21 @@ class Machine:
         ends = (self.inputs, self.state, self.next, self.results, self.status)
         return Compiled(code, working_type(self.program), self.rows, self.constants, *ends, len(self.program.tunable))
 
-    def watch(self, names: Sequence[str]) -> Callable[[list[Raw], list[Raw]], list[Any]]:
-        """Return what computes one sample of every lane, as `step` does, but perhaps only the values of these names."""
+    def asked(self, names: Sequence[str]) -> Compiled | None:
+        """Return what computes the values of these names in compiled code; None where that does not know it all."""
         code = library() if self.compilable else None
         if code is None:
+            return None
+        slots, following = [self.slots[name] for name in names], self.next or self.state
+        kind = working_type(self.program)
+        return Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, following, slots)
+
+    def watch(self, names: Sequence[str]) -> Callable[[list[Raw], list[Raw]], list[Any]]:
+        """Return what computes one sample of every lane, as `step` does, but perhaps only the values of these names."""
+        ready = self.asked(names)
+        if ready is None:
             return self.step
         slots, kind = [self.slots[name] for name in names], working_type(self.program)
-        ready = Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, self.state, slots)
 
         def watched(inputs: list[Raw], state: list[Raw]) -> list[Any]:
             found = ready.results(np.stack(inputs)[None], np.array(state, dtype=kind))
@@ -153,6 +162,17 @@ class Machine:
             return values
 
         return watched
+
+    @cached_property
+    def after(self) -> Callable[[list[Raw], list[Raw]], list[Raw]]:
+        """What computes the state after one sample of every lane, one array (lanes,) per variable."""
+        watched = self.watch([a.source for a in self.program.next_state])
+
+        def after(inputs: list[Raw], state: list[Raw]) -> list[Raw]:
+            with np.errstate(all="ignore"):
+                return self.following(watched(inputs, state), len(inputs[0]))
+
+        return after
 
     def following(self, values: list[Any], lanes: int) -> list[Raw]:
         """Return the state after a step, one array (lanes,) per variable."""

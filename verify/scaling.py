@@ -17,8 +17,16 @@ def to_raw(value: Value, physical: Array) -> Raw:
     if value.number.kind == "float":
         with np.errstate(over="ignore"):
             return physical.astype(kind)
-    limits = np.iinfo(kind)
-    return np.clip(np.floor(physical * 2.0**value.number.fraction + 0.5), limits.min, limits.max).astype(kind)
+    factor, least, most = reading(value)
+    return np.clip(np.floor(physical * factor + 0.5), least, most).astype(kind)
+
+
+def reading(value: Value) -> tuple[float, float, float]:
+    """Return the factor by which an input in fixed point is read, and the least and the most that its type holds."""
+    if value.number.kind == "float":
+        return 1.0, -np.inf, np.inf
+    limits = np.iinfo(element_type(value.number))
+    return 2.0**value.number.fraction, float(limits.min), float(limits.max)
 
 
 def to_physical(value: Value, raw: Raw) -> Array:

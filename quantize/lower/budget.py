@@ -7,6 +7,8 @@ work of every step is bounded, and the bound is near to what is needed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,7 @@ LEAST = 100  # work, for a problem that hardly ever meets a limit
 LONGEST = 50_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
 CHECKS = 6  # times that, where answers are checked
-AT_ONCE = 64  # searches between two looks whether answers need a check
+AT_ONCE = 64  # searches between two looks whether the others are needed
 NUMBERS = 2**26  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
@@ -39,20 +41,35 @@ def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]
     best = optimum(problem, rounded.astype(np.float64))
     known = best.status != CAPPED  # even float64 goes round in circles, from states where no moves keep every limit
     most = int(best.work[known].max(initial=0))
-    work, checked = 0, False
-    rows = _with_work(problem, arithmetic, ENDLESS * most, False)
-    for first in range(0, len(rounded), AT_ONCE):  # until one asks for a check: all are searched again with it then
+    work = 0
+    for one, found, right in _searches(problem, arithmetic, ENDLESS * most, False, rounded, best):
+        lost = (one.status != CAPPED) & ~right
+        if np.any(lost & ((one.status == SOLVED) | (found.status == SOLVED))):
+            break  # it asks for a check: all are searched again with it
+        work = max(work, found.work[right].max(initial=0))
+    else:
+        return _spared(work), False
+    work = 0
+    for _, found, right in _searches(problem, arithmetic, ENDLESS * CHECKS * most, True, rounded, best):
+        work = max(work, found.work[right].max(initial=0))
+        if _spared(work) == LONGEST:
+            break
+    return _spared(work), True
+
+
+def _spared(work: int) -> int:
+    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work))))
+
+
+def _searches(
+    problem: Quadratic, arithmetic: str, most: int, checked: bool, rounded: Raw, best: Solution
+) -> Iterator[tuple[Solution, Solution, NDArray[np.bool_]]]:
+    """Search some after others in an arithmetic; yield what float64 found, what this does, and which end alike."""
+    rows = _with_work(problem, arithmetic, most, checked)
+    for first in range(0, len(rounded), AT_ONCE):
         part = slice(first, first + AT_ONCE)
         one = Solution(best.moves[part], best.status[part], best.work[part], best.side[part])
-        found, right = _tried(problem, rows, rounded[part], one)
-        if np.any(known[part] & ~right & ((one.status == SOLVED) | (found.status == SOLVED))):
-            checked = True
-            break
-        work = max(work, found.work[right].max(initial=0))
-    if checked:
-        found, right = _tried(problem, _with_work(problem, arithmetic, ENDLESS * CHECKS * most, True), rounded, best)
-        work = found.work[right].max(initial=0)
-    return min(LONGEST, max(LEAST, int(np.ceil(SPARE * work)))), checked
+        yield one, *_tried(problem, rows, rounded[part], one)
 
 
 def _with_work(problem: Quadratic, arithmetic: str, most: int, checked: bool) -> Rows:

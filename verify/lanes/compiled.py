@@ -13,24 +13,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.simulation.compiler import ToolError, shared_library
-from firmloop.verify.lanes.codes import CODES, REAL, WHOLE
+from firmloop.verify.lanes.codes import known
 
 Raw = NDArray[Any]
 FLAGS = ("-std=c99", "-O3", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
-FUNCTIONS = {"i8": "lanes_i64", "f4": "lanes_f32", "f8": "lanes_f64"}
-KINDS = ("i2", "i4", "i8", "f4", "f8", "u4")  # the last one of status words, which are always whole
+FUNCTIONS = {"i8": "i64", "f4": "f32", "f8": "f64", "f16": "long"}  # ends of their names
+KINDS = ("i2", "i4", "i8", "f4", "f8", "f16", "u4")  # the last one of status words, which are always whole
 WIDTH = 128  # lanes of a row, as in lanes.c
-_SOURCES = ("lanes.c", "steps.h")
+_SOURCES = ("lanes.c", "steps.h", "curved.h", "elementary.h", "halving.h")
 
 
 @dataclass(frozen=True, slots=True)
 class RowStep:
-    """An operation on rows: its name, the row it writes, those it reads, and a shift where it has one."""
+    """An operation on rows: its name, the row it writes, those it reads, and its literal integers."""
 
     function: str
     target: int
     places: tuple[int, ...]
-    shift: int = 0
+    whole: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """Two places of the inputs of each lane, in their units, and on which side of an edge the first one is.
+
+    `begin` and `there` are (lanes, m) in float64; `odd` (lanes,) tells where what is on the edge counts as below it,
+    `side` where the value at `begin` is above it, `alike` where it is on the same side `there`. `scales` (m, 3) has of
+    each input in fixed point the factor, the least and the most of its type. The way is halved `halvings` times.
+    """
+
+    begin: NDArray[np.float64]
+    there: NDArray[np.float64]
+    odd: NDArray[np.bool_]
+    side: NDArray[np.bool_]
+    alike: NDArray[np.bool_]
+    scales: NDArray[np.float64]
+    halvings: int
 
 
 class _Plan(ctypes.Structure):
@@ -52,6 +70,14 @@ class _Plan(ctypes.Structure):
 
 class _Array(ctypes.Structure):
     _fields_ = [("first", ctypes.c_void_p), *((name, ctypes.c_int64) for name in ("kind", "step", "column", "lane"))]
+
+
+class _Way(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("begin", "there", "odd", "side", "alike", "scales")),
+        *(("limit", ctypes.c_double), ("every", ctypes.c_double), ("halvings", ctypes.c_int64)),
+        *(("near", ctypes.c_void_p), ("far", ctypes.c_void_p)),
+    ]
 
 
 def library() -> ctypes.CDLL | None:
@@ -85,9 +111,9 @@ class Compiled:
         bits: Sequence[tuple[int, int]] = (),
         tuned: int = 0,
     ) -> None:
-        known = CODES | (WHOLE if kind.kind == "i" else REAL)
-        rows = [(known[s.function], s.target, *s.places, *[0] * (4 - len(s.places)), s.shift) for s in steps]
-        lists = [np.array(rows, np.int32).reshape(-1, 7), *(np.array(x, np.int32) for x in (inputs, states, following))]
+        codes = known(kind)
+        rows = [(codes[s.function], s.target, *_filled(s.places, 4), *_filled(s.whole, 2)) for s in steps]
+        lists = [np.array(rows, np.int32).reshape(-1, 8), *(np.array(x, np.int32) for x in (inputs, states, following))]
         lists += [np.array(results, np.int32), np.array(bits, np.int32).reshape(-1, 2)]
         self._lists = lists  # the plan points into them
         at = [x.ctypes.data for x in lists]
@@ -100,7 +126,7 @@ class Compiled:
         for row, value in constants.items():
             self._rows[row] = value
         self._kept = np.zeros((max(1, len(states)), WIDTH), kind)
-        self._kind, self._run = kind, getattr(code, FUNCTIONS[kind.str[1:]])
+        self._kind, self._code, self._end = kind, code, FUNCTIONS[kind.str[1:]]
 
     def results(self, inputs: Raw, state: Raw) -> Raw:
         """Return the results (steps, r, lanes) from `inputs` (steps, m, lanes) and the first `state` (n, lanes)."""
@@ -131,7 +157,30 @@ class Compiled:
         places = (self._rows, self._kept, limits)
         rows, kept, ends = [ctypes.c_void_p(None if x is None else x.ctypes.data) for x in places]
         sizes = (ctypes.c_int64(lanes), ctypes.c_int64(steps))
-        self._run(ctypes.byref(self._plan), rows, kept, *sizes, ends, *[ctypes.byref(_array(x)) for x in arrays])
+        run = getattr(self._code, f"lanes_{self._end}")
+        run(ctypes.byref(self._plan), rows, kept, *sizes, ends, *[ctypes.byref(_array(x)) for x in arrays])
+
+    def halved(self, way: Ways, limit: float, every: float, behind: Raw, state: Raw) -> tuple[Raw, Raw]:
+        """Return how far on the way of each lane the last two places are between which a value passes its edge.
+
+        The value is the first result. Its limit is the second one, or `limit` where there is only one; see `Edge` of
+        `verify/stimuli/edges.py`. It is taken after the sample that moves and those `behind` it (samples, m, lanes);
+        `state` (n, lanes) is the one before.
+        """
+        lanes = way.begin.shape[0]
+        given = [np.ascontiguousarray(x) for x in (way.begin, way.there, way.odd, way.side, way.alike, way.scales)]
+        found = np.empty((2, lanes))
+        read = np.empty((3 * self._plan.input_count, WIDTH), self._kind)
+        at = [x.ctypes.data for x in given]
+        asked = _Way(*at, limit, every, way.halvings, *(x.ctypes.data for x in found))
+        places = [ctypes.c_void_p(x.ctypes.data) for x in (self._rows, self._kept, read)]
+        sizes = (ctypes.c_int64(lanes), ctypes.c_int64(len(behind)))
+        arrays = (behind, np.asarray(state, dtype=self._kind).reshape(1, -1, lanes))
+        halve = getattr(self._code, f"halve_{self._end}")
+        halve(
+            ctypes.byref(self._plan), *places, *sizes, ctypes.byref(asked), *[ctypes.byref(_array(x)) for x in arrays]
+        )
+        return found[0], found[1]
 
 
 def _array(x: Raw | None) -> _Array:
@@ -142,4 +191,8 @@ def _array(x: Raw | None) -> _Array:
 
 def runs(kind: np.dtype[Any], functions: Sequence[str]) -> bool:
     """Tell whether the compiled code knows all these operations on numbers of a kind."""
-    return kind.str[1:] in FUNCTIONS and set(functions) <= (CODES | (WHOLE if kind.kind == "i" else REAL)).keys()
+    return kind.str[1:] in FUNCTIONS and set(functions) <= known(kind).keys()
+
+
+def _filled(given: tuple[int, ...], count: int) -> tuple[int, ...]:
+    return (*given, *[0] * (count - len(given)))

@@ -14,7 +14,7 @@ typedef struct {
     int32_t code;
     int32_t target; /* row */
     int32_t places[4];
-    int32_t shift;
+    int32_t whole[2]; /* shifts, and a factor */
 } op_t;
 
 /* Rows that hold what is read, kept and written, each list with its length; the others are constants and values. */
@@ -42,7 +42,29 @@ typedef struct {
     int64_t lane;
 } array_t;
 
-enum { INT16, INT32, INT64, FLOAT, DOUBLE };
+/* How an input is read: times a factor, rounded and limited. */
+typedef struct {
+    double factor;
+    double least;
+    double most;
+} scale_t;
+
+/* Of every lane two places of its inputs, an element an input, and on which side of an edge the first one is. */
+typedef struct {
+    const double *begin;
+    const double *there;
+    const uint8_t *odd; /* there what is on the edge counts as below it */
+    const uint8_t *side;
+    const uint8_t *alike; /* the value at the other place is on the same side */
+    const scale_t *scales;
+    double limit; /* of the value, where no row is it */
+    double every;
+    int64_t halvings;
+    double *near; /* how far on the way the last two places are */
+    double *far;
+} way_t;
+
+enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 
 #define ROW(place) (rows + (int64_t)(place) * WIDTH)
 #define EACH(number, expression)                \
@@ -61,10 +83,13 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE };
 #define PASTE(one, other) one##other
 #define JOIN(one, other) PASTE(one, other)
 
+#include "curved.h"
+
 #define NUMBER int64_t
 #define KIND i64
 #define WHOLE 1
 #include "steps.h"
+#include "halving.h"
 #undef NUMBER
 #undef KIND
 #undef WHOLE
@@ -72,10 +97,34 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE };
 #define WHOLE 0
 #define NUMBER float
 #define KIND f32
+#define WORD uint32_t
+#define SHORT 1
+#define REAL(name) name##f
+#include "elementary.h"
 #include "steps.h"
+#include "halving.h"
 #undef NUMBER
 #undef KIND
+#undef WORD
+#undef SHORT
+#undef REAL
 
 #define NUMBER double
 #define KIND f64
+#define WORD uint64_t
+#define SHORT 0
+#define REAL(name) name
+#include "elementary.h"
+#include "steps.h"
+#include "halving.h"
+#undef NUMBER
+#undef KIND
+#undef WORD
+#undef SHORT
+#undef REAL
+
+/* Of laws alone, whose functions are true ones. */
+#define NUMBER long double
+#define KIND long
+#define REAL(name) name##l
 #include "steps.h"

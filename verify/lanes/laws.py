@@ -1,8 +1,9 @@
-"""Evaluate a law in float64 in compiled code, once or on its own state through many samples."""
+"""Evaluate a law in compiled code, in float64 or longer numbers, once or on its own state through many samples."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +11,20 @@ from firmloop.quantize.lower.graph import Graph, Node
 from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
 
 # The operations of the compiled code that mean what those of a law do, where they have other names or operands.
-SAME = {"square": "mul", "twice": "add", "abs": "magnitude", "choose": "select", "if": "select"}
+SAME = {
+    **{"square": "mul", "twice": "add", "abs": "magnitude", "choose": "select", "if": "select"},
+    **{name: f"true_{name}" for name in ("sin", "cos", "exp", "tanh", "sqrt")},
+}
+FLOAT64: np.dtype[Any] = np.dtype(np.float64)
 
 
-def compiled_law(graph: Graph, states: int, inputs: int, own: Sequence[int]) -> Compiled | None:
+def compiled_law(
+    graph: Graph, states: int, inputs: int, own: Sequence[int], kind: np.dtype[Any] = FLOAT64
+) -> Compiled | None:
     """Return a law over its states and inputs, ready to run; None where the compiled code does not know all of it.
 
     The states `own` are followed from sample to sample. What else it takes are inputs: the law's inputs, then the other
-    states in order. Its results are the law's outputs.
+    states in order. Its results are the law's outputs. `kind` is the type of its numbers.
     """
     code, zero = library(), len(graph.nodes)
     rows, constants, steps = {}, {zero: 0.0}, []
@@ -28,7 +35,7 @@ def compiled_law(graph: Graph, states: int, inputs: int, own: Sequence[int]) -> 
             constants[k] = node.value
         else:
             steps.append(_step(k, node, zero))
-    if code is None or not runs(np.dtype(np.float64), [step.function for step in steps]):
+    if code is None or not runs(kind, [step.function for step in steps]):
         return None
     free = iter(range(zero + 1, zero + 1 + states + inputs))  # of arguments that nothing reads
     given = [rows[1, j] if (1, j) in rows else next(free) for j in range(inputs)]
@@ -36,7 +43,7 @@ def compiled_law(graph: Graph, states: int, inputs: int, own: Sequence[int]) -> 
     fed = [held[j] for j in range(states) if j not in own]
     following, outputs = graph.results[0], graph.results[1]
     return Compiled(
-        *(code, np.dtype(np.float64), steps, constants, [*given, *fed], [held[j] for j in own]),
+        *(code, kind, steps, constants, [*given, *fed], [held[j] for j in own]),
         *([following[j] for j in own], outputs),
     )
 

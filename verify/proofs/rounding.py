@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from firmloop.design.law import Law
 from firmloop.quantize.lower.graph import Evaluate, Graph, evaluator, law_graph
@@ -42,11 +43,11 @@ def measure_rounding(
     A step of the law is computed in float64; in this machine's long double where the program is in float64, else
     nothing would be seen.
     """
-    real = np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
+    real: np.dtype[Any] = np.dtype(
+        np.longdouble if program.arithmetic == "float64" and law.solve is None else np.float64
+    )
     graph = law_graph(law)
-    means, free = evaluator(graph), _Free(law, graph)
-    if real is np.float64:
-        means = _compiled(law, graph) or means
+    means, free = _compiled(law, graph, real) or evaluator(graph), _Free(law, graph)
     drift = np.zeros(len(program.outputs))
     with np.errstate(all="ignore"):
         worst = _searched(law, program, means, real)
@@ -99,7 +100,7 @@ def _apart(
     raw: Sequence[Raw],
     held: Sequence[Raw],
     got: Sequence[Array],
-    real: DTypeLike,
+    real: np.dtype[Any],
 ) -> list[Array]:
     """Return |program - law| of each output and sample; 0 where an input or a state is not in its range."""
     fresh = _fresh(program, raw, held)
@@ -155,10 +156,11 @@ def _inside(value: Value, raw: Raw) -> NDArray[np.bool_]:
     return (raw >= value.low) & (raw <= value.high)
 
 
-def _searched(law: Law, program: Program, means: Evaluate, real: DTypeLike) -> Array:
+def _searched(law: Law, program: Program, means: Evaluate, real: np.dtype[Any]) -> Array:
     """Return the worst differences that a search finds, output by output."""
     random = np.random.default_rng(1)
     machine = Machine(program)
+    means_here = machine.watch([a.source for a in machine.program.results])
     count = SEARCHED if law.solve is None else SOLVED
     kept = KEPT * count // SEARCHED
     values = (*program.inputs, *program.state)
@@ -174,7 +176,7 @@ def _searched(law: Law, program: Program, means: Evaluate, real: DTypeLike) -> A
             raw = [_whole(v, x) for v, x in zip(values, points, strict=True)]
             inputs, held = raw[: len(program.inputs)], raw[len(program.inputs) :]
             kind = working_type(program)
-            slots = machine.step([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
+            slots = means_here([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
             outputs = zip(program.outputs, machine.results, strict=True)
             got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
             apart = _apart(law, program, means, inputs, held, got, real)
@@ -206,9 +208,9 @@ def _whole(value: Value, x: Array) -> Raw:
     return x.astype(np.float32 if value.number.bits == 32 else np.float64)
 
 
-def _compiled(law: Law, graph: Graph) -> Evaluate | None:
+def _compiled(law: Law, graph: Graph, real: np.dtype[Any]) -> Evaluate | None:
     """Return the law in compiled code, None where that does not know all of it."""
-    ready = compiled_law(graph, len(law.state), len(law.inputs), ())
+    ready = compiled_law(graph, len(law.state), len(law.inputs), (), real)
     if ready is None:
         return None
 
@@ -216,7 +218,7 @@ def _compiled(law: Law, graph: Graph) -> Evaluate | None:
         state, inputs = arguments
         shape = np.shape(inputs[0])
         given = np.stack([np.ravel(x) for x in (*inputs, *state)])[None]
-        results = ready.results(given, np.empty((0, given.shape[2])))
+        results = ready.results(given, np.empty((0, given.shape[2]), real))
         return [[], [x.reshape(shape) for x in results[0]]]
 
     return evaluated

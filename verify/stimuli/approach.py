@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import Machine, Raw, start_state, working_type
+from firmloop.verify.scaling import to_raw
 from firmloop.verify.stimuli.edges import (
     Array,
-    Convert,
     Edge,
     limits,
     nearest,
     row,
     short,
     spans_of,
-    state_before,
+    state_behind,
     to_an_edge,
 )
 
@@ -45,9 +45,7 @@ class Crossing:
     drive: Array
 
 
-def approaches(
-    program: Program, random: np.random.Generator, drives: Array, samples: int, convert: Convert
-) -> Raw | None:
+def approaches(program: Program, random: np.random.Generator, drives: Array, samples: int) -> Raw | None:
     """Return inputs (lanes, length, m) of about `samples` samples; None where no limit is crossed late.
 
     Parameters
@@ -55,7 +53,7 @@ def approaches(
     drives
         inputs (lanes, length, m) in their units, to look for crossings in.
     """
-    found = crossings(program, drives, convert)
+    found = crossings(program, drives)
     kept: list[Crossing] = []
     for crossing in (found[i] for i in random.permutation(len(found))):
         length = max(c.at for c in (*kept, crossing)) + 1 + SHOWN
@@ -65,12 +63,12 @@ def approaches(
         return None
     length = max(c.at for c in kept) + 1 + SHOWN
     most = min(MOST, max(1, samples // (3 * length * len(kept))))
-    about = [_about(program, random, crossing, length, most, convert) for crossing in kept]
+    about = [_about(program, random, crossing, length, most) for crossing in kept]
     nearest_first: Raw = np.stack(about, axis=1).reshape(-1, length, len(program.inputs))
     return nearest_first
 
 
-def crossings(program: Program, drives: Array, convert: Convert) -> list[Crossing]:
+def crossings(program: Program, drives: Array) -> list[Crossing]:
     """Return the earliest crossing of each limit that is crossed after the first sample."""
     wanted, machine, kind = limits(program), Machine(program), working_type(program)
     state = start_state(program, len(drives))
@@ -78,7 +76,7 @@ def crossings(program: Program, drives: Array, convert: Convert) -> list[Crossin
     found: dict[int, Crossing] = {}
     for k in range(drives.shape[1] if wanted else 0):
         with np.errstate(all="ignore"):
-            slots = machine.step(row(program, drives[:, k], convert, kind), state)
+            slots = machine.step(row(program, drives[:, k], kind), state)
         state = machine.following(slots, len(drives))
         side = np.stack([np.broadcast_to(edge.above(machine, slots), len(drives)) for edge in wanted]) >= 0
         crossed = np.zeros_like(side) if before is None else side != before
@@ -90,9 +88,7 @@ def crossings(program: Program, drives: Array, convert: Convert) -> list[Crossin
     return [found[j] for j in sorted(found)]
 
 
-def _about(
-    program: Program, random: np.random.Generator, crossing: Crossing, length: int, most: int, convert: Convert
-) -> Raw:
+def _about(program: Program, random: np.random.Generator, crossing: Crossing, length: int, most: int) -> Raw:
     """Return the inputs (lanes, length, m) of `most` lanes each on the edge, above and below, the nearest found.
 
     The sample that is moved is the last one that the value depends on.
@@ -102,16 +98,20 @@ def _about(
     machine = Machine(program)
     low, high = np.transpose(spans)
     for wait in range(min(WAIT, crossing.at) + 1):
-        at = crossing.at - wait
-        inputs = random.uniform(low, high, size=(lanes, length, len(spans)))
-        inputs[:, : crossing.at + 1] = crossing.drive[: crossing.at + 1]
-        early = inputs[:, max(0, at - VARIED) : at]
+        first = max(0, crossing.at - wait - VARIED)  # up to which all lanes are one
+        at, driven = crossing.at - wait - first, crossing.drive[first : crossing.at + 1]
+        inputs = np.repeat(driven[None], lanes, axis=0)
+        early = inputs[:, :at]
         early += AMOUNT * (high - low) * random.uniform(-1.0, 1.0, size=early.shape)
-        inputs[:, max(0, at - VARIED) : at] = np.clip(early, low, high)
-        state = state_before(program, machine, inputs[:, :at], convert)
+        inputs[:, :at] = np.clip(early, low, high)
+        one = state_behind(program, machine, crossing.drive[None, :first], start_state(program, 1))
+        state = state_behind(program, machine, inputs[:, :at], [np.repeat(x, lanes) for x in one])
         inputs[:, at] = random.uniform(low, high, size=(lanes, len(spans)))
-        which, miss = to_an_edge(program, machine, random, inputs, at, state, wanted, convert, wait)
+        which, miss = to_an_edge(program, machine, random, inputs, at, state, wanted, wait)
         if np.isfinite(miss).any():
             break
     best = nearest(which, miss, 3 * most)
-    return np.stack([convert(v, inputs[best, :, j]) for j, v in enumerate(program.inputs)], axis=-1)
+    begin = np.broadcast_to(crossing.drive[:first], (len(best), first, len(spans)))
+    rest = random.uniform(low, high, size=(len(best), length - crossing.at - 1, len(spans)))
+    found = np.concatenate([begin, inputs[best], rest], axis=1)
+    return np.stack([to_raw(v, found[..., j]) for j, v in enumerate(program.inputs)], axis=-1)

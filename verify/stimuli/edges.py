@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.quantize.ops import LIMITS
-from firmloop.quantize.program import Program, Value
+from firmloop.quantize.program import Program
+from firmloop.verify.lanes.compiled import Ways
 from firmloop.verify.reference import Machine, Raw, parts, start_state, working_type
+from firmloop.verify.scaling import reading, to_raw
+from firmloop.verify.stimuli.halving import Lanes, halved
 
 Array = NDArray[np.float64]
-Lanes = NDArray[np.int64]
 Sampled = Callable[[list[Raw], list[Raw]], list[Any]]
-Convert = Callable[[Value, Array], Raw]
 COMPARED = ("min", "max", "lt", "le")  # operations that tell which of two values is the larger
 ROUNDED = ("shr", "asr")  # operations that drop places of one value
 TRIED = 4  # lanes for each that is kept
@@ -88,7 +89,7 @@ def limits(program: Program) -> list[Edge]:
     return list(dict.fromkeys([*found, *rounded]))
 
 
-def edges(program: Program, random: np.random.Generator, lanes: int, length: int, convert: Convert) -> Raw:
+def edges(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
     """Return inputs (lanes, length, m): noise, but one sample of a lane at an edge where a way across was found.
 
     That is the first one in a quarter of the lanes, the last but one in the others: the last shows what it left.
@@ -104,17 +105,17 @@ def edges(program: Program, random: np.random.Generator, lanes: int, length: int
         for at, count in ((0, lanes - lanes * 3 // 4), (max(0, length - 2), lanes * 3 // 4)):
             part = noise[: many * count // lanes]
             noise = noise[len(part) :]
-            state = state_before(program, machine, part[:, :at], convert)
-            which, miss = to_an_edge(program, machine, random, part, at, state, wanted, convert)
+            state = state_behind(program, machine, part[:, :at], start_state(program, len(part)))
+            which, miss = to_an_edge(program, machine, random, part, at, state, wanted)
             parents, children = (PARENTS, CHILDREN) if short(program) else (min(PARENTS_LONG, count), CHILDREN_LONG)
             if short(program) or not program.arithmetic.startswith("fixed"):
                 order = np.repeat(nearest(which, miss, parents), children)
                 part, which = _moved(program, random, part[order], at), which[order]
-                state = state_before(program, machine, part[:, :at], convert)
-                miss = _missed(machine, row(program, part[:, at], convert, kind), state, wanted, which)
+                state = state_behind(program, machine, part[:, :at], start_state(program, len(part)))
+                miss = _missed(machine, row(program, part[:, at], kind), state, wanted, which)
             kept.append(part[nearest(which, miss, count, random.random(len(miss)))])
         noise = np.concatenate(kept)
-    return np.stack([convert(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
+    return np.stack([to_raw(v, noise[..., j]) for j, v in enumerate(program.inputs)], axis=-1)
 
 
 def _moved(program: Program, random: np.random.Generator, noise: Array, at: int) -> Array:
@@ -147,9 +148,12 @@ def _missed(
     which: NDArray[np.int64],
 ) -> Array:
     """Return how far above its edge `which` each lane's value is after one sample."""
-    slots = machine.step(inputs, state)
-    above = np.stack([np.broadcast_to(edge.above(machine, slots), len(which)) for edge in wanted])
-    return np.asarray(above[which, np.arange(len(which))])
+    asked, found = machine.watch([name for edge in wanted for name in edge.names()]), np.empty(len(which))
+    for part in parts(len(which)):
+        slots = asked([x[part] for x in inputs], [x[part] for x in state])
+        for j, edge in enumerate(wanted):
+            found[part] = np.where(which[part] == j, edge.above(machine, slots), found[part])
+    return found
 
 
 def drawn(random: np.random.Generator, spans: list[tuple[float, float]], lanes: int, length: int) -> Array:
@@ -199,7 +203,6 @@ def to_an_edge(
     at: int,
     state: list[Raw],
     wanted: list[Edge],
-    convert: Convert,
     wait: int = 0,
 ) -> tuple[NDArray[np.int64], Array]:
     """Put sample `at` of every lane at an edge that it can cross; return which, and how far above it its value is.
@@ -214,8 +217,8 @@ def to_an_edge(
         """Tell of limits (rows) and lanes of a part how far above them the value is."""
         now = [x[part] for x in state]
         for later in range(wait):
-            now = after(machine, row(program, noise[part, at + later] if later else inputs, convert, kind), now)
-        slots = asking(row(program, noise[part, at + wait] if wait else inputs, convert, kind), now)
+            now = machine.after(row(program, noise[part, at + later] if later else inputs, kind), now)
+        slots = asking(row(program, noise[part, at + wait] if wait else inputs, kind), now)
         return np.stack([np.broadcast_to(edge.above(names, slots), len(inputs)) for edge in asked])
 
     def side_of(above: Array, part: slice | Lanes) -> NDArray[np.bool_]:
@@ -228,10 +231,11 @@ def to_an_edge(
         return np.asarray(side_of(above_of([edge], names, asking, inputs[asked], part)[0], part) == side[asked])
 
     def read(inputs: Array) -> Raw:
-        return np.stack(row(program, inputs, convert, kind)).view(f"u{kind.itemsize}")  # which tells -0 from 0
+        return np.stack(row(program, inputs, kind)).view(f"u{kind.itemsize}")  # which tells -0 from 0
 
     halvings = HALVINGS_SHORT if short(program) else HALVINGS
     here, there = noise[:, at].copy(), drawn(random, spans_of(program), len(noise), 1)[:, 0]
+    scales = np.array([reading(v) for v in program.inputs])
     every = machine.watch([name for edge in wanted for name in edge.names()])
     sides = np.empty((2, len(wanted), len(noise)), dtype=bool)
     with np.errstate(all="ignore"):
@@ -240,50 +244,31 @@ def to_an_edge(
                 side[:, part] = side_of(above_of(wanted, machine, every, inputs[part], part), part)
     crossed = sides[0] != sides[1]
     which = np.argmax(random.random(crossed.shape) * crossed, axis=0)
-    taken = random.random((len(noise), 1)) < 0.5
+    taken = random.random(len(noise)) < 0.5
     missed = np.empty(len(noise))
     with np.errstate(all="ignore"):
         for j, edge in enumerate(wanted):
             own = np.flatnonzero(which == j)
             names = Machine(_asking(program, edge))
-            asking = names.watch(edge.names())
+            asking, ready = names.watch(edge.names()), (machine if wait else names).asked(edge.names())
+            limit = 0.0 if isinstance(edge.limit, str) else edge.limit
             for some in (own[part] for part in parts(len(own))):
-                begin, way, side = here[some], there[some] - here[some], sides[0, j, some]
-                tell = partial(same_side, edge, names, asking, side, some)
-                near, far = _halved(begin, way, there[some], ~crossed[j, some], read, tell, halvings)
-                noise[some, at] = begin + np.where(taken[some], near, far) * way
+                begin, side, alike = here[some], sides[0, j, some], ~crossed[j, some]
+                if ready is not None:
+                    way = Ways(begin, there[some], odd[some], side, alike, scales, halvings)
+                    behind = np.empty((wait, len(program.inputs), len(some)), kind)
+                    for later in range(wait):
+                        behind[later] = row(program, noise[some, at + 1 + later], kind)
+                    held = np.empty((len(state), len(some)), kind)
+                    for mine, x in zip(held, state, strict=True):
+                        mine[:] = x[some]
+                    near, far = ready.halved(way, limit, edge.every, behind, held)
+                else:
+                    tell = partial(same_side, edge, names, asking, side, some)
+                    near, far = halved(begin, there[some], alike, read, tell, halvings)
+                noise[some, at] = begin + np.where(taken[some], near, far)[:, None] * (there[some] - begin)
                 missed[some] = above_of([edge], names, asking, noise[some, at], some)[0]
     return which, np.where(crossed[which, lanes], missed, np.inf)
-
-
-def _halved(
-    begin: Array,
-    way: Array,
-    there: Array,
-    alike: NDArray[np.bool_],
-    read: Callable[[Array], Raw],
-    same_side: Callable[[Array, Lanes], NDArray[np.bool_]],
-    halvings: int,
-) -> tuple[Array, Array]:
-    """Halve the way (lanes, m) of each lane to where its side changes; return how far its last two places are on it.
-
-    Both ends are known: `begin`, and `there`, which is `alike` where it is on the same side. Where the program reads
-    what it reads at one of the last two places, it is not asked again.
-    """
-    near, far = np.zeros((len(begin), 1)), np.ones((len(begin), 1))
-    at_near, at_far = read(begin), read(there)
-    for _ in range(halvings):
-        middle = (near + far) / 2
-        inputs = begin + middle * way
-        bits = read(inputs)
-        as_near, as_far = np.all(bits == at_near, axis=0), np.all(bits == at_far, axis=0)
-        same = as_near | (as_far & alike)
-        asked = np.flatnonzero(~(as_near | as_far))
-        if len(asked):
-            same[asked] = same_side(inputs, asked)
-        at_near, at_far, alike = np.where(same, bits, at_near), np.where(same, at_far, bits), alike & same
-        near, far = np.where(same[:, None], middle, near), np.where(same[:, None], far, middle)
-    return near, far
 
 
 def _asking(program: Program, edge: Edge) -> Program:
@@ -297,9 +282,9 @@ def _asking(program: Program, edge: Edge) -> Program:
     return replace(program, body=tuple(reversed(body)), next_state=(), results=(), status=(), safe=())
 
 
-def row(program: Program, inputs: Array, convert: Convert, kind: np.dtype[Any]) -> list[Raw]:
+def row(program: Program, inputs: Array, kind: np.dtype[Any]) -> list[Raw]:
     """Return one sample's physical inputs (lanes, m) as the program reads them."""
-    return [convert(v, inputs[:, j]).astype(kind) for j, v in enumerate(program.inputs)]
+    return [to_raw(v, inputs[:, j]).astype(kind) for j, v in enumerate(program.inputs)]
 
 
 def spans_of(program: Program) -> list[tuple[float, float]]:
@@ -307,20 +292,15 @@ def spans_of(program: Program) -> list[tuple[float, float]]:
     return [(v.low * 2.0**-v.number.fraction, v.high * 2.0**-v.number.fraction) for v in program.inputs]
 
 
-def state_before(program: Program, machine: Machine, noise: Array, convert: Convert) -> list[Raw]:
-    """Return the state behind the samples of `noise` (lanes, length, m), from what init() sets."""
-    kind, whole = working_type(program), start_state(program, len(noise))
-    for part in parts(len(noise)) if noise.shape[1] else ():
-        state = [x[part] for x in whole]
+def state_behind(program: Program, machine: Machine, noise: Array, state: list[Raw]) -> list[Raw]:
+    """Return the state behind the samples of `noise` (lanes, length, m), from the one before them."""
+    if not noise.shape[1]:
+        return state
+    whole, kind = [x.copy() for x in state], working_type(program)
+    for part in parts(len(noise)):
+        held = [x[part] for x in state]
         for k in range(noise.shape[1]):
-            state = after(machine, row(program, noise[part, k], convert, kind), state)
-        for x, held in zip(whole, state, strict=True):
-            x[part] = held
+            held = machine.after(row(program, noise[part, k], kind), held)
+        for x, now in zip(whole, held, strict=True):
+            x[part] = now
     return whole
-
-
-def after(machine: Machine, inputs: list[Raw], state: list[Raw]) -> list[Raw]:
-    """Return the state after one sample."""
-    with np.errstate(all="ignore"):
-        values = machine.step(inputs, state)
-    return machine.following(values, len(inputs[0]))

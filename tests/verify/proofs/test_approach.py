@@ -11,7 +11,6 @@ import pytest
 from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.verify.reference import Machine, run, start_state
-from firmloop.verify.scaling import to_raw
 from firmloop.verify.stimuli.approach import approaches, crossings
 from firmloop.verify.stimuli.edges import Edge, edges, limits, nearest
 from firmloop.verify.stimuli.stimuli import stimuli
@@ -24,9 +23,9 @@ def test_a_state_is_brought_to_a_limit_next_to_it_and_beyond(arithmetic: str) ->
     kind = kinds()["sensorless_speed"]
     program = lower(kind.design(kind.example).law, arithmetic)
     fraction = program.state[1].number.fraction
-    late = [c for c in crossings(program, DRIVES, to_raw) if c.edge.value.startswith("speed_model") and c.at > 2]
+    late = [c for c in crossings(program, DRIVES) if c.edge.value.startswith("speed_model") and c.at > 2]
     assert late, "an observer does not reach 700 rad/s at once"
-    lanes = approaches(program, np.random.default_rng(1), DRIVES, 2000, to_raw)
+    lanes = approaches(program, np.random.default_rng(1), DRIVES, 2000)
     assert lanes is not None
     one = 1.0 if arithmetic != "float32" else float(np.spacing(np.float32(700.0)))
     limit = 700.0 * 2.0**fraction
@@ -76,7 +75,7 @@ def test_short_inputs_bring_a_long_value_next_to_its_limit_and_one_to_where_an_o
     program = lower(kind.design(kind.example).law, "fixed16")
     wanted = limits(program)
     assert [edge.every for edge in wanted if np.isfinite(edge.every)] == [2.0**14]
-    lanes = edges(program, np.random.default_rng(1), 400, 3, to_raw)
+    lanes = edges(program, np.random.default_rng(1), 400, 3)
     machine, state = Machine(program), start_state(program, len(lanes))
     for k in range(2):
         slots = machine.step(list(lanes[:, k].T.astype(np.int64)), state)

@@ -6,7 +6,7 @@ import numpy as np
 
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import Raw
-from firmloop.verify.scaling import to_physical, to_raw
+from firmloop.verify.scaling import to_physical
 from firmloop.verify.stimuli.approach import approaches
 from firmloop.verify.stimuli.characters.noise import noise
 from firmloop.verify.stimuli.characters.squares import squares
@@ -27,7 +27,7 @@ def afar(program: Program, random: np.random.Generator, lanes: int, length: int)
         latest = min(length, LATEST, max(1, samples // 3))
         hard = [make(program, random, SEARCHED, latest) for make in (worst, squares)]
         drives = np.concatenate([_physical(program, drive) for drive in hard])
-        found = approaches(program, random, drives, samples, to_raw)
+        found = approaches(program, random, drives, samples)
         if found is not None:
             return found
     return noise(program, random, lanes, length)

@@ -6,7 +6,6 @@ import numpy as np
 
 from firmloop.quantize.program import Program
 from firmloop.verify.reference import Raw
-from firmloop.verify.scaling import to_raw
 from firmloop.verify.stimuli.edges import edges
 from firmloop.verify.stimuli.stimulus import Stimulus
 
@@ -15,7 +14,7 @@ STEPS = 3
 
 def limit_edges(program: Program, random: np.random.Generator, lanes: int, length: int) -> Raw:
     """Return what `edges` finds."""
-    return edges(program, random, lanes, length, to_raw)
+    return edges(program, random, lanes, length)
 
 
 STIMULUS = Stimulus("edges of limits", 9, 2, limit_edges, steps=STEPS, short_lanes=False, single_steps=True)
