@@ -104,7 +104,7 @@ HINT_OF_CHANCE = 0.999  # of chance, which a richer explanation has to beat to s
 WHITENESS_LAGS = 20  # over which whiteness is judged
 
 # Steps of a fit.
-STEPS_OF_A_TRIAL = 3  # of a trial that only has to promise something
+STEPS_OF_A_TRIAL = 2  # of a trial that only has to promise something
 STEPS_OF_A_FIT = 24  # of a final fit
 STEPS_OF_A_LAST_FIT = 4  # of one that only follows a new noise model
 REFITS = 3  # by plain simulation error, each with the sizes that the last one left: they stay after two or three
@@ -129,6 +129,7 @@ FEW_DAMPINGS = 2  # and after one that gained little
 EXACT_STEPS = 8  # of a fit that is taken to its end
 HELD_DAMPING = 0.02  # damping that holds a valley back, from which slopes for initial states have to be exact
 CORRECTIONS = 8  # of a step
+KEPT_PROMISE = 0.6  # share of its promise that a step has to keep, for its slopes to serve for the next one
 CORRECTED_SHARE = 0.5  # share of what a step costs too much, that a correction may leave
 LONGEST_STEP = 3.0  # change of a coordinate by one step
 KEPT_SLOPES = 16  # sets of slopes for initial states
@@ -196,7 +197,7 @@ STEPS_PAST_KINKS = 60  # from one start
 STEPS_AT_ONCE = 4  # of one solve
 LEAST_KINK_DECREASE = 1e-5  # of the cost, by which a few steps have to lower it: of 10,000 rows a tenth of a unit
 LIMIT_NUDGES = (0.97, 1.03, 0.9, 1.1)  # factors on a limit, from which the fit starts again
-LONGER = 10.0  # times the steps of a simulation where a last fit begins: one of more counts as diverged
+LONGER = 10.0  # times the steps of a simulation where a step of a fit begins: one of more counts as diverged
 MOST_KINK_SOLVES = 100  # solves of a few steps each
 
 # What has no name: the shapes it may have.

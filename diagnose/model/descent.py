@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,10 +20,12 @@ from firmloop.diagnose.policy import (
     FIRST_DAMPING,
     FIT_PATIENCE,
     HELD_DAMPING,
+    KEPT_PROMISE,
     KEPT_SLOPES,
     LEAST_DAMPING,
     LEAST_DECREASE,
     LEAST_RELATIVE_DECREASE,
+    LONGER,
     LONGEST_STEP,
     UNDAMPED,
 )
@@ -34,12 +37,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A point with what it leaves: `cost` counts the whitened residuals (n, r) of each recording, `pull` the tether."""
+    """A point with what it leaves: `cost` counts the whitened residuals (n, r) of each recording, `pull` the tether.
+
+    `took` are the steps of each simulation, in millions.
+    """
 
     point: Point
     cost: float
     pull: float
     residuals: tuple[Array, ...]
+    took: tuple[float, ...]
 
     @property
     def whole(self) -> float:
@@ -65,16 +72,20 @@ class SumOfSquares:
     noises: Sequence[Noise]
     tether: Array
 
-    def at(self, point: Point) -> Place:
-        """Simulate every recording at a point."""
-        residuals = tuple(residual_of(self.problem, each, point, k) for k, each in enumerate(self.recordings))
-        cost = 0.0
+    def at(self, point: Point, near: Place | None = None) -> Place:
+        """Simulate every recording at a point; far longer simulations than those at a place `near` it have diverged."""
+        residuals, took, cost = [], [], 0.0
+        for k, each in enumerate(self.recordings):
+            before = self.problem.engine.steps
+            most = math.inf if near is None else LONGER * near.took[k]
+            residuals.append(residual_of(self.problem, each, point, k, most))
+            took.append(self.problem.engine.steps - before)
         for part in residuals:
             if np.any(np.isnan(part)):
                 cost += DIVERGED_RESIDUAL**2 * part.size
             else:
                 cost += float(np.sum(whitened(part, self.noises) ** 2))
-        return Place(point, cost, self.pull(point), residuals)
+        return Place(point, cost, self.pull(point), tuple(residuals), tuple(took))
 
     def pull(self, point: Point) -> float:
         """Return how far a point is from what is known beforehand, squared."""
@@ -116,10 +127,15 @@ class SumOfSquares:
             found.append(flat)
         return tuple(found)
 
-    def promised(self, slopes: Sequence[Array], place: Place) -> float:
-        """Return how much a step without damping would lower the cost if all were linear."""
-        pulled = self.descent(slopes, place)
-        return float(pulled @ solved(self.normal(slopes), pulled, 0.0))
+    def step(self, slopes: Sequence[Array], normal: Array, place: Place, damping: float) -> tuple[Array, float]:
+        """Return a damped step (k + s w,) from a place, and how much it would lower the cost if all were linear.
+
+        `normal` is that of the slopes.
+        """
+        count, pulled = len(self.unknowns), self.descent(slopes, place)
+        step = solved(normal, pulled, damping)
+        step[:count] = np.clip(step[:count], -LONGEST_STEP, LONGEST_STEP)
+        return step, float(2.0 * pulled @ step - step @ normal @ step)
 
     def normal(self, slopes: Sequence[Array]) -> Array:
         """Return J'J (k + s w, same), the tether's with it."""
@@ -146,6 +162,20 @@ class SumOfSquares:
         total = np.zeros((len(self.unknowns) + len(self.problem.engine.states) * len(self.recordings), *own.shape[1:]))
         total[self._places(k)] = own
         return total
+
+    def amended(self, slopes: Sequence[Array], before: Place, place: Place) -> tuple[Array, ...]:
+        """Return slopes taken near `before` that tell how the residuals have changed from there to a place."""
+        found = []
+        moved = self._inner(place.point) - self._inner(before.point)
+        for k, flat in enumerate(slopes):
+            step = np.concatenate([moved, place.point.starts[k] - before.point.starts[k]])
+            told = np.sum(flat**2, axis=0) * step
+            size = float(told @ step)
+            if len(flat) and size > 0.0:
+                change = whitened(before.residuals[k] - place.residuals[k], self.noises)
+                flat = flat + np.outer(change - flat @ step, told / size)
+            found.append(flat)
+        return tuple(found)
 
     def _places(self, k: int) -> NDArray[np.intp]:
         count, states = len(self.unknowns), len(self.problem.engine.states)
@@ -178,35 +208,63 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
         if squares.problem.engine.steps > until:
             break
         slopes = begun or squares.slopes(place, own or squares.start_slopes(place.point, exact=True))
-        normal, begun = squares.normal(slopes), None
-        lower = None
+        normal, begun, lower = squares.normal(slopes), None, None
+        least = max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
+        while damping > UNDAMPED and squares.step(slopes, normal, place, damping)[1] < least:
+            damping /= 1e3
         for _ in range(tries):
+            _, promise = squares.step(slopes, normal, place, damping)
+            if promise < least:
+                break  # what is not worth a step is not worth its simulation
             lower = _lower(squares, place, slopes, normal, damping)
             if lower is not None:
                 break
             damping = max(damping * 8.0, 1e-6)
-        little = lower is None or place.whole - lower.whole < max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
-        place = lower or place
+        gain = 0.0 if lower is None else place.whole - lower.whole
+        little, before, place = gain < least, place, lower or place
         if own and rough and (little or damping > HELD_DAMPING):
             own, damping, tries = None, FIRST_DAMPING, DAMPINGS
             begun = squares.restarted(slopes, place)
-            if little and squares.promised(begun, place) < max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost):
-                break
             continue
         if lower is None or (little and damping < UNDAMPED):
             break
-        damping, tries = (damping / 1e3, FEW_DAMPINGS) if little else (damping / 6.0, DAMPINGS)
+        # Less where a step has kept its promise, more where it has not (Nielsen, IMM-REP-1999-05).
+        kept = min(max(1.0 / 6.0, 1.0 - (2.0 * gain / promise - 1.0) ** 3), 2.0)
+        damping, tries = (damping / 1e3, FEW_DAMPINGS) if little else (damping * kept, DAMPINGS)
         damping = max(damping, LEAST_DAMPING)
+        if not little:
+            place, damping = _onward(squares, before, place, slopes, damping, least)
     return place, squares.normal(squares.slopes(place, own)) if normal is None else normal
+
+
+def _onward(
+    squares: SumOfSquares, before: Place, place: Place, slopes: Sequence[Array], damping: float, least: float
+) -> tuple[Place, float]:
+    """Go on from a place with the slopes of the one before, amended by what each step does, as long as they hold.
+
+    Slopes cost a simulation for every unknown, a step one (Broyden, Math. Comp. 19 (1965) 577-593).
+    """
+    while True:
+        slopes = squares.amended(slopes, before, place)
+        step, promise = squares.step(slopes, squares.normal(slopes), place, damping)
+        if promise < least:
+            return place, damping
+        trial = squares.at(squares.moved(place.point, step), place)
+        gain = place.whole - trial.whole
+        if gain <= 0.0:
+            return place, damping
+        before, place = place, trial
+        if gain < max(KEPT_PROMISE * promise, least):
+            return place, damping
+        damping = max(damping / 6.0, LEAST_DAMPING)
 
 
 def _lower(squares: SumOfSquares, place: Place, slopes: Sequence[Array], normal: Array, damping: float) -> Place | None:
     """Return a place that costs less, a damped step and its corrections away; None where they do not lead there."""
     trial, worse = place, np.inf
     for _ in range(CORRECTIONS + 1):
-        step = solved(normal, squares.descent(slopes, trial), damping)
-        step[: len(squares.unknowns)] = np.clip(step[: len(squares.unknowns)], -LONGEST_STEP, LONGEST_STEP)
-        trial = squares.at(squares.moved(trial.point, step))
+        step, _ = squares.step(slopes, normal, trial, damping)
+        trial = squares.at(squares.moved(trial.point, step), place)
         if trial.whole < place.whole:
             return trial
         if not trial.finite or trial.whole - place.whole > CORRECTED_SHARE * worse:
@@ -226,12 +284,13 @@ def solved(normal: Array, pulled: Array, damping: float) -> Array:
     return step
 
 
-def residual_of(problem: Problem, recording: Recording, point: Point, index: int) -> Array:
+def residual_of(problem: Problem, recording: Recording, point: Point, index: int, most: float = math.inf) -> Array:
     """Return measured - simulated (n, r) of one recording; a diverged simulation counts as far off.
 
-    Rows that are read when the input is no longer recorded count as those before them, in reverse.
+    So does one of more than `most` million steps. Rows that are read when the input is no longer recorded count as
+    those before them, in reverse.
     """
-    simulated = problem.engine.simulate(recording, dict(point.values), point.starts[index])
+    simulated = problem.engine.simulate(recording, dict(point.values), point.starts[index], most)
     left = outputs_of(problem, recording) - simulated
     unfed = min(problem.engine.unfed(recording, point.values), len(left) // 2)
     if unfed:

@@ -64,9 +64,13 @@ class Superset:
         """Steps of all simulations so far, in millions, linear ones a half: what a budget counts everywhere."""
         return 1e-6 * float(self.engine.taken[0])
 
-    def simulate(self, recording: Recording, parameters: Mapping[str, float], start: Array | None) -> Array:
-        """Return the outputs (n, r); rows after a divergence are NaN."""
-        return self.engine.run(self.course(recording), self.constants(parameters), self.begin(recording, start))
+    def simulate(
+        self, recording: Recording, parameters: Mapping[str, float], start: Array | None, most: float = math.inf
+    ) -> Array:
+        """Return the outputs (n, r); rows after a divergence, or after `most` million steps, are NaN."""
+        course = self.course(recording)
+        course = replace(course, most_steps=min(1e6 * most, course.most_steps))
+        return self.engine.run(course, self.constants(parameters), self.begin(recording, start))
 
     def unfed(self, recording: Recording, parameters: Mapping[str, float]) -> int:
         """Return how many of the last rows are read after the recorded input has ended: by a clock that runs slow."""
