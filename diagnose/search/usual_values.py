@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import Candidate, containing, rated
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, searched
-from firmloop.diagnose.policy import STEPS_BESIDE_USUAL
+from firmloop.diagnose.policy import IMPOSSIBLE, STEPS_BESIDE_USUAL
 from firmloop.diagnose.search.exchange import alike, exchanged
 from firmloop.diagnose.search.found import Search, richer_of
 
@@ -40,14 +40,17 @@ def untold(search: Search, bar: float) -> tuple[Candidate, ...]:
 
 
 def _least(search: Search, come: LibraryTerm) -> float:
-    """Return the least BIC that usual values can have: that of the same explanation fitted freely, less its price."""
+    """Return the least BIC that usual values can have: that of the same explanation fitted freely, less its price.
+
+    A fit that has ended where no machine is tells none.
+    """
     best = search.best.fitted
     price = math.log(sum(part.size for part in best.residuals))
     return min(
         (
             each.score - price * (len(each.fitted.coordinates) - len(best.coordinates))
             for each in richer_of(search)
-            if come in each.fitted.terms
+            if come in each.fitted.terms and each.score < IMPOSSIBLE
         ),
         default=-math.inf,
     )

@@ -26,7 +26,7 @@ QUICK = (
     (560034, "explained", "gravity_torque sensor_offset", "an angle that sums up a sensor's offset"),
     (570013, "explained", "input_saturation sensor_rectified", "leaps of a reading that only folds"),
     (570146, "explained", "end_stop", "what had led to a stop, and then was nothing"),
-    (590088, "explained", "load_torque", "a load that innovations hardly show and simulations do"),
+    (590088, "ambiguous", "load_torque sensor_offset", "a load whose start is fitted: a constant in the reading"),
     (790086, "explained", "sensor_quantization", "coarse steps over a way of thousands of them"),
     (660012, "explained", "sensor_quantization", "a current that shows one step and else nothing"),
     (600195, "no_mismatch", "", "the average of a slow disturbance"),
