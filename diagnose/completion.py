@@ -45,10 +45,7 @@ from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     """Return the search that is believed, with what slow misfits and shapes still show, and the shape that is left."""
-    begun, tried = found.problem.engine.steps, found
-    pieced = in_pieces(found, progress)
-    if pieced is not None:
-        found = _resumed(pieced)
+    begun = found.problem.engine.steps
     progress(0.75, "looking for what has no name")
     shape = best_shape(found, found.best)
     while (
@@ -65,8 +62,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
     if strays(found) or alone is not None or not whole:
-        others = (None if found is tried else in_pieces(found, progress), exhausted(found))
-        other = min((each for each in others if each is not None), key=lambda each: each.best.score, default=None)
+        other = exhausted(found) or in_pieces(found, progress)
         if other is not None:
             found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)
