@@ -130,12 +130,13 @@ class SumOfSquares:
     def step(self, slopes: Sequence[Array], normal: Array, place: Place, damping: float) -> tuple[Array, float]:
         """Return a damped step (k + s w,) from a place, and how much it would lower the cost if all were linear.
 
-        `normal` is that of the slopes.
+        `normal` is that of the slopes. The step is no longer than it may be, the promise that of a step of any length.
         """
         count, pulled = len(self.unknowns), self.descent(slopes, place)
         step = solved(normal, pulled, damping)
+        promise = float(2.0 * pulled @ step - step @ normal @ step)
         step[:count] = np.clip(step[:count], -LONGEST_STEP, LONGEST_STEP)
-        return step, float(2.0 * pulled @ step - step @ normal @ step)
+        return step, promise
 
     def normal(self, slopes: Sequence[Array]) -> Array:
         """Return J'J (k + s w, same), the tether's with it."""

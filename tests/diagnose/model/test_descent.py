@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmloop.diagnose.model import descent
 from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, residual_of
 from firmloop.diagnose.model.fit import tethers
 from firmloop.diagnose.model.hypothesis import Point, coordinates, entered, first_point
@@ -84,3 +85,19 @@ def test_amended_slopes_tell_what_a_step_has_done(squares: tuple[SumOfSquares, P
         whole = np.concatenate([noise.whiten(change[:, index]) for index, noise in enumerate(noises)])
         assert flat @ moved == pytest.approx(whole, rel=1e-6, abs=1e-6 * float(np.max(np.abs(whole))))
         assert not math.isclose(float(np.sum((own @ moved - whole) ** 2)), 0.0)
+
+
+def test_what_a_step_promises_is_not_what_is_left_of_it_once_it_is_cut_short(
+    squares: tuple[SumOfSquares, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut coordinate by coordinate it may promise nothing, and lead on all the same: a servo's friction was lost so."""
+    made, begin = squares
+    place = made.at(begin)
+    slopes = made.slopes(place)
+    normal = made.normal(slopes)
+    whole, promise = made.step(slopes, normal, place, 0.0)
+    monkeypatch.setattr(descent, "LONGEST_STEP", 1e-9)
+    short, same = made.step(slopes, normal, place, 0.0)
+    assert promise > 0.0
+    assert same == promise
+    assert np.max(np.abs(short[: len(made.unknowns)])) <= 1e-9 < np.max(np.abs(whole[: len(made.unknowns)]))
