@@ -9,6 +9,7 @@ import pytest
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.round import screened
+from firmloop.diagnose.search.stepwise import settled
 from tests.diagnose.cases import concealed, nominal_of, problem_of
 
 
@@ -17,4 +18,5 @@ def test_every_term_is_tried(name: str, tmp_path: Path) -> None:
     problem = problem_of(concealed(tmp_path, name, 1.0, False))
     nominal = nominal_of(problem)
     again = exhausted(Search(problem, nominal, nominal, (), screened(problem, nominal), ()))
-    assert (again.best.fitted.names if again else ()) == ((name,) if name else ())
+    # A contact that hardly gives way may be as near; what it amounts to takes its place then.
+    assert (settled(again).best.fitted.names if again else ()) == ((name,) if name else ())
