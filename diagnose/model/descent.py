@@ -127,13 +127,13 @@ class SumOfSquares:
             found.append(flat)
         return tuple(found)
 
-    def step(self, slopes: Sequence[Array], normal: Array, place: Place, damping: float) -> tuple[Array, float]:
-        """Return a damped step (k + s w,) from a place, and how much it would lower the cost if all were linear.
+    def step(self, normal: Array, pulled: Array, damping: float) -> tuple[Array, float]:
+        """Return a damped step (k + s w,), and how much it would lower the cost if all were linear.
 
-        `normal` is that of the slopes. The step is no longer than it may be, the promise that of a step of any length.
+        `normal` and `pulled` are what `normal` and `descent` return. The step is no longer than it may be, the promise
+        that of a step of any length.
         """
-        count, pulled = len(self.unknowns), self.descent(slopes, place)
-        step = solved(normal, pulled, damping)
+        count, step = len(self.unknowns), solved(normal, pulled, damping)
         promise = float(2.0 * pulled @ step - step @ normal @ step)
         step[:count] = np.clip(step[:count], -LONGEST_STEP, LONGEST_STEP)
         return step, promise
@@ -210,14 +210,15 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
             break
         slopes = begun or squares.slopes(place, own or squares.start_slopes(place.point, exact=True))
         normal, begun, lower = squares.normal(slopes), None, None
+        pulled = squares.descent(slopes, place)
         least = max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
-        while damping > UNDAMPED and squares.step(slopes, normal, place, damping)[1] < least:
+        while damping > UNDAMPED and squares.step(normal, pulled, damping)[1] < least:
             damping /= 1e3
         for _ in range(tries):
-            _, promise = squares.step(slopes, normal, place, damping)
+            step, promise = squares.step(normal, pulled, damping)
             if promise < least:
                 break  # what is not worth a step is not worth its simulation
-            lower = _lower(squares, place, slopes, normal, damping)
+            lower = _lower(squares, place, slopes, normal, damping, step)
             if lower is not None:
                 break
             damping = max(damping * 8.0, 1e-6)
@@ -247,7 +248,7 @@ def _onward(
     """
     while True:
         slopes = squares.amended(slopes, before, place)
-        step, promise = squares.step(slopes, squares.normal(slopes), place, damping)
+        step, promise = squares.step(squares.normal(slopes), squares.descent(slopes, place), damping)
         if promise < least:
             return place, damping
         trial = squares.at(squares.moved(place.point, step), place)
@@ -260,17 +261,19 @@ def _onward(
         damping = max(damping / 6.0, LEAST_DAMPING)
 
 
-def _lower(squares: SumOfSquares, place: Place, slopes: Sequence[Array], normal: Array, damping: float) -> Place | None:
+def _lower(
+    squares: SumOfSquares, place: Place, slopes: Sequence[Array], normal: Array, damping: float, step: Array
+) -> Place | None:
     """Return a place that costs less, a damped step and its corrections away; None where they do not lead there."""
     trial, worse = place, np.inf
     for _ in range(CORRECTIONS + 1):
-        step, _ = squares.step(slopes, normal, trial, damping)
         trial = squares.at(squares.moved(trial.point, step), place)
         if trial.whole < place.whole:
             return trial
         if not trial.finite or trial.whole - place.whole > CORRECTED_SHARE * worse:
             break
         worse = trial.whole - place.whole
+        step, _ = squares.step(normal, squares.descent(slopes, trial), damping)
     return None
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, declared
 from firmloop.diagnose.policy import (
@@ -44,17 +44,13 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     plant = replace(problem.plant, parameters=nominal)
     plant = with_effects(plant, [*declared(plant, fitted.terms), *(term.use(values) for term in fitted.terms)])
     engine = simulator(plant, problem.train[0].hold)
-    parts, took = [], 0.0
-    for index, recording in enumerate(problem.train):
-        before = problem.engine.steps
-        residual_of(problem, recording, fitted.point, index)
-        took += problem.engine.steps - before
-        parts.append(_bounded(plant, recording, LONGER * 1e6 * (problem.engine.steps - before)))
+    took = SumOfSquares(problem, problem.train, (), noises, np.zeros((0, 1))).at(fitted.point).took
+    parts = [_bounded(plant, each, LONGER * 1e6 * steps) for each, steps in zip(problem.train, took, strict=True)]
     fit_problem = make_problem(plant, engine, parts)
     fit_problem = replace(fit_problem, weights=np.array([1.0 / noise.rms for noise in noises]))
     starts = np.stack([start[: engine.states] for start in fitted.point.starts])
     constants = constants_of(plant)
-    if STEPS_AT_ONCE * 2 * (len(fit_problem.free) + starts.size) * took > FIT_PATIENCE:
+    if STEPS_AT_ONCE * 2 * (len(fit_problem.free) + starts.size) * sum(took) > FIT_PATIENCE:
         return fitted
     place, cost, left = _solved(fit_problem, FitPoint(constants, starts), most)
     kinked = limits(fitted.terms)
