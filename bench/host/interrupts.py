@@ -48,11 +48,10 @@ def step_response(seed: int) -> str:
     """Return a recording of one step, which the verb `step` asks for."""
     lines = recording(seed).splitlines()
     rows = [line.split(",") for line in lines[1:]]
-    held_up = 1.0
     state, out = 0.0, [lines[0]]
     for k, (time_s, _, seen) in enumerate(rows):
         drive = 4.0 if k >= 20 else 0.0
-        out.append(f"{time_s},{drive},{state + 0.0001 * (float(seen) % held_up):.6g}")
+        out.append(f"{time_s},{drive},{state + 0.0001 * (float(seen) % 1.0):.6g}")
         state += (1 - 0.9753) * (3.0 * drive - state)
     return "\n".join(out) + "\n"
 

@@ -160,7 +160,7 @@ def _searched(law: Law, program: Program, means: Evaluate, real: np.dtype[Any]) 
     """Return the worst differences that a search finds, output by output."""
     random = np.random.default_rng(1)
     machine = Machine(program)
-    means_here = machine.watch([a.source for a in machine.program.results])
+    watched = machine.watch([a.source for a in machine.program.results])
     count = SEARCHED if law.solve is None else SOLVED
     kept = KEPT * count // SEARCHED
     values = (*program.inputs, *program.state)
@@ -176,7 +176,7 @@ def _searched(law: Law, program: Program, means: Evaluate, real: np.dtype[Any]) 
             raw = [_whole(v, x) for v, x in zip(values, points, strict=True)]
             inputs, held = raw[: len(program.inputs)], raw[len(program.inputs) :]
             kind = working_type(program)
-            slots = means_here([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
+            slots = watched([x.astype(kind) for x in inputs], [x.astype(kind) for x in held])
             outputs = zip(program.outputs, machine.results, strict=True)
             got = [to_physical(v, np.broadcast_to(slots[s], count)) for v, s in outputs]
             apart = _apart(law, program, means, inputs, held, got, real)
