@@ -97,6 +97,10 @@ class SumOfSquares:
         values = dict(point.values)
         for each, place in zip(self.unknowns, self._inner(point) + step[:count], strict=True):
             values[each.name] = each.outer(float(place))
+        for term in self.problem.terms:
+            if term.effect.within is not None and all(key in values for key in term.keys):
+                own = term.effect.within([values[key] for key in term.keys], term.scales)
+                values.update(zip(term.keys, own, strict=True))
         return Point(
             values,
             tuple(start + step[count + states * k : count + states * (k + 1)] for k, start in enumerate(point.starts)),

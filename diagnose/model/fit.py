@@ -125,11 +125,19 @@ def variances(normal: Array, count: int) -> Array:
 
 
 def strength(fitted: Fitted, term: LibraryTerm) -> float:
-    """Return how many deviations the first parameter stands from where it changes nothing."""
-    if not term.parameters:
-        return math.inf
-    deviation = deviations(fitted).get(term.keys[0], math.inf)
-    return abs(fitted.point.values[term.keys[0]]) / deviation if deviation > 0.0 else math.inf
+    """Return how many deviations a term is from changing nothing: its first parameter, or the surest of its sizes."""
+    known, sizes = deviations(fitted), term.effect.switches
+    return max(
+        (_apart(fitted, term, k, known) for k in (sizes if len(sizes) > 1 else term.keys and (0,))), default=math.inf
+    )
+
+
+def _apart(fitted: Fitted, term: LibraryTerm, place: int, known: Mapping[str, float]) -> float:
+    """Return how many deviations a parameter stands from where it changes nothing; from zero, if that is nowhere."""
+    key, neutral = term.keys[place], term.parameters[place].neutral
+    deviation = known.get(key, math.inf)
+    off = fitted.point.values[key] - (neutral if math.isfinite(neutral) else 0.0)
+    return abs(off) / deviation if deviation > 0.0 else math.inf
 
 
 def deviations(fitted: Fitted) -> Mapping[str, float]:

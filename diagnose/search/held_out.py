@@ -148,18 +148,21 @@ def _smaller(found: Search, bench: _Bench, some: Sequence[LibraryTerm]) -> Itera
 def _whole(found: Search, bench: _Bench) -> _Part:
     """Return the best as found where no other values simulate clearly nearer, and its effects are certain.
 
-    Where some do, a noise model has made noise of the motion: the values are those of plain simulation error.
+    Where some do, a noise model has made noise of the motion: the values are those of plain simulation error, unless
+    only starts that nobody reads make them nearer, and as written they are not.
     """
     before = found.best.fitted
     fitted = by_simulation_error(found.problem, before)
-    if not clearly_nearer(fitted, before):
-        doubted = replace(found, best=replace(found.best, fitted=with_other_answer(before, fitted.point.values)))
+    nearer = clearly_nearer(fitted, before)
+    plain = bench.part(_plainly(found, fitted)) if nearer else None
+    if plain is None or not plain.safe:
+        other = before if nearer else with_other_answer(before, fitted.point.values)
         noisy = not any(noise.weight for noise in found.best.noises)  # else intervals are those of a misfit
-        if noisy or all(strength(doubted.best.fitted, term) > NORMAL_95 for term in before.terms):
-            made = bench.part(doubted)
+        if noisy or all(strength(other, term) > NORMAL_95 for term in before.terms):
+            made = bench.part(replace(found, best=replace(found.best, fitted=other)))
             if made.safe:
                 return made
-    return bench.part(_plainly(found, fitted))
+    return plain or bench.part(_plainly(found, fitted))
 
 
 def _plainly(found: Search, fitted: Fitted) -> Search:

@@ -146,7 +146,8 @@ class Effect:
     of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
     cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
-    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `believable(values, scales)` says
+    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `within(values, scales)` brings
+    a fit's values back to where they are this effect's at all, `believable(values, scales)` says
     whether a fit's values are still this effect's, `becomes(values, scales)` names the simpler effect that they amount
     to, blank for none; None where they do not matter.
     `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
@@ -185,6 +186,7 @@ class Effect:
     unmet: str = ""
     possible: Callable[[Scales], bool] | None = None
     bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
+    within: Callable[[Sequence[float], Scales], tuple[float, ...]] | None = None
     believable: Callable[[Sequence[float], Scales], bool] | None = None
     becomes: Callable[[Sequence[float], Scales], str] | None = None
     coordinate: str = ""

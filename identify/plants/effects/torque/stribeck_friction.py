@@ -46,6 +46,12 @@ def bounded(parameter: EffectParameter, scales: Scales) -> EffectParameter:
     return replace(parameter, high=scales.speed) if parameter.name.startswith("stribeck_") else parameter
 
 
+def within(values: Sequence[float], scales: Scales) -> tuple[float, ...]:
+    """Return values near these at which friction does not rise with speed: there a fit would leave for a drag."""
+    coulomb, static, speed = values
+    return max(coulomb, _LEAST * static), max(static, coulomb), speed
+
+
 def believable(values: Sequence[float], scales: Scales) -> bool:
     """Tell whether friction falls, and not to nothing: what rises is a drag, what vanishes no friction."""
     coulomb, static, _ = values
@@ -75,6 +81,7 @@ EFFECT = Effect(
     switches=(0, 1),
     holding=holding,
     bounded=bounded,
+    within=within,
     believable=believable,
     coordinate="speed near rest",
     contains=("coulomb_friction",),
