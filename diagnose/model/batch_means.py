@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import without
+from firmloop.diagnose.model.candidate import creeps, without
 from firmloop.diagnose.model.fit import Fitted, deviations, widened
 from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem
 from firmloop.diagnose.model.sandwich_covariance import Sizes, batches, pushed, sizes_of
@@ -36,8 +36,9 @@ def deviation(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: L
 
 
 def times_chance(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
-    """Return how many deviations by batches a load, an offset or a spring is; infinite where none is told."""
-    if term.effect.slow and not term.effect.lasting and term.effect.place == "torque" and colored(noises):
+    """Return how many deviations by batches a load, an offset, a spring or a long wave is; infinite if untold."""
+    pulls = term.effect.place == "torque" and not term.effect.lasting
+    if pulls and creeps(term, fitted.point.values) and colored(noises):
         return _times_pull(problem, fitted, noises, term)
     value, spread = fitted.point.values[term.keys[0]], deviation(problem, fitted, noises, term)
     return abs(value) / spread if spread > 0.0 else np.inf
