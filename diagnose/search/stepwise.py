@@ -108,7 +108,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
                 problem, problem.train, best.fitted.terms, best.fitted.point, candidates[0].noises, STEPS_OF_A_FIT
             )
             further_on = rated(problem, again)
-            base = best if farther(further_on, best) else min((further_on, best), key=lambda each: each.score)
+            base = _likeliest((best, further_on))
         chosen = _nearer(problem, simplest(candidates, base.score), base)
         rounds.append(candidates)
         if larger(chosen, base):
@@ -326,13 +326,20 @@ def _nominal(problem: Problem, refit: Plant | None) -> Candidate:
         fitted = fit(
             problem, problem.train, (), fitted.point, flat(noises_of(problem, fitted.residuals)), STEPS_OF_A_FIT
         )
-    plain = last = rated(problem, fitted)
-    fits = [plain]
+    fits = [rated(problem, fitted)]
     for _ in range(3):
-        last = rated(problem, fit(problem, problem.train, (), last.fitted.point, last.noises, STEPS_OF_A_FIT))
-        if not farther(last, plain):  # what simulates worse than the plain refit has made noise of the motion
-            fits.append(last)
-    return min(fits, key=lambda each: each.score)
+        last = fits[-1]
+        fits.append(rated(problem, fit(problem, problem.train, (), last.fitted.point, last.noises, STEPS_OF_A_FIT)))
+    return _likeliest(fits)
+
+
+def _likeliest(fits: Sequence[Candidate]) -> Candidate:
+    """Return the likeliest of some fits of the same effects that simulate no farther off than the first of them does.
+
+    Those that do have made noise of the motion. What an effect brings is counted from the best score of all.
+    """
+    near = min((each for each in fits if not farther(each, fits[0])), key=lambda each: each.score)
+    return replace(near, score=min(each.score for each in fits))
 
 
 def _columns(problem: Problem) -> list[list[Array]]:
