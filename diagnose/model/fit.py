@@ -126,18 +126,14 @@ def variances(normal: Array, count: int) -> Array:
 
 def strength(fitted: Fitted, term: LibraryTerm) -> float:
     """Return how many deviations a term is from changing nothing: its first parameter, or the surest of its sizes."""
-    known, sizes = deviations(fitted), term.effect.switches
-    return max(
-        (_apart(fitted, term, k, known) for k in (sizes if len(sizes) > 1 else term.keys and (0,))), default=math.inf
-    )
-
-
-def _apart(fitted: Fitted, term: LibraryTerm, place: int, known: Mapping[str, float]) -> float:
-    """Return how many deviations a parameter stands from where it changes nothing; from zero, if that is nowhere."""
-    key, neutral = term.keys[place], term.parameters[place].neutral
-    deviation = known.get(key, math.inf)
-    off = fitted.point.values[key] - (neutral if math.isfinite(neutral) else 0.0)
-    return abs(off) / deviation if deviation > 0.0 else math.inf
+    known, switches = deviations(fitted), term.effect.switches
+    found = []
+    for place in switches if len(switches) > 1 else range(min(1, len(term.keys))):
+        neutral, key = term.parameters[place].neutral, term.keys[place]
+        off = fitted.point.values[key] - (neutral if place in switches and math.isfinite(neutral) else 0.0)
+        deviation = known.get(key, math.inf)
+        found.append(abs(off) / deviation if deviation > 0.0 else math.inf)
+    return max(found, default=math.inf)
 
 
 def deviations(fitted: Fitted) -> Mapping[str, float]:
