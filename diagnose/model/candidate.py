@@ -43,24 +43,30 @@ class Candidate:
 
 
 def rated(problem: Problem, fitted: Fitted) -> Candidate:
-    """Score by each output's own innovations, without what the newest effect has left nothing for.
+    """Score by each output's own innovations, without what the newest effect has left nothing for, or nothing usual.
 
-    Where an effect has values that are not its own, that is no explanation.
+    Where the newest effect has values that are not its own, that is no explanation.
     """
     if gone := [term for term in fitted.terms[:-1] if _vanished(fitted, term)]:
         fitted = fit(problem, problem.train, *without(fitted, *gone), fitted.noises, 0)
     noises = noises_of(problem, fitted.residuals)
-    if not believable(fitted):
+    if believable(fitted):
+        return Candidate(fitted, noises, evidence(fitted, noises))
+    if not _own(fitted, fitted.terms[-1]):
         return Candidate(fitted, noises, IMPOSSIBLE)
-    return Candidate(fitted, noises, evidence(fitted, noises))
+    strange = [term for term in fitted.terms if not _own(fitted, term)]
+    return rated(problem, fit(problem, problem.train, *without(fitted, *strange), noises, STEPS_OF_A_FIT))
 
 
 def believable(fitted: Fitted) -> bool:
     """Tell whether every effect has values that are its own, none on a bound: that one only stands for another."""
-    return not any(on_bound(fitted, term) for term in fitted.terms) and all(
-        term.effect.believable is None
-        or term.effect.believable([fitted.point.values[key] for key in term.keys], term.scales)
-        for term in fitted.terms
+    return all(_own(fitted, term) for term in fitted.terms)
+
+
+def _own(fitted: Fitted, term: LibraryTerm) -> bool:
+    values = [fitted.point.values[key] for key in term.keys]
+    return not on_bound(fitted, term) and (
+        term.effect.believable is None or term.effect.believable(values, term.scales)
     )
 
 
