@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of
 from firmloop.diagnose.policy import (
+    BROKEN_DAMPING,
     CORRECTED_SHARE,
     CORRECTIONS,
     DAMPINGS,
@@ -20,13 +21,16 @@ from firmloop.diagnose.policy import (
     FIRST_DAMPING,
     FIT_PATIENCE,
     HELD_DAMPING,
+    KEPT_DAMPING,
     KEPT_PROMISE,
     KEPT_SLOPES,
     LEAST_DAMPING,
     LEAST_DECREASE,
     LEAST_RELATIVE_DECREASE,
+    LITTLE_DAMPING,
     LONGER,
     LONGEST_STEP,
+    REFUSED_DAMPING,
     UNDAMPED,
 )
 from firmloop.identify.fitting.noise import Noise
@@ -217,7 +221,7 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
         pulled = squares.descent(slopes, place)
         least = max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
         while damping > UNDAMPED and squares.step(normal, pulled, damping)[1] < least:
-            damping /= 1e3
+            damping /= LITTLE_DAMPING
         for _ in range(tries):
             step, promise = squares.step(normal, pulled, damping)
             if promise < least:
@@ -225,7 +229,7 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
             lower = _lower(squares, place, slopes, normal, damping, step)
             if lower is not None:
                 break
-            damping = max(damping * 8.0, 1e-6)
+            damping = max(damping * REFUSED_DAMPING, 1e-6)
         gain = 0.0 if lower is None else place.whole - lower.whole
         little, before, place = gain < least, place, lower or place
         if own and rough and (little or damping > HELD_DAMPING):
@@ -234,9 +238,9 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
             continue
         if lower is None or (little and damping < UNDAMPED):
             break
-        # Less where a step has kept its promise, more where it has not (Nielsen, IMM-REP-1999-05).
-        kept = min(max(1.0 / 6.0, 1.0 - (2.0 * gain / promise - 1.0) ** 3), 2.0)
-        damping, tries = (damping / 1e3, FEW_DAMPINGS) if little else (damping * kept, DAMPINGS)
+        # Less where a step has kept its promise, more where it has not.
+        kept = min(max(1.0 / KEPT_DAMPING, 1.0 - (2.0 * gain / promise - 1.0) ** 3), BROKEN_DAMPING)
+        damping, tries = (damping / LITTLE_DAMPING, FEW_DAMPINGS) if little else (damping * kept, DAMPINGS)
         damping = max(damping, LEAST_DAMPING)
         if not little:
             place, damping = _onward(squares, before, place, slopes, damping, least)
@@ -262,7 +266,7 @@ def _onward(
         before, place = place, trial
         if gain < max(KEPT_PROMISE * promise, least):
             return place, damping
-        damping = max(damping / 6.0, LEAST_DAMPING)
+        damping = max(damping / KEPT_DAMPING, LEAST_DAMPING)
 
 
 def _lower(
