@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from firmloop.diagnose.model.candidate import rated
 from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, deviations, fit, strength, tethers
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coordinates, entered, first_point
+from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import concealed, problem_of
 
@@ -63,3 +65,14 @@ def test_a_shape_of_one_is_not_nothing(problem: Problem) -> None:
     moved = Point({**fitted.point.values, key: term.parameters[0].neutral}, fitted.point.starts)
     same = fit(problem, problem.train, (term,), moved, fitted.noises, 0)
     assert strength(same, term) > 0.0
+
+
+def test_what_is_strange_once_a_newer_effect_explains_it_goes(problem: Problem) -> None:
+    rising, stribeck = _fitted(problem, "stribeck_friction", coulomb_N_m=0.02, static_N_m=0.01)
+    friction = problem.term("coulomb_friction")
+    assert friction is not None
+    begin = Point({**rising.point.values, friction.keys[0]: 0.02}, rising.point.starts)
+    older = fit(problem, problem.train, (stribeck, friction), begin, rising.noises, 0)
+    newest = fit(problem, problem.train, (friction, stribeck), begin, rising.noises, 0)
+    assert rated(problem, older).fitted.names == ("coulomb_friction",)
+    assert rated(problem, older).score < rated(problem, newest).score == IMPOSSIBLE
