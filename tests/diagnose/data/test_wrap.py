@@ -10,8 +10,15 @@ from bench.diagnose.blind_cases import draw_case
 from tests.diagnose.cases import drawn, said_of
 
 
-# A quick current; a speed; quick up, slow down; a current whose nominal plant says too little of it.
-@pytest.mark.parametrize("seed", [32069, 31020, 160018, 240075])
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(32069, id="a quick current", marks=pytest.mark.slow),
+        pytest.param(31020, id="a speed"),
+        pytest.param(160018, id="quick up and slow down", marks=pytest.mark.slow),
+        pytest.param(240075, id="a current whose nominal plant says too little of it"),
+    ],
+)
 def test_wraps_are_read_off(tmp_path: Path, seed: int) -> None:
     (hidden,) = draw_case(seed).hidden
     assert hidden.name == "sensor_wrap"

@@ -22,8 +22,17 @@ def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str,
 @pytest.mark.parametrize(
     ("outside", "machine", "sensors", "excitation", "colored", "equation", "coordinate"),
     [
-        ("periodic_torque", "flat_motor", ("speed",), "prbs", False, "torque", "time, 7.3 times a second"),
         (*ONE_SIDED, "torque", "voltage_V"),
+        pytest.param(
+            "periodic_torque",
+            "flat_motor",
+            ("speed",),
+            "prbs",
+            False,
+            "torque",
+            "time, 7.3 times a second",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             "hysteretic_spring",
             "small_motor",
@@ -34,7 +43,7 @@ def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str,
             "travel of late",
             marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             "angle_dependent_damping",
             "linear_stage",
             ("speed",),
@@ -42,6 +51,7 @@ def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str,
             False,
             "force",
             "speed, by position_m",
+            marks=pytest.mark.slow,
         ),
     ],
 )
