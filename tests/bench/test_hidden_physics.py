@@ -83,7 +83,13 @@ DRAWN = {101: "quadratic_drag", 103: "presliding_friction", 114: "flexible_coupl
          124: "input_delay", 130: "return_spring", 165: "load_torque", 200: "cogging_torque"}  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", DRAWN, ids=DRAWN.values())
+LONGEST = ("input_delay", "load_torque")  # to write: their truths are searched for what a refit takes up
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(seed, id=name, marks=[pytest.mark.slow] if name in LONGEST else []) for seed, name in DRAWN.items()],
+)
 def test_what_strangers_hide_is_what_the_library_calls_so(seed: int, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'firmloop[bench]'")
     strangers.write(seed, tmp_path)

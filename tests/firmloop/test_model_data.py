@@ -53,7 +53,10 @@ def found(project: Path) -> dict[str, object]:
     return dict(json.loads((out / "model.json").read_text()))
 
 
-@pytest.mark.parametrize(("late", "structure"), [(0, "oe"), (3, "n4sid"), (9, "oe"), (25, "oe")])
+@pytest.mark.parametrize(
+    ("late", "structure"),
+    [(0, "oe"), (3, "n4sid"), pytest.param(9, "oe", marks=pytest.mark.slow), (25, "oe")],
+)
 def test_a_delay_is_found_and_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], late: int, structure: str
 ) -> None:
@@ -68,7 +71,7 @@ def test_a_given_delay_that_the_recording_denies_is_told(tmp_path: Path, capsys:
     assert "model.delay_samples is 2; the recordings ask for 9 samples of delay" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("noise", [0.01, 0.05, 0.2])
+@pytest.mark.parametrize("noise", [0.01, pytest.param(0.05, marks=pytest.mark.slow), 0.2])
 def test_the_noise_of_a_sensor_does_not_pull_an_arx_model_away(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], noise: float
 ) -> None:
@@ -86,7 +89,14 @@ def test_an_arx_model_of_its_own_noise_is_one_of_least_squares() -> None:
     assert np.array_equal(fit_arx(records, 2, 0).a, least_squares_arx(records, 2, 0).a)
 
 
-@pytest.mark.parametrize("rest", [(1.5, 4.2), (0.0, 20.0), (-3.0, 0.0)])
+@pytest.mark.parametrize(
+    "rest",
+    [
+        (1.5, 4.2),
+        pytest.param((0.0, 20.0), marks=pytest.mark.slow),
+        pytest.param((-3.0, 0.0), marks=pytest.mark.slow),
+    ],
+)
 def test_signals_that_rest_away_from_zero_are_refused_with_a_key_that_works(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: tuple[float, float]
 ) -> None:
@@ -142,7 +152,7 @@ def test_a_plant_that_integrates_is_found_as_one(
     assert "it integrates" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("rest", "start"), [(1.5, 0.0), (-0.4, 3.0), (0.0, 3.0)])
+@pytest.mark.parametrize(("rest", "start"), [(1.5, 0.0), pytest.param(-0.4, 3.0, marks=pytest.mark.slow), (0.0, 3.0)])
 def test_a_plant_that_integrates_from_elsewhere_is_refused_with_a_line_that_works_or_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: float, start: float
 ) -> None:

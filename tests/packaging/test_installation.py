@@ -18,7 +18,11 @@ ROOT = Path(__file__).parents[2]
 NAME = "firmloop-0.1.0"
 INFO = f"{NAME}.dist-info"
 # Who is there first, and what of firmloop comes then; what pip makes of an sdist is the wheel of the tree, see below.
-ORDERS = (("pre-commit", ("wheel", "sdist", "editable")), ("firmloop", ("editable", "wheel")))
+ORDERS = (
+    pytest.param("pre-commit", ("wheel", "editable"), id="pre-commit"),
+    pytest.param("pre-commit", ("sdist",), id="pre-commit, then an sdist", marks=pytest.mark.slow),
+    pytest.param("firmloop", ("editable", "wheel"), id="firmloop"),
+)
 PRECOMMIT = ("pre-commit", "identify")  # it stands on a package whose name is that of a folder of ours
 USERS_MODULES = ("design", "verify", "identify", "numpy")  # each would end the program that imports it
 
@@ -81,7 +85,7 @@ def _lends_no_other_name_of_the_tree(environment: Environment) -> None:
     assert environment.ask("-c", asked).strip() == "['firmloop']"
 
 
-@pytest.mark.parametrize(("first", "kinds"), ORDERS, ids=[first for first, _ in ORDERS])
+@pytest.mark.parametrize(("first", "kinds"), ORDERS)
 def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
     first: str, kinds: tuple[str, ...], archives: dict[str, str], wheels: Path, tmp_path: Path
 ) -> None:

@@ -48,16 +48,6 @@ def as_numbers(recording: Recording) -> np.ndarray:
     return np.column_stack([np.round(recording.time / PERIOD), *recording.columns.values()])
 
 
-@pytest.fixture(scope="module")
-def scope(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A scope that runs until the tests of this file are done with it."""
-    with scoping(tmp_path_factory.mktemp("scope")) as running_scope:
-        next(content for _, content in events(running_scope.url, 0) if content["begin"])  # samples have come
-        yield running_scope
-        assert running_scope.stop() == 0
-        assert "internal error" not in running_scope.told()
-
-
 @pytest.mark.qemu
 def test_every_sample_sent_is_in_the_page_and_in_the_recording(tmp_path: Path) -> None:
     """Where the machine stands still long enough samples are lost, and are counted: then once more."""
@@ -81,6 +71,117 @@ def test_every_sample_sent_is_in_the_page_and_in_the_recording(tmp_path: Path) -
     output = [line.split("§")[0].split(":") for line in lines if line.startswith(">output:")][:4000]
     assert [float(value) for _, _, value in output] == recording.columns["voltage_V"].tolist()
     assert [float(time_ms) for _, time_ms, _ in output] == pytest.approx(recording.time * 1e3)
+
+
+@pytest.mark.qemu
+def test_ctrl_c_keeps_the_recording(tmp_path: Path) -> None:
+    with scoping(tmp_path) as scope:
+        rows = next(content for _, content in events(scope.url, 0) if content["begin"] > 100)
+        assert scope.stop() == 0
+    assert len(read_recording(scope.file, {}).time) > rows["begin"]
+    assert "samples of reference" in scope.said() and scope.told().count("firmloop:") == 0
+
+
+@pytest.mark.qemu
+def test_a_port_that_goes_ends_with_a_sentence_and_keeps_the_recording(tmp_path: Path) -> None:
+    (tmp_path / "tank.toml").write_text(PROJECT)
+    program = program_of(read_project(tmp_path / "tank.toml"), "scope").program
+    with running(program) as port:
+        scoped = scoping(tmp_path, "--port", port)
+        scope = scoped.__enter__()
+        stream = events(scope.url, 0)
+        begin = next(content for _, content in stream if content["begin"] > 100)["begin"]
+    over = [content for kind, content in stream if kind == "over"]
+    assert scope.process.wait(60) == 3
+    scoped.__exit__(None, None, None)
+    assert f"port {port}: it is gone or cannot be used" in over[0]["says"]
+    assert "it is gone or cannot be used" in scope.told() and "seen.csv holds what came before" in scope.told()
+    assert len(read_recording(scope.file, {}).time) > begin
+
+
+@pytest.mark.qemu
+def test_an_emulated_core_that_dies_is_told_in_its_own_words(tmp_path: Path) -> None:
+    with scoping(tmp_path) as scope:
+        stream = events(scope.url, 0)
+        next(content for _, content in stream if content["begin"] > 100)
+        children = Path(f"/proc/{scope.process.pid}/task/{scope.process.pid}/children").read_text().split()
+        os.kill(int(children[0]), signal.SIGKILL)
+        assert scope.process.wait(60) == 3
+    assert f"the emulated core {TARGET.name}: QEMU ended with status -9" in scope.told()
+    assert scope.file.exists()
+
+
+@pytest.mark.qemu
+def test_a_controller_behind_a_socket_is_watched(tmp_path: Path) -> None:
+    (tmp_path / "tank.toml").write_text(PROJECT)
+    program = program_of(read_project(tmp_path / "tank.toml"), "scope").program
+    with running(program) as port, relayed(port) as url:
+        with scoping(tmp_path, "--port", url, "--seconds", "0.5") as scope:
+            rows, _, over = collected(scope.url)
+            assert scope.process.wait(60) == 0
+    assert over == "the watch has ended" and len(rows) >= 500
+    assert len(read_recording(scope.file, {}).time) == 500
+
+
+@contextmanager
+def relayed(terminal: str) -> Iterator[str]:
+    """Give the address of a socket that stands for a terminal, as a serial server's does."""
+    line = os.open(terminal, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    tty.setraw(line)
+
+    def relay(listener: socket.socket) -> None:
+        with suppress(OSError):
+            far, _ = listener.accept()
+            with far:
+                while True:
+                    for ready in select.select([far, line], [], [])[0]:
+                        data = far.recv(4096) if ready is far else os.read(line, 4096)
+                        if not data:
+                            return
+                        os.write(line, data) if ready is far else far.sendall(data)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=relay, args=(listener,), daemon=True)
+        thread.start()
+        yield f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        listener.close()
+    thread.join(5.0)
+    os.close(line)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ([], "--live: is missing: on qemu_mps2_an386 the controller needs its two functions"),
+        (["--live", "tank.c", "--port", "nowhere"], "--live tank.c: is for an emulated core, but --port nowhere"),
+        (["--target", "nucleo_f401re"], "--port: is missing, and target nucleo_f401re is no emulated core"),
+        (["--signals", "speed", "--port", "nowhere"], "--signals speed: is no signal of tank"),
+        (["--live", "no.c"], "--live no.c: cannot be read"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["scope", "monitor"])
+def test_what_is_missing_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, asked: list[str], words: str
+) -> None:
+    (tmp_path / "tank.toml").write_text(PROJECT)
+    command = [verb, str(tmp_path / "tank.toml"), "--out", str(tmp_path / "no.csv"), "--target", TARGET.name, *asked]
+    assert main(command) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "no.csv").exists()
+
+
+def test_every_spelling_is_offered() -> None:
+    assert set(OFFERED) == set(SPELLINGS)
+
+
+@pytest.fixture(scope="module")
+def scope(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A scope that runs from here to the end of this file: its emulated core takes a processor as long as it does."""
+    with scoping(tmp_path_factory.mktemp("scope")) as running_scope:
+        next(content for _, content in events(running_scope.url, 0) if content["begin"])  # samples have come
+        yield running_scope
+        assert running_scope.stop() == 0
+        assert "internal error" not in running_scope.told()
 
 
 @pytest.mark.qemu
@@ -179,82 +280,6 @@ def test_what_is_shown_can_be_saved(scope: Running, tmp_path: Path) -> None:
 
 
 @pytest.mark.qemu
-def test_ctrl_c_keeps_the_recording(tmp_path: Path) -> None:
-    with scoping(tmp_path) as scope:
-        rows = next(content for _, content in events(scope.url, 0) if content["begin"] > 100)
-        assert scope.stop() == 0
-    assert len(read_recording(scope.file, {}).time) > rows["begin"]
-    assert "samples of reference" in scope.said() and scope.told().count("firmloop:") == 0
-
-
-@pytest.mark.qemu
-def test_a_port_that_goes_ends_with_a_sentence_and_keeps_the_recording(tmp_path: Path) -> None:
-    (tmp_path / "tank.toml").write_text(PROJECT)
-    program = program_of(read_project(tmp_path / "tank.toml"), "scope").program
-    with running(program) as port:
-        scoped = scoping(tmp_path, "--port", port)
-        scope = scoped.__enter__()
-        stream = events(scope.url, 0)
-        begin = next(content for _, content in stream if content["begin"] > 100)["begin"]
-    over = [content for kind, content in stream if kind == "over"]
-    assert scope.process.wait(60) == 3
-    scoped.__exit__(None, None, None)
-    assert f"port {port}: it is gone or cannot be used" in over[0]["says"]
-    assert "it is gone or cannot be used" in scope.told() and "seen.csv holds what came before" in scope.told()
-    assert len(read_recording(scope.file, {}).time) > begin
-
-
-@pytest.mark.qemu
-def test_an_emulated_core_that_dies_is_told_in_its_own_words(tmp_path: Path) -> None:
-    with scoping(tmp_path) as scope:
-        stream = events(scope.url, 0)
-        next(content for _, content in stream if content["begin"] > 100)
-        children = Path(f"/proc/{scope.process.pid}/task/{scope.process.pid}/children").read_text().split()
-        os.kill(int(children[0]), signal.SIGKILL)
-        assert scope.process.wait(60) == 3
-    assert f"the emulated core {TARGET.name}: QEMU ended with status -9" in scope.told()
-    assert scope.file.exists()
-
-
-@pytest.mark.qemu
-def test_a_controller_behind_a_socket_is_watched(tmp_path: Path) -> None:
-    (tmp_path / "tank.toml").write_text(PROJECT)
-    program = program_of(read_project(tmp_path / "tank.toml"), "scope").program
-    with running(program) as port, relayed(port) as url:
-        with scoping(tmp_path, "--port", url, "--seconds", "0.5") as scope:
-            rows, _, over = collected(scope.url)
-            assert scope.process.wait(60) == 0
-    assert over == "the watch has ended" and len(rows) >= 500
-    assert len(read_recording(scope.file, {}).time) == 500
-
-
-@contextmanager
-def relayed(terminal: str) -> Iterator[str]:
-    """Give the address of a socket that stands for a terminal, as a serial server's does."""
-    line = os.open(terminal, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    tty.setraw(line)
-
-    def relay(listener: socket.socket) -> None:
-        with suppress(OSError):
-            far, _ = listener.accept()
-            with far:
-                while True:
-                    for ready in select.select([far, line], [], [])[0]:
-                        data = far.recv(4096) if ready is far else os.read(line, 4096)
-                        if not data:
-                            return
-                        os.write(line, data) if ready is far else far.sendall(data)
-
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=relay, args=(listener,), daemon=True)
-        thread.start()
-        yield f"socket://127.0.0.1:{listener.getsockname()[1]}"
-        listener.close()
-    thread.join(5.0)
-    os.close(line)
-
-
-@pytest.mark.qemu
 def test_a_page_port_that_is_taken_is_told(scope: Running, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "tank.toml").write_text(PROJECT)
     taken = scope.url.split(":")[2].split("/")[0]
@@ -264,28 +289,3 @@ def test_a_page_port_that_is_taken_is_told(scope: Running, tmp_path: Path, capsy
         assert main([*command, "--page-port", taken, "--out", str(tmp_path / "no.csv")]) == 2
     assert f"--page-port {taken}: cannot be used" in capsys.readouterr().err
     assert not (tmp_path / "no.csv").exists()
-
-
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [
-        ([], "--live: is missing: on qemu_mps2_an386 the controller needs its two functions"),
-        (["--live", "tank.c", "--port", "nowhere"], "--live tank.c: is for an emulated core, but --port nowhere"),
-        (["--target", "nucleo_f401re"], "--port: is missing, and target nucleo_f401re is no emulated core"),
-        (["--signals", "speed", "--port", "nowhere"], "--signals speed: is no signal of tank"),
-        (["--live", "no.c"], "--live no.c: cannot be read"),
-    ],
-)
-@pytest.mark.parametrize("verb", ["scope", "monitor"])
-def test_what_is_missing_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, asked: list[str], words: str
-) -> None:
-    (tmp_path / "tank.toml").write_text(PROJECT)
-    command = [verb, str(tmp_path / "tank.toml"), "--out", str(tmp_path / "no.csv"), "--target", TARGET.name, *asked]
-    assert main(command) == 2
-    assert words in capsys.readouterr().err
-    assert not (tmp_path / "no.csv").exists()
-
-
-def test_every_spelling_is_offered() -> None:
-    assert set(OFFERED) == set(SPELLINGS)
