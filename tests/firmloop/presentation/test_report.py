@@ -36,6 +36,7 @@ from firmloop.stages.tuning import beside
 from firmloop.stages.verification import Outcome
 from firmloop.verify.verdict import Cost, Difference, Rounded, Searches, Verdict
 from firmloop.version import version
+from tests.firmloop.conftest import PROJECT
 
 VERDICT = Verdict(
     program_id="0123456789abcdef",
@@ -59,9 +60,13 @@ DIFFERS = dataclasses.replace(
 )
 
 
-@pytest.fixture
-def walk(project: Path) -> Walk:
-    read = read_project(project)
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory, recorded_files: dict[str, str]) -> Walk:
+    """A walk that no test of this file changes."""
+    folder = tmp_path_factory.mktemp("walk")
+    for name, text in (*recorded_files.items(), ("tank_heater.toml", PROJECT)):
+        (folder / name).write_text(text)
+    read = read_project(folder / "tank_heater.toml")
     data = read_data(read)
     fitted = identify(read, data, lambda share, doing: None)
     designed = design(read, fitted.plant)
@@ -70,6 +75,12 @@ def walk(project: Path) -> Walk:
     return Walk(
         read, "firmloop run x.toml", data, fitted, designed, analyze(read, designed, fitted.plant), made, outcomes
     )
+
+
+@pytest.fixture(scope="module")
+def page(walk: Walk) -> str:
+    """Its report, of which figures are drawn for half a second."""
+    return report(walk)
 
 
 class _Checker(HTMLParser):
@@ -132,44 +143,42 @@ def test_report(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
         assert word in page, word
 
 
-def test_what_scrolls_on_a_narrow_screen_can_be_reached_by_keys(walk: Walk) -> None:
-    page = report(walk)
+def test_what_scrolls_on_a_narrow_screen_can_be_reached_by_keys(page: str) -> None:
     blocks = re.findall(r'<pre[^>]*>|<div class="scroll"[^>]*>', page)
     assert page.count("<svg") == page.count('aria-label="figure: ') and "<pre " in page
     assert all('tabindex="0"' in each and 'aria-label="' in each for each in blocks)
 
 
-def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk) -> None:
+def test_a_tuned_loop_stands_beside_the_other_rules(project: Path, walk: Walk, page: str) -> None:
     project.write_text(project.read_text() + '\n[tuning]\nrules = ["simc", "lambda", "lqr"]\n')
     tuned = beside(read_project(project), walk.design, walk.fit.plant)
-    page = report(dataclasses.replace(walk, tuned=tuned))
-    assert "Tuning rules on this plant" not in report(walk)
+    told = report(dataclasses.replace(walk, tuned=tuned))
+    assert "Tuning rules on this plant" not in page
     assert (
-        "Tuning rules on this plant" in page
-        and '<th scope="col">load IAE</th>' in page
-        and '<th scope="row">simc</th>' in page
+        "Tuning rules on this plant" in told
+        and '<th scope="col">load IAE</th>' in told
+        and '<th scope="row">simc</th>' in told
     )
 
 
-def test_what_a_search_did_stands_beside_its_cost(walk: Walk) -> None:
+def test_what_a_search_did_stands_beside_its_cost(walk: Walk, page: str) -> None:
     found = Searches(40, ((0, 1, -1), (0, 0, 0)), (14, 0), (900, 300), 60, 20, 2_400, 3, 4, 5)
     searched = dataclasses.replace(VERDICT, searches=found)
-    page = report(dataclasses.replace(walk, outcomes=(Outcome("board", searched, ""),)))
+    told = report(dataclasses.replace(walk, outcomes=(Outcome("board", searched, ""),)))
     for word in (
         "work 20 at most, cut short at 60",
         "2,400 instructions with the whole budget taken, 20.00 of the worst seen",
         "3 cut short, 4 with no moves that keep every limit; 5 of them with every input in its range",
         "at its high limit",
     ):
-        assert word in page and word not in report(walk), word
+        assert word in told and word not in page, word
     assert searched.as_dict()["search"] == {
         "budget": 60, "work_max": 20, "instructions_bound": 2_400, "capped_steps": 3, "infeasible_steps": 4,
         "within_ranges_steps": 5,
     }  # fmt: skip
 
 
-def test_nothing_a_user_wrote_is_markup(walk: Walk) -> None:
-    page = report(walk)
+def test_nothing_a_user_wrote_is_markup(page: str) -> None:
     assert "&lt;no port&gt;" in page and "<no port>" not in page
     assert "fl_add(&lt;left&gt;, right)" in page and "<left>" not in page
 
@@ -214,7 +223,7 @@ def test_every_axis_has_its_unit_and_the_input_is_drawn() -> None:
     assert axes_of(step_figure(step)) == ["measurement rad/s", "output V", "time, s"]
 
 
-def test_the_open_loop_is_drawn_with_its_interval(walk: Walk) -> None:
+def test_the_open_loop_is_drawn_with_its_interval(walk: Walk, page: str) -> None:
     """At the crossover the gain is 0 dB, and the phase is the margin above -180 deg, each within its interval."""
     assert walk.loop is not None and walk.loop.bode is not None
     bode, margins = walk.loop.bode, walk.loop.margins
@@ -224,7 +233,7 @@ def test_the_open_loop_is_drawn_with_its_interval(walk: Walk) -> None:
     assert (phase + 180.0) % 360.0 == pytest.approx(margins.phase_margin_deg, abs=0.5)
     assert bode.gain_half is not None and np.all(bode.gain_half >= 0.0) and bode.gain_half.max() > 0.0
     text = bode_figure(bode, margins.crossover_rad_s)
-    assert text == bode_figure(bode, margins.crossover_rad_s) and text in report(walk)
+    assert text == bode_figure(bode, margins.crossover_rad_s) and text in page
     assert "$" not in text
     for word in ("frequency, rad/s", "dB", "deg", "open loop, with 95 % intervals"):
         assert f">{word}<" in text, word
