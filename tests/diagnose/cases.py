@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from bench.diagnose.blind_cases import Case, draw_case, single_case, write_case
@@ -36,7 +38,7 @@ def concealing(name: str, size: float, colored: bool) -> Case:
 
 def concealed(folder: Path, name: str, size: float, colored: bool) -> Path:
     """Write the project of such a motor; return the project file."""
-    return written(folder, concealing(name, size, colored))
+    return laid(folder, simulated(concealing, name, size, colored))
 
 
 def shortened(project: Path) -> Path:
@@ -48,7 +50,24 @@ def shortened(project: Path) -> Path:
 
 def drawn(folder: Path, seed: int) -> Path:
     """Write the project of a case of the benchmark; return the project file."""
-    return written(folder, draw_case(seed))
+    return laid(folder, simulated(draw_case, seed))
+
+
+@cache
+def simulated(draw: Callable[..., Case], *asked: object) -> Mapping[str, bytes]:
+    """Return the files of a case: the truth takes half a second to simulate, and several tests ask for the same."""
+    with TemporaryDirectory() as made:
+        written(Path(made), draw(*asked))
+        files = (path for path in Path(made).rglob("*") if path.is_file())
+        return {str(path.relative_to(made)): path.read_bytes() for path in files}
+
+
+def laid(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """Put a case's files into a folder; return the project file."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder / "case" / "project.toml"
 
 
 def written(folder: Path, case: Case) -> Path:
