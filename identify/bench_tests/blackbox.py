@@ -325,15 +325,10 @@ def integrating(model: SampledModel, records: Sequence[Record]) -> SampledModel:
 
 def _simulated(model: SampledModel, record: Record) -> Array:
     """Simulate from the initial state that fits best, which is linear in it."""
-    forced = scipy.signal.lfilter(
-        np.concatenate([np.zeros(1 + model.late), model.b]), np.concatenate([[1.0], -model.a[:, 0]]), record.drive
-    )
-    free = np.column_stack(
-        [
-            scipy.signal.lfilter(np.eye(len(model.b))[k], np.concatenate([[1.0], -model.a[:, 0]]), _impulse(record))
-            for k in range(len(model.b))
-        ]
-    )
+    below = np.concatenate([[1.0], -model.a[:, 0]])
+    forced = scipy.signal.lfilter(model.b, below, _later(record.drive, 1 + model.late))
+    rings = scipy.signal.lfilter([1.0], below, np.eye(1, len(record.output))[0])
+    free = np.column_stack([_later(rings, k) for k in range(len(model.b))])
     with np.errstate(all="ignore"):
         if not np.all(np.isfinite(free)) or np.abs(free).max() > 1e9 or not np.all(np.isfinite(forced)):
             return np.full(len(record.output), np.inf)
@@ -341,10 +336,8 @@ def _simulated(model: SampledModel, record: Record) -> Array:
     return np.asarray(forced + free @ start)
 
 
-def _impulse(record: Record) -> Array:
-    made = np.zeros(len(record.output))
-    made[0] = 1.0
-    return made
+def _later(signal: Array, rows: int) -> Array:
+    return np.concatenate([np.zeros(rows), signal])[: len(signal)]
 
 
 def miss(model: SampledModel, records: Sequence[Record]) -> float:
