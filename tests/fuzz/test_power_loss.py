@@ -38,8 +38,15 @@ def bench(verb: str, folder: Path) -> Bench:
     return Bench(folder, lambda project, place: [verb, str(folder / project), "--out", str(place)], "")
 
 
-@pytest.mark.parametrize("verb", VERBS)
-@pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
+@pytest.mark.parametrize(
+    ("verb", "again"),
+    [
+        pytest.param("excite", False, id="excite for the first time"),
+        pytest.param("excite", True, id="excite again"),
+        pytest.param("generate", False, id="generate for the first time"),
+        pytest.param("generate", True, id="generate again", marks=pytest.mark.slow),
+    ],
+)
 def test_a_power_loss_leaves_nothing_half_written(verb: str, again: bool, folder: Path) -> None:
     assert lose_power(bench(verb, folder), again, VERBS[verb]) > 3
 

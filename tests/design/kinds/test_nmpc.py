@@ -179,7 +179,7 @@ def test_a_motor_with_friction_ends_nearer_when_the_friction_is_known() -> None:
     assert known < 0.6 * unknown < 0.03
 
 
-@pytest.mark.parametrize("arithmetic", ["float32", "float64"])
+@pytest.mark.parametrize("arithmetic", ["float32", pytest.param("float64", marks=pytest.mark.slow)])
 def test_the_c_is_the_program_with_a_plan_that_is_kept(arithmetic: str) -> None:
     limited = {"x_max": [1.5, math.inf, math.inf, math.inf], "x_min": [-1.5] + [-math.inf] * 3}
     program = lower(swing_up(horizon=4, iterations=2, R_change=0.01, **limited)[1], arithmetic)

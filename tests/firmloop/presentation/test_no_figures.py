@@ -72,7 +72,10 @@ def designed(folder: Path, capsys: pytest.CaptureFixture[str], text: str) -> tup
     return said[0], json.loads(said[1], parse_constant=pytest.fail)
 
 
-@pytest.mark.parametrize(("gain", "low", "high"), [(-0.8, 0, 100), (0.8, -100, 0), (-3.0, 0, 1000)])
+@pytest.mark.parametrize(
+    ("gain", "low", "high"),
+    [(-0.8, 0, 100), (0.8, -100, 0), pytest.param(-3.0, 0, 1000, marks=pytest.mark.slow)],
+)
 def test_the_step_goes_the_way_that_the_actuator_can(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], gain: float, low: int, high: int
 ) -> None:
