@@ -1,7 +1,7 @@
 """Run a Program bit for bit, many controllers at once: one operation on all lanes per Program operation and sample.
 
 numpy gives each operation its meaning; what takes many steps runs in compiled code of the same operations, where this
-machine has a compiler and the program no tables (`verify/lanes`; a test compares the two).
+machine has a compiler and knows them all (`verify/lanes`; a test compares the two).
 Values have the shape (lanes,): a lane is one controller with its own inputs. Fixed point runs in int64 (all values
 are proven to fit 32 bits, products 64), floating point in its own type.
 """
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from firmloop.quantize.not_a_number import spelled_out
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Number, Program, Value
+from firmloop.quantize.twins.rti_course import RtiCourse
 from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
+from firmloop.verify.lanes.plans import known_as, with_plans
 
 Raw = NDArray[Any]
 AT_ONCE = 4096  # lanes: 32 kB a value
@@ -81,8 +83,10 @@ class Machine:
         for table in program.tables:
             self._slot(f"table.{table.name}")
         tables = {f"table.{table.name}": table for table in program.tables}
-        for routine in program.routines:
-            self.constants[self._slot(f"routine.{routine.name}")] = Machine(routine).call
+        models = {f"routine.{routine.name}": Machine(routine) for routine in program.routines}
+        for name, model in models.items():
+            self.constants[self._slot(name)] = model.call
+        self.improved: dict[int, tuple[RtiCourse, Machine]] = {}
         for op in program.body:
             operation = EVERY[op.function]
             places, shifts = [], []
@@ -101,8 +105,12 @@ class Machine:
                     self.constants[slot] = kind.type(argument)
                     places.append(slot)
             self.steps.append((operation.run, self._slot(op.result.name), tuple(places), tuple(shifts)))
+            if op.function == "improve":
+                self.improved[self.steps[-1][1]] = self.constants[places[0]], models[str(op.arguments[1])]
+                places = places[2:]
             self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), tuple(shifts)))
-        self.compilable = not (program.tables or program.routines) and runs(kind, [step.function for step in self.rows])
+        models_too = all(model.compilable for _, model in self.improved.values())
+        self.compilable: bool = models_too and runs(kind, [known_as(step) for step in self.rows])
         self.inputs = [self.slots[f"in.{v.name}"] for v in program.inputs]
         self.state = [self.slots[f"self.{v.name}"] for v in program.state]
         self.next = [self.slots[a.source] for a in program.next_state]
@@ -132,20 +140,27 @@ class Machine:
 
     def compiled(self) -> Compiled | None:
         """Return the program ready to run in compiled code; None where that does not know one of its operations."""
-        code = library() if self.compilable else None
-        if code is None:
-            return None
-        ends = (self.inputs, self.state, self.next, self.results, self.status)
-        return Compiled(code, working_type(self.program), self.rows, self.constants, *ends, len(self.program.tunable))
+        return self._compiled(self.next, self.results, self.status, len(self.program.tunable))
 
     def asked(self, names: Sequence[str]) -> Compiled | None:
         """Return what computes the values of these names in compiled code; None where that does not know it all."""
+        return self._compiled(self.next or self.state, [self.slots[name] for name in names])
+
+    def _compiled(
+        self, following: Sequence[int], results: Sequence[int], bits: Sequence[tuple[int, int]] = (), tuned: int = 0
+    ) -> Compiled | None:
         code = library() if self.compilable else None
         if code is None:
             return None
-        slots, following = [self.slots[name] for name in names], self.next or self.state
-        kind = working_type(self.program)
-        return Compiled(code, kind, self.rows, self.constants, self.inputs, self.state, following, slots)
+        plans = {}
+        for slot, (course, model) in self.improved.items():
+            ready = model.compiled()
+            assert ready is not None
+            plans[slot] = course, ready
+        numbers = {slot: value for slot, value in self.constants.items() if np.isscalar(value)}
+        steps, constants = with_plans(self.rows, numbers, len(self.slots), plans)
+        ends = (self.inputs, self.state, following, results, bits)
+        return Compiled(code, working_type(self.program), steps, constants, *ends, tuned)
 
     def watch(self, names: Sequence[str]) -> Callable[[list[Raw], list[Raw]], list[Any]]:
         """Return what computes one sample of every lane, as `step` does, but perhaps only the values of these names."""

@@ -21,7 +21,7 @@ from firmloop.design.quadratic.solver import solver as quadratic_solver
 from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.twins.qp import optimum
 from firmloop.quantize.twins.rti import improve
-from firmloop.quantize.twins.rti_course import course_of
+from firmloop.quantize.twins.rti_course import exact_course
 
 Array = NDArray[np.float64]
 Evaluate = Callable[[Sequence[Sequence[Array]]], list[list[Array]]]
@@ -279,7 +279,7 @@ def solver_of(solve: Solve) -> Callable[[Array], Array]:
             return np.vstack([solution.moves.T, solution.status])
 
         return solved
-    course = course_of(solve.problem, np.dtype(np.float64), 2.0**-40, 2.0**-12, 2.0**-36)
+    course = exact_course(solve.problem)
     model = evaluator(law_graph(solve.problem.model))
 
     def iterated(parameters: Array) -> Array:

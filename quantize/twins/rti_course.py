@@ -63,6 +63,11 @@ def course_of(problem: Horizon, kind: np.dtype[Any], tolerance: float, trusted: 
     )  # fmt: skip
 
 
+def exact_course(problem: Horizon) -> RtiCourse:
+    """Return a problem in float64, as its law means it."""
+    return course_of(problem, np.dtype(np.float64), 2.0**-40, 2.0**-12, 2.0**-36)
+
+
 def add_up(first: Raw, terms: Raw) -> Raw:
     """Return first (..., ) + terms (..., n), added one after the other, as C does."""
     if first.size < MANY:

@@ -18,7 +18,7 @@ typedef struct {
 } op_t;
 
 /* Rows that hold what is read, kept and written, each list with its length; the others are constants and values. */
-typedef struct {
+typedef struct plan {
     const op_t *ops;
     int64_t op_count;
     const int32_t *inputs;
@@ -31,6 +31,7 @@ typedef struct {
     int64_t result_count;
     const int32_t *bits; /* pairs: row, place in the status word */
     int64_t bit_count;
+    const void *courses; /* nonlinear programs that operations improve: course_ of rti_step.h */
 } plan_t;
 
 /* An array whose element (step, column, lane) stands at these distances, in elements, from the first. */
@@ -65,6 +66,9 @@ typedef struct {
 } way_t;
 
 enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
+enum { SOLVED, CAPPED, INFEASIBLE }; /* as in quantize/twins/rti_course.py */
+
+#define FAR 1e30
 
 #define ROW(place) (rows + (int64_t)(place) * WIDTH)
 #define EACH(number, expression)                \
@@ -101,6 +105,7 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 #define SHORT 1
 #define REAL(name) name##f
 #include "elementary.h"
+#include "rti_step.h"
 #include "steps.h"
 #include "halving.h"
 #undef NUMBER
@@ -115,6 +120,7 @@ enum { INT16, INT32, INT64, FLOAT, DOUBLE, LONG };
 #define SHORT 0
 #define REAL(name) name
 #include "elementary.h"
+#include "rti_step.h"
 #include "steps.h"
 #include "halving.h"
 #undef NUMBER

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from firmloop.quantize.lower.graph import Graph, Node
+from firmloop.design.law import Horizon
+from firmloop.quantize.lower.graph import Graph, Node, law_graph
+from firmloop.quantize.twins.rti_course import RtiCourse, exact_course
 from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
+from firmloop.verify.lanes.plans import known_as, with_plans
 
 # The operations of the compiled code that mean what those of a law do, where they have other names or operands.
 SAME = {
@@ -35,19 +38,38 @@ def compiled_law(
             constants[k] = node.value
         else:
             steps.append(_step(k, node, zero))
-    if code is None or not runs(kind, [step.function for step in steps]):
+    if code is None or not runs(kind, [known_as(step) for step in steps]):
         return None
-    free = iter(range(zero + 1, zero + 1 + states + inputs))  # of arguments that nothing reads
+    plans = {}
+    for step in steps:
+        if step.function == "improve":
+            model = _model(graph)
+            if model is None:
+                return None
+            plans[step.target] = model
+    free = iter(range(zero + 1, zero + 1 + states + inputs + 1))  # of arguments that nothing reads
     given = [rows[1, j] if (1, j) in rows else next(free) for j in range(inputs)]
     held = [rows[0, j] if (0, j) in rows else next(free) for j in range(states)]
     fed = [held[j] for j in range(states) if j not in own]
     following, outputs = graph.results[0], graph.results[1]
+    spread, constants = with_plans(steps, constants, next(free), plans)
     return Compiled(
-        *(code, kind, steps, constants, [*given, *fed], [held[j] for j in own]),
+        *(code, kind, spread, constants, [*given, *fed], [held[j] for j in own]),
         *([following[j] for j in own], outputs),
     )
 
 
+def _model(graph: Graph) -> tuple[RtiCourse, Compiled] | None:
+    """Return the problem that an operation "improve" of a law solves, and its model."""
+    assert graph.solve is not None
+    problem = graph.solve.problem
+    assert isinstance(problem, Horizon)
+    ready = compiled_law(law_graph(problem.model), 0, len(problem.model.inputs), ())
+    return None if ready is None else (exact_course(problem), ready)
+
+
 def _step(target: int, node: Node, zero: int) -> RowStep:
     places = node.arguments * 2 if node.function in ("square", "twice") else node.arguments
-    return RowStep(SAME.get(node.function, node.function), target, (*places, zero) if node.function == "if" else places)
+    whole = (node.place[1],) if node.function == "move" else ()
+    name = SAME.get(node.function, node.function)
+    return RowStep(name, target, (*places, zero) if node.function == "if" else places, whole)

@@ -91,6 +91,9 @@ static void JOIN(compute_, KIND)(const plan_t *plan, NUMBER *rows, int64_t width
         EACH(40, JOIN(power_, KIND)(a[k]))                           /* exp */
         EACH(41, JOIN(bent_, KIND)(a[k]))                            /* tanh */
         EACH(42, JOIN(root_, KIND)(a[k]))                            /* sqrt */
+        case 48:                                                     /* improve */
+            JOIN(iterate_, KIND)((const JOIN(course_, KIND) *)plan->courses + op->whole[0], rows, width);
+            break;
 #endif
 #endif
         default:
