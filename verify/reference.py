@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from firmloop.quantize.not_a_number import spelled_out
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Number, Program, Value
-from firmloop.quantize.twins.rti_course import RtiCourse
+from firmloop.quantize.twins.qp import Rows
 from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
-from firmloop.verify.lanes.plans import known_as, with_plans
+from firmloop.verify.lanes.plans import Improved, known_as, with_plans
 
 Raw = NDArray[Any]
 AT_ONCE = 4096  # lanes: 32 kB a value
@@ -86,7 +86,7 @@ class Machine:
         models = {f"routine.{routine.name}": Machine(routine) for routine in program.routines}
         for name, model in models.items():
             self.constants[self._slot(name)] = model.call
-        self.improved: dict[int, tuple[RtiCourse, Machine]] = {}
+        self.solved: dict[int, tuple[Any, Machine | None]] = {}  # programs, and the model of what is nonlinear
         for op in program.body:
             operation = EVERY[op.function]
             places, shifts = [], []
@@ -106,10 +106,13 @@ class Machine:
                     places.append(slot)
             self.steps.append((operation.run, self._slot(op.result.name), tuple(places), tuple(shifts)))
             if op.function == "improve":
-                self.improved[self.steps[-1][1]] = self.constants[places[0]], models[str(op.arguments[1])]
+                self.solved[self.steps[-1][1]] = self.constants[places[0]], models[str(op.arguments[1])]
                 places = places[2:]
+            elif op.function == "solve":
+                self.solved[self.steps[-1][1]] = self.constants[places[0]], None
+                places = places[1:]
             self.rows.append(RowStep(op.function, self.steps[-1][1], tuple(places), tuple(shifts)))
-        models_too = all(model.compilable for _, model in self.improved.values())
+        models_too = all(model is None or model.compilable for _, model in self.solved.values())
         self.compilable: bool = models_too and runs(kind, [known_as(step) for step in self.rows])
         self.inputs = [self.slots[f"in.{v.name}"] for v in program.inputs]
         self.state = [self.slots[f"self.{v.name}"] for v in program.state]
@@ -152,11 +155,10 @@ class Machine:
         code = library() if self.compilable else None
         if code is None:
             return None
-        plans = {}
-        for slot, (course, model) in self.improved.items():
-            ready = model.compiled()
-            assert ready is not None
-            plans[slot] = course, ready
+        plans: dict[int, Rows | Improved] = {}
+        for slot, (program, model) in self.solved.items():
+            ready = None if model is None else model.compiled()
+            plans[slot] = program if ready is None else (program, ready)
         numbers = {slot: value for slot, value in self.constants.items() if np.isscalar(value)}
         steps, constants = with_plans(self.rows, numbers, len(self.slots), plans)
         ends = (self.inputs, self.state, following, results, bits)

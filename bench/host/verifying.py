@@ -3,10 +3,10 @@
     python -m bench.host.verifying FOLDER [STEPS] [LAW...]
 
 FOLDER is that checkout (`git worktree add FOLDER REVISION`). The PID with every part in use, or laws by their names in
-`bench/codegen/example_laws.py`, in each format (float32 alone where it solves a program); the two take turns, each run in a process of its own, and the shortest
-of three counts; what runs beside it, under the sanitizers, counts too. Exit status 1 below the least ratio, or where a
-step differs. Two verdicts are the same where nothing of them differs, the costs and roundings that were met included;
-a change of the stimuli changes those.
+`bench/codegen/example_laws.py`, in each format (float32 alone where it solves a program); the two take turns, each run
+in a process of its own, and the shortest of three counts; what runs beside it, under the sanitizers, counts too. Exit
+status 1 below the least ratio, or where a step differs. Two verdicts are the same where nothing of them differs, the
+costs and roundings that were met included; a change of the stimuli changes those.
 """
 
 from __future__ import annotations

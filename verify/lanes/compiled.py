@@ -13,18 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.simulation.compiler import ToolError, shared_library
-from firmloop.quantize.twins.rti_course import RtiCourse
 from firmloop.verify.lanes.codes import known
+from firmloop.verify.lanes.programs import WIDTH, Improving, Solving
 
 Raw = NDArray[Any]
 FLAGS = ("-std=c99", "-O3", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
 FUNCTIONS = {"i8": "i64", "f4": "f32", "f8": "f64", "f16": "long"}  # ends of their names
 KINDS = ("i2", "i4", "i8", "f4", "f8", "f16", "u4")  # the last one of status words, which are always whole
-WIDTH = 128  # lanes of a row, as in lanes.c
-_SOURCES = ("lanes.c", "steps.h", "curved.h", "elementary.h", "halving.h", "rti_step.h", "rti_search.h", "rti_lanes.h")
-_SIZES = ("n", "m", "length", "c", "iterations", "budget", "parameter_count", "target")  # of a course
-_ARRAYS = ("q", "r", "p", "change", "rest", "low", "high", "weight")
-_LIMITS = ("tolerance", "trusted", "least")
+_SOURCES = (
+    "lanes.c",
+    "steps.h",
+    "curved.h",
+    "elementary.h",
+    "halving.h",
+    "rti_step.h",
+    "rti_search.h",
+    "rti_lanes.h",
+    "qp_search.h",
+    "qp_kept.h",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,22 +62,6 @@ class Ways:
     halvings: int
 
 
-@dataclass(frozen=True, slots=True)
-class Improving:
-    """An operation "improve": its problem, the rows of its parameters, that of its first result, and its model."""
-
-    course: RtiCourse
-    parameters: tuple[int, ...]
-    target: int
-    model: Compiled
-
-    @property
-    def end(self) -> int:
-        """The row of the status, behind outputs, whether there is a plan, the largest change, and the plan."""
-        n, m = len(self.course.q), len(self.course.r)
-        return self.target + m + 2 + self.course.length * (n + m)
-
-
 class _Plan(ctypes.Structure):
     _fields_ = [
         ("ops", ctypes.c_void_p),
@@ -86,15 +77,7 @@ class _Plan(ctypes.Structure):
         ("bits", ctypes.c_void_p),
         ("bit_count", ctypes.c_int64),
         ("courses", ctypes.c_void_p),
-    ]
-
-
-class _Course(ctypes.Structure):
-    _fields_ = [
-        *((name, ctypes.c_int64) for name in _SIZES),
-        *((name, ctypes.c_void_p) for name in ("limited", *_ARRAYS)),
-        *((name, ctypes.c_double) for name in _LIMITS),
-        *((name, ctypes.c_void_p) for name in ("parameters", "model", "model_rows", "room")),
+        ("problems", ctypes.c_void_p),
     ]
 
 
@@ -132,7 +115,7 @@ class Compiled:
         self,
         code: ctypes.CDLL,
         kind: np.dtype[Any],
-        steps: Sequence[RowStep | Improving],
+        steps: Sequence[RowStep | Improving | Solving],
         constants: dict[int, Any],
         inputs: Sequence[int],
         states: Sequence[int],
@@ -142,14 +125,15 @@ class Compiled:
         tuned: int = 0,
     ) -> None:
         codes = known(kind)
+        self._kept_alive: list[object] = []  # what the plan points to
         rows: list[tuple[int, ...]] = []
-        courses: list[_Improved] = []
+        programs: dict[str, list[ctypes.Structure]] = {"improve": [], "solve": []}
         for s in steps:
-            if isinstance(s, Improving):
-                rows.append((codes["improve"], s.target, 0, 0, 0, 0, len(courses), 0))
-                courses.append(_Improved(s, kind))
-            else:
+            if isinstance(s, RowStep):
                 rows.append((codes[s.function], s.target, *_filled(s.places, 4), *_filled(s.whole, 2)))
+            else:
+                rows.append((codes[s.function], s.target, 0, 0, 0, 0, len(programs[s.function]), 0))
+                programs[s.function].append(s.read(kind, self._kept_alive))
         lists = [np.array(rows, np.int32).reshape(-1, 8), *(np.array(x, np.int32) for x in (inputs, states, following))]
         lists += [np.array(results, np.int32), np.array(bits, np.int32).reshape(-1, 2)]
         self._lists = lists  # the plan points into them
@@ -158,10 +142,12 @@ class Compiled:
             *(at[0], len(rows), at[1], len(inputs), at[2], at[3], len(states), tuned),
             *(at[4], len(results), at[5], len(bits)),
         )
-        self._courses = courses
-        self._course_list = (_Course * len(courses))(*(one.course for one in courses))
-        self._plan.courses = ctypes.addressof(self._course_list)
-        written = [s.end if isinstance(s, Improving) else s.target for s in steps]
+        for place, given in zip(("courses", "problems"), programs.values(), strict=True):
+            if given:
+                several = (type(given[0]) * len(given))(*given)
+                self._kept_alive.append(several)
+                setattr(self._plan, place, ctypes.addressof(several))
+        written = [s.target if isinstance(s, RowStep) else s.end for s in steps]
         count = 1 + max([*inputs, *states, *following, *results, *constants, *written])
         self._rows = np.zeros((count, WIDTH), kind)
         for row, value in constants.items():
@@ -227,25 +213,6 @@ class Compiled:
             ctypes.byref(self._plan), *places, *sizes, ctypes.byref(asked), *[ctypes.byref(_array(x)) for x in arrays]
         )
         return found[0], found[1]
-
-
-class _Improved:
-    """What the compiled code reads of one nonlinear program, kept as long as this."""
-
-    def __init__(self, given: Improving, kind: np.dtype[Any]) -> None:
-        own = given.course
-        n, m, size, rows = len(own.q), len(own.r), own.unknowns, own.rows
-        arrays = [np.array(own.limited, np.int64), *(np.ascontiguousarray(getattr(own, x), kind) for x in _ARRAYS)]
-        parameters = np.array(given.parameters, np.int32)
-        states = (own.length + 1) * n
-        lane = states * (1 + size) + (size + 1) * n + 2 * size * (size + 3) + rows * (2 * size + rows + 8)
-        plan = states + size + own.length * n * (1 + n + m) + n + 2 * m + 1
-        room = np.zeros(lane + WIDTH * plan, kind)
-        sizes = (n, m, own.length, len(own.limited), own.iterations, own.budget, len(parameters), given.target)
-        at = [x.ctypes.data for x in arrays]
-        limits = [getattr(own, name) for name in _LIMITS]
-        self.course = _Course(*sizes, *at, *limits, parameters.ctypes.data, *given.model.places, room.ctypes.data)
-        self._kept = (*arrays, parameters, room, given.model)
 
 
 def _array(x: Raw | None) -> _Array:

@@ -32,6 +32,7 @@ typedef struct plan {
     const int32_t *bits; /* pairs: row, place in the status word */
     int64_t bit_count;
     const void *courses; /* nonlinear programs that operations improve: course_ of rti_step.h */
+    const void *problems; /* quadratic programs that operations solve: problem_ of qp_search.h */
 } plan_t;
 
 /* An array whose element (step, column, lane) stands at these distances, in elements, from the first. */
@@ -106,6 +107,7 @@ enum { SOLVED, CAPPED, INFEASIBLE }; /* as in quantize/twins/rti_course.py */
 #define REAL(name) name##f
 #include "elementary.h"
 #include "rti_step.h"
+#include "qp_search.h"
 #include "steps.h"
 #include "halving.h"
 #undef NUMBER
@@ -121,6 +123,7 @@ enum { SOLVED, CAPPED, INFEASIBLE }; /* as in quantize/twins/rti_course.py */
 #define REAL(name) name
 #include "elementary.h"
 #include "rti_step.h"
+#include "qp_search.h"
 #include "steps.h"
 #include "halving.h"
 #undef NUMBER

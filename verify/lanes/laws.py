@@ -9,9 +9,11 @@ import numpy as np
 
 from firmloop.design.law import Horizon
 from firmloop.quantize.lower.graph import Graph, Node, law_graph
-from firmloop.quantize.twins.rti_course import RtiCourse, exact_course
+from firmloop.quantize.twins.qp import Rows, exact
+from firmloop.quantize.twins.rti_course import exact_course
+from firmloop.verify.lanes.codes import PLANS
 from firmloop.verify.lanes.compiled import Compiled, RowStep, library, runs
-from firmloop.verify.lanes.plans import known_as, with_plans
+from firmloop.verify.lanes.plans import Improved, known_as, with_plans
 
 # The operations of the compiled code that mean what those of a law do, where they have other names or operands.
 SAME = {
@@ -40,13 +42,13 @@ def compiled_law(
             steps.append(_step(k, node, zero))
     if code is None or not runs(kind, [known_as(step) for step in steps]):
         return None
-    plans = {}
+    plans: dict[int, Rows | Improved] = {}
     for step in steps:
-        if step.function == "improve":
-            model = _model(graph)
-            if model is None:
+        if step.function in PLANS:
+            plan = _plan(graph)
+            if plan is None:
                 return None
-            plans[step.target] = model
+            plans[step.target] = plan
     free = iter(range(zero + 1, zero + 1 + states + inputs + 1))  # of arguments that nothing reads
     given = [rows[1, j] if (1, j) in rows else next(free) for j in range(inputs)]
     held = [rows[0, j] if (0, j) in rows else next(free) for j in range(states)]
@@ -59,11 +61,12 @@ def compiled_law(
     )
 
 
-def _model(graph: Graph) -> tuple[RtiCourse, Compiled] | None:
-    """Return the problem that an operation "improve" of a law solves, and its model."""
+def _plan(graph: Graph) -> Rows | Improved | None:
+    """Return the program that a law solves, with its model where it has one; None where no search solves it."""
     assert graph.solve is not None
     problem = graph.solve.problem
-    assert isinstance(problem, Horizon)
+    if not isinstance(problem, Horizon):
+        return exact(problem) if graph.solve.method is None else None
     ready = compiled_law(law_graph(problem.model), 0, len(problem.model.inputs), ())
     return None if ready is None else (exact_course(problem), ready)
 

@@ -1,13 +1,17 @@
-"""Give every result of a nonlinear program a row of its own: what takes them apart becomes copies and comparisons."""
+"""Give every result of a program that is solved a row: what takes them apart becomes copies and comparisons."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from firmloop.quantize.twins.rti_course import CAPPED, INFEASIBLE, RtiCourse
-from firmloop.verify.lanes.compiled import Compiled, Improving, RowStep
+from firmloop.design.outcome import CAPPED, INFEASIBLE
+from firmloop.quantize.twins.qp import Rows
+from firmloop.quantize.twins.rti_course import RtiCourse
+from firmloop.verify.lanes.compiled import RowStep
+from firmloop.verify.lanes.programs import Improving, Model, Solving
 
+Improved = tuple[RtiCourse, Model]
 OUTCOMES = {"capped": CAPPED, "infeasible": INFEASIBLE}
 
 
@@ -17,23 +21,27 @@ def known_as(step: RowStep) -> str:
 
 
 def with_plans(
-    steps: Sequence[RowStep], constants: Mapping[int, Any], free: int, plans: Mapping[int, tuple[RtiCourse, Compiled]]
-) -> tuple[list[RowStep | Improving], dict[int, Any]]:
-    """Return the steps and the constants; rows from `free` on are taken, `plans` by the row of each "improve"."""
+    steps: Sequence[RowStep], constants: Mapping[int, Any], free: int, plans: Mapping[int, Rows | Improved]
+) -> tuple[list[RowStep | Improving | Solving], dict[int, Any]]:
+    """Return the steps and the constants; rows from `free` on are taken.
+
+    `plans` are the programs by the row of their operation; that of an "improve" is its problem and its model.
+    """
     if not plans:
         return list(steps), dict(constants)
     status = dict(zip(OUTCOMES, (free, free + 1), strict=True))
     constants = {**constants, **{status[name]: value for name, value in OUTCOMES.items()}}
     free += len(OUTCOMES)
-    found: list[RowStep | Improving] = []
+    found: list[RowStep | Improving | Solving] = []
     first: dict[int, tuple[int, int]] = {}  # rows of the first result and of the status
     for step in steps:
-        if step.function == "improve":
-            course, model = plans[step.target]
-            improving = Improving(course, step.places, free, model)
-            found.append(improving)
-            first[step.target] = free, improving.end
-            free = improving.end + 1
+        if step.target in plans:
+            plan = plans[step.target]
+            places = step.places
+            one = Solving(plan, places, free) if isinstance(plan, Rows) else Improving(plan[0], places, free, plan[1])
+            found.append(one)
+            first[step.target] = free, one.end
+            free = one.end + 1
         elif step.function == "move":
             found.append(RowStep("copy", step.target, (first[step.places[0]][0] + step.whole[0],)))
         elif step.function in OUTCOMES:

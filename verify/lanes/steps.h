@@ -94,6 +94,9 @@ static void JOIN(compute_, KIND)(const plan_t *plan, NUMBER *rows, int64_t width
         case 48:                                                     /* improve */
             JOIN(iterate_, KIND)((const JOIN(course_, KIND) *)plan->courses + op->whole[0], rows, width);
             break;
+        case 49:                                                     /* solve */
+            JOIN(solve_, KIND)((const JOIN(problem_, KIND) *)plan->problems + op->whole[0], rows, width);
+            break;
 #endif
 #endif
         default:
