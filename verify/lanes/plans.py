@@ -9,9 +9,9 @@ from firmloop.design.outcome import CAPPED, INFEASIBLE
 from firmloop.quantize.twins.qp import Rows
 from firmloop.quantize.twins.rti_course import RtiCourse
 from firmloop.verify.lanes.compiled import RowStep
-from firmloop.verify.lanes.programs import Improving, Model, Solving
+from firmloop.verify.lanes.programs import CompiledModel, Improving, Solving
 
-Improved = tuple[RtiCourse, Model]
+Improved = tuple[RtiCourse, CompiledModel]
 OUTCOMES = {"capped": CAPPED, "infeasible": INFEASIBLE}
 
 

@@ -27,7 +27,7 @@ def _structure(name: str, sizes: tuple[str, ...], arrays: tuple[str, ...], limit
     return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
-class Model(Protocol):
+class CompiledModel(Protocol):
     """A program without state in compiled code."""
 
     @property
@@ -62,7 +62,7 @@ class Improving:
     course: RtiCourse
     places: tuple[int, ...]
     target: int
-    model: Model
+    model: CompiledModel
     function: ClassVar[str] = "improve"
 
     @property
