@@ -25,6 +25,7 @@ from firmloop.verify.verdict import Difference
 
 STEPS = 20_000
 LEAST = -(2**31)  # of a state's word in fixed point
+LOST = (np.nan, np.inf, -np.inf)  # a word of the state that a flipped bit has made no number
 BEYOND = 4.0  # times its range on both sides, that an input is drawn from
 STEPS_SOLVING = 2_000  # of a program that solves: each takes long
 
@@ -127,7 +128,7 @@ def _left(program: Program) -> list[Value]:
 def _drawn(program: Program, step: Program, seed: int, steps: int) -> list[Raw]:
     """Return columns of inputs and state, one step each, the state within its ranges and never -0.
 
-    In fixed point the same inputs come a second time, with random bits in every word of the state.
+    The same inputs come a second time, with random bits in every word of the state, or with words that are no numbers.
     """
     steps = min(steps, STEPS_SOLVING if program.solves else STEPS)
     blocks = singles(step, steps, seed)
@@ -138,11 +139,14 @@ def _drawn(program: Program, step: Program, seed: int, steps: int) -> list[Raw]:
     for j, value in enumerate(step.inputs[len(program.inputs) :], len(program.inputs)):
         inside = (columns[j] >= value.low) & (columns[j] <= value.high)
         columns[j] = np.where(inside, columns[j], np.array(_middle(value), columns[j].dtype)) + columns[j].dtype.type(0)
-    if not program.arithmetic.startswith("fixed"):
-        return columns
     random, count, given = np.random.default_rng(seed), len(columns[0]), len(program.inputs)
-    words = random.integers(LEAST, -LEAST, size=(len(program.state), count), dtype=np.int64)
-    held = [*columns[:given], *words.astype(np.int32)]
+    if program.arithmetic.startswith("fixed"):
+        words = random.integers(LEAST, -LEAST, size=(len(program.state), count), dtype=np.int64)
+        held = [*columns[:given], *words.astype(np.int32)]
+    else:
+        lost = random.choice(LOST, size=(len(program.state), count))
+        kept = random.random(lost.shape) < random.random(count)  # from no word to all of them
+        held = [*columns[:given], *(np.where(k, x, y) for k, x, y in zip(kept, columns[given:], lost, strict=True))]
     return [np.concatenate([one, other.astype(one.dtype)]) for one, other in zip(columns, held, strict=True)]
 
 

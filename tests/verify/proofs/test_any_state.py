@@ -58,6 +58,12 @@ def test_a_limit_that_no_stimulus_reaches_is_missed_when_it_is_gone() -> None:
     assert found.first.output == "self.p12" and "p11 = " in found.first.operation
 
 
+def test_a_fault_that_only_shows_where_a_state_is_no_number_and_a_search_is_cut_short_differs() -> None:
+    program = _lowered("mpc", "float32")
+    bundle, _ = _planted(program, "(fresh != 0) ? 0.0F : self->planned", "number 0.0 -> 1.0")
+    assert _apart(program, bundle).differences > 0
+
+
 def test_states_are_drawn_from_what_a_step_can_leave() -> None:
     program = _lowered("self_tuning", "fixed16")
     drawn = any_state(program, 1, STEPS)
