@@ -6,7 +6,9 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool, reached
+import numpy as np
+
+from firmloop.verify.proofs.machine.terms import BitTerm, Pool, evaluated, reached
 
 EQUAL, APART, OPEN = "equal", "apart", "open"
 Ranges = Mapping[str, tuple[int, int]]  # of variables, signed, both ends included
@@ -34,30 +36,47 @@ class Solver:
         self._terms = bitwuzla.TermManager()
         self._translated: dict[tuple[bool, int], Any] = {}
         self.assumed: list[BitTerm] = []  # bits that are set wherever a question is asked
+        self.definitions: dict[str, BitTerm] = {}  # what variables stand for, which is told where it is needed
 
     def compare(self, a: BitTerm, b: BitTerm, longest: float) -> tuple[str, dict[str, int]]:
         """Return whether both are equal, and values of variables for which they are not.
 
-        Products that stand in both are taken as any value at first: what is equal then is equal.
+        Products that stand in both are taken as any value at first: what is equal then is equal. So are variables that
+        stand for something; where a difference found is none of that, it is asked again with what they stand for.
         """
         if a is b:
             return EQUAL, {}
-        if self._ask(a, b, True, longest)[0] == EQUAL:
-            return EQUAL, {}
-        one, other = self._pool.spread((a, b))
-        if (one, other) != (a, b) and self._ask(one, other, True, longest)[0] == EQUAL:
-            return EQUAL, {}
-        return self._ask(a, b, False, longest)
+        until = time.monotonic() + longest
+        told: dict[str, BitTerm] = {}
+        for one, other, loose in ((a, b, True), (*self._pool.spread((a, b)), True), (a, b, False)):
+            said, values = self._ask(one, other, loose, until, told)
+            while said == APART and (more := self._not_meant(values, told)):
+                told |= more
+                said, values = self._ask(one, other, loose, until, told)
+            if said == EQUAL:
+                return EQUAL, {}
+        return said, values
 
-    def _ask(self, a: BitTerm, b: BitTerm, loose: bool, longest: float) -> tuple[str, dict[str, int]]:
-        api, left = self._api, min(longest, self._deadline - time.monotonic())
+    def _not_meant(self, values: Mapping[str, int], told: Mapping[str, BitTerm]) -> dict[str, BitTerm]:
+        """Return the definitions that values do not keep, and that have not been told."""
+        left = {name: term for name, term in self.definitions.items() if name in values and name not in told}
+        samples = {name: np.array([value], np.uint64) for name, value in values.items()}
+        found = evaluated(reached(left.values()), samples)
+        return {name: term for name, term in left.items() if int(found[term][0]) != values[name]}
+
+    def _ask(
+        self, a: BitTerm, b: BitTerm, loose: bool, until: float, told: Mapping[str, BitTerm]
+    ) -> tuple[str, dict[str, int]]:
+        api, left = self._api, min(until, self._deadline) - time.monotonic()
         if left <= 0:
             return OPEN, {}
         options = api.Options()
         options.set(api.Option.TIME_LIMIT_PER, int(1000 * left) + 1)
         options.set(api.Option.PRODUCE_MODELS, True)
         solver = api.Bitwuzla(self._terms, options)
-        order = reached([a, b, *self.assumed])
+        meant = [self._pool.make("eq", self._pool.var(name, term.width), term) for name, term in told.items()]
+        assumed = [*self.assumed, *meant]
+        order = reached([a, b, *assumed])
         for term in order:
             self._translate(term, loose)
             if loose and term.op == "mul":
@@ -67,7 +86,7 @@ class Solver:
                     solver.assert_formula(bound)
         one, other = (self._translated[loose, term.number] for term in (a, b))
         solver.assert_formula(self._terms.mk_term(api.Kind.DISTINCT, [one, other]))
-        for term in self.assumed:
+        for term in assumed:
             holds = [self._translated[loose, term.number], self._constant(1, 1)]
             solver.assert_formula(self._terms.mk_term(api.Kind.EQUAL, holds))
         said = solver.check_sat()

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.verify.proofs.claims import LEAST, Claims
+from firmloop.verify.proofs.machine.normal import is_sum
 from firmloop.verify.proofs.machine.solver import APART, EQUAL, OPEN, Solver
 from firmloop.verify.proofs.machine.stated import entries, stated, status_of
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool, Words, evaluated, reached, signed
@@ -150,8 +151,10 @@ class Sweep:
                 definition = self._definition(name)
                 part = self._pool.extract(definition, low, term.width)
                 if made is part or self._equal(name, definition, made, part):
-                    whole, made = made, self._pool.extract(self._variable(name, definition.width), low, term.width)
-                    self._replaced[whole] = made
+                    whole, made = made, part
+                    if not is_sum(definition):
+                        made = self._pool.extract(self._variable(name, definition), low, term.width)
+                        self._replaced[whole] = made
                     break
             rebuilt[term] = made
         return rebuilt
@@ -209,12 +212,13 @@ class Sweep:
             made[one] = self._replaced.get(as_is, as_is)
         return made[term]
 
-    def _variable(self, name: str, width: int) -> BitTerm:
+    def _variable(self, name: str, definition: BitTerm) -> BitTerm:
         if name not in self.cut:
             self._told = {}  # what is made of it may be told by it now
             held = self._operations[name].result
             self._ranges[CUT + name] = int(held.low or 0), int(held.high or 0)
-            self.cut[name] = self._pool.var(CUT + name, width)
+            self.cut[name] = self._pool.var(CUT + name, definition.width)
+            self._solver.definitions[CUT + name] = definition
         return self.cut[name]
 
 

@@ -13,6 +13,19 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.verify.proofs.machine.normal import (
+    HALF,
+    LONG,
+    concatenated,
+    extended,
+    is_sum,
+    plus,
+    sum_of,
+    truncated,
+    upper,
+    written,
+)
+
 Words = NDArray[np.uint64]  # one value of a term for each sample
 SPREAD = 3  # operations between a choice and a product of it
 COMMUTE = frozenset({"add", "mul", "and", "or", "xor", "eq"})
@@ -51,9 +64,40 @@ class Pool:
     def make(self, op: str, *args: BitTerm) -> BitTerm:
         """Return `op` of terms of one width; of a comparison, one bit."""
         width = 1 if op in COMPARED else args[0].width
+        if op in ("ule", "sle"):
+            return self.make("not", self.make("ult" if op == "ule" else "slt", args[1], args[0]))
+        if op in ("ult", "slt") and args[0].op == "const" != args[1].op:
+            return self._turned(op, *args)
         if op in COMMUTE and (args[0].op == "const", args[0].number) > (args[1].op == "const", args[1].number):
             args = (args[1], args[0])  # the constant is last
-        return self._folded(op, width, args, 0) or self._shorter(op, args) or self._keep(op, width, args, 0)
+        found = self._folded(op, width, args, 0) or self._shorter(op, args) or self._sum(op, args)
+        return found or self.kept(op, *args)
+
+    def kept(self, op: str, *args: BitTerm) -> BitTerm:
+        """Return `op` of terms as it is."""
+        return self._keep(op, 1 if op in COMPARED else args[0].width, args, 0)
+
+    def scaled(self, term: BitTerm, factor: int) -> BitTerm:
+        """Return a multiple of a term; of a power of two it is a shift."""
+        if factor & (factor - 1):
+            return self.kept("mul", term, self.const(factor, term.width))
+        return term if factor == 1 else self.kept("shl", term, self.const(factor.bit_length() - 1, term.width))
+
+    def _sum(self, op: str, args: tuple[BitTerm, ...]) -> BitTerm | None:
+        """Return a sum as `normal` writes it; None of anything else."""
+        a, b = args[0], args[-1]
+        if op in ("add", "sub"):
+            return written(self, plus(sum_of(a), sum_of(b), 1 if op == "add" else -1), a.width)
+        if b.value is None or (op == "shl" and b.value >= a.width) or op not in ("mul", "shl"):
+            return None
+        return written(self, plus(({}, 0), sum_of(a), b.value if op == "mul" else 1 << b.value), a.width)
+
+    def _turned(self, op: str, constant: BitTerm, term: BitTerm) -> BitTerm:
+        """Return whether a constant is less, with the constant on the right."""
+        last = (1 << (term.width - (op == "slt"))) - 1
+        if constant.value == last:
+            return self.const(0, 1)
+        return self.make("not", self.make(op, term, self.const(int(constant.data) + 1, term.width)))
 
     def spread(self, roots: Sequence[BitTerm]) -> list[BitTerm]:
         """Return the same with a choice of products where a product of a choice stood.
@@ -70,23 +114,25 @@ class Pool:
         for k in (0, 1):
             choice = self._as_choice(args[k], SPREAD)
             if choice is not None:
-                condition, yes, no = choice.args
-                other = args[1 - k]
-                return self.ite(condition, self._product((yes, other)), self._product((no, other)))
+                condition, *ways = choice
+                return self.ite(condition, *(self._product((way, args[1 - k])) for way in ways))
         return self.make("mul", *args)
 
-    def _as_choice(self, term: BitTerm, depth: int) -> BitTerm | None:
-        """Return a term as a choice, where one stands behind operations on it alone."""
+    def _as_choice(self, term: BitTerm, depth: int) -> tuple[BitTerm, BitTerm, BitTerm] | None:
+        """Return a condition and what a term is with and without it, where a choice stands behind few operations."""
         if term.op == "ite":
-            return term
-        if not depth or not term.args or any(arg.op != "const" for arg in term.args[1:]):
+            condition, yes, no = term.args
+            return condition, yes, no
+        inner = [self._as_choice(arg, depth - 1) if depth else None for arg in term.args]
+        condition = next((one[0] for one in inner if one is not None), None)
+        if condition is None:
             return None
-        inner = self._as_choice(term.args[0], depth - 1)
-        if inner is None:
-            return None
-        condition, yes, no = inner.args
-        made = self.ite(condition, *(self.rebuilt(term, (arg, *term.args[1:])) for arg in (yes, no)))
-        return made if made.op == "ite" else None
+
+        def way(place: int) -> BitTerm:
+            pairs = zip(term.args, inner, strict=True)
+            return self.rebuilt(term, [one[place] if one and one[0] is condition else arg for arg, one in pairs])
+
+        return condition, way(1), way(2)
 
     def ite(self, condition: BitTerm, yes: BitTerm, no: BitTerm) -> BitTerm:
         """Return `yes` where the condition holds, else `no`."""
@@ -100,9 +146,24 @@ class Pool:
             return self.ite(condition, yes.args[1], no)
         if no.op == "ite" and no.args[0] is condition:
             return self.ite(condition, yes, no.args[2])
+        limit = next((one for one in (yes, no) if one.op == "const"), None)
+        if limit is not None and condition.op == "slt" and condition.args[1].value is not None:
+            # At the limit itself both are the same.
+            term = no if limit is yes else yes
+            above = self.const(int(limit.data) + 1, limit.width)
+            if condition.args[0] is term and condition.args[1] is above and signed_value(above) > signed_value(limit):
+                return self.ite(self.make("slt", term, limit), yes, no)
         if yes.width == 1 and yes.value is not None and no.value is not None:
             return condition if yes.value else self.make("not", condition)
-        return self._keep("ite", yes.width, (condition, yes, no), 0)
+        return self._extended(condition, yes, no) or self._keep("ite", yes.width, (condition, yes, no), 0)
+
+    def _extended(self, condition: BitTerm, yes: BitTerm, no: BitTerm) -> BitTerm | None:
+        """Return a choice between extended words as the extension of a choice, so that it is there as a short word."""
+        op, width = next(((one.op, one.args[0].width) for one in (yes, no) if one.op in ("zext", "sext")), ("", 0))
+        short = [self.extract(one, 0, width) for one in (yes, no) if one.op in (op, "const")]
+        if not op or len(short) < 2 or any(self.extend(op, a, yes.width) is not b for a, b in zip(short, (yes, no))):
+            return None
+        return self.extend(op, self.ite(condition, *short), yes.width)
 
     def extract(self, term: BitTerm, low: int, width: int) -> BitTerm:
         """Return `width` bits of a term, from bit `low` on."""
@@ -123,6 +184,33 @@ class Pool:
                 return self.const(0, width)
         if term.op == "ite" and all(arg.op in ("const", "concat", "zext") for arg in term.args[1:]):
             return self.ite(term.args[0], *(self.extract(arg, low, width) for arg in term.args[1:]))
+        if term.op in ("and", "or", "xor", "not"):
+            return self.make(term.op, *(self.extract(arg, low, width) for arg in term.args))
+        return self._of_long(term, low, width) or self.sliced(term, low, width)
+
+    def _of_long(self, term: BitTerm, low: int, width: int) -> BitTerm | None:
+        """Return bits of a sum or of a shifted or extended word as what they are of shorter words."""
+        inner, top = term.args[0] if term.args else term, low + width
+        if is_sum(term) and top <= HALF < term.width:
+            return self.extract(truncated(self, term, HALF), low, width)
+        if term.op in ("ashr", "lshr") and term.args[1].value is not None:
+            count = term.args[1].value
+            if top + count <= term.width:
+                return self.extract(inner, low + count, width)
+            if term.op == "ashr" and term.width == LONG and low == 0 and width == HALF <= count < LONG:
+                return self.make("ashr", self.extract(inner, HALF, HALF), self.const(count - HALF, HALF))
+        if term.width != LONG or width != HALF or not low:
+            return None
+        if low == HALF:
+            return upper(self, term) if is_sum(term) else None
+        if low < HALF:
+            if term.op == "sext" and inner.width == HALF:
+                return self.make("ashr", inner, self.const(low, HALF))
+            return self.extract(self.make("shl", term, self.const(HALF - low, LONG)), HALF, HALF)
+        return None
+
+    def sliced(self, term: BitTerm, low: int, width: int) -> BitTerm:
+        """Return `width` bits of a term, as a slice of it."""
         return self._folded("extract", width, (term,), low) or self._keep("extract", width, (term,), low)
 
     def concat(self, high: BitTerm, low: BitTerm) -> BitTerm:
@@ -136,8 +224,10 @@ class Pool:
                 return self.concat(upper, low.args[1])
         if high.value == 0:
             return self.extend("zext", low, width)
-        if high.op == "ashr" and high.args[0] is low and high.args[1].value == low.width - 1:
-            return self.extend("sext", low, width)
+        if width == LONG and low.width == HALF and (word := concatenated(self, high, low)) is not None:
+            return word
+        if low.value == 0:
+            return self.make("shl", self.extend("zext", high, width), self.const(low.width, width))
         if high.op == low.op == "ite" and high.args[0] is low.args[0]:
             pairs = zip(high.args[1:], low.args[1:], strict=True)
             return self.ite(high.args[0], *(self.concat(a, b) for a, b in pairs))
@@ -149,6 +239,10 @@ class Pool:
             return term
         if term.op == op:
             return self.extend(op, term.args[0], width)
+        if op == "sext" and term.op == "zext":
+            return self.extend("zext", term.args[0], width)
+        if op == "sext" and is_sum(term) and (apart := extended(self, term, width)) is not None:
+            return apart
         return self._folded(op, width, (term,), 0) or self._keep(op, width, (term,), 0)
 
     def all_of(self, terms: Iterable[BitTerm]) -> BitTerm:
@@ -192,16 +286,24 @@ class Pool:
                 return a.args[0]
             case "add" | "sub" | "or" | "xor" | "shl" | "lshr" | "ashr" if b.value == 0:
                 return a
-            case "lshr" if a.op == "shl" and a.args[1] is b and b.value is not None and b.value < a.width:
-                return self.extend("zext", self.extract(a.args[0], 0, a.width - b.value), a.width)
+            case "lshr" if b.value is not None and b.value < a.width:
+                return self.extend("zext", self.extract(a, b.value, a.width - b.value), a.width)
+            case "ashr" if b.value is not None and a.width == HALF and b.value >= HALF - 1:
+                return self.extract(self.extend("sext", a, LONG), HALF, HALF)
+            case "ashr" if a.op == "shl" and a.args[1] is b and b.value is not None and b.value < a.width:
+                return self.extend("sext", self.extract(a.args[0], 0, a.width - b.value), a.width)
+            case "or" if a.op == "zext" or b.op == "zext":
+                return self._side_by_side(*args) or self._side_by_side(args[1], args[0])
+            case "xor" if b.value == 1 and a.op == "zext" and a.args[0].width == 1:
+                return self.extend("zext", self.make("not", a.args[0]), a.width)
+            case "and" if b.value is not None and not b.value & (b.value + 1) and b.value:
+                return self.extend("zext", self.extract(a, 0, b.value.bit_length()), a.width)
             case "sub" | "xor" if a is b:
                 return self.const(0, a.width)
             case "and" | "or" if a is b:
                 return a
             case "and" if b.value == 0:
                 return b
-            case "and" if b.value == (1 << b.width) - 1:
-                return a
             case "mul" if b.value == 1:
                 return a
             case "eq" if a is b:
@@ -214,6 +316,20 @@ class Pool:
                 return self.const(1, 1)
             case _:
                 return None
+
+    def _side_by_side(self, high: BitTerm, low: BitTerm) -> BitTerm | None:
+        """Return words that have no bit in common as a sum, or as a slice of the longer word that they are of."""
+        total, constant = sum_of(high)
+        if low.op != "zext":
+            return None
+        part = low.args[0]
+        place = part.width
+        if any(factor % (1 << place) for factor in (constant, *total.values())):
+            return None
+        if part.op == "extract" and high.width == HALF == part.args[0].width == part.data + place:
+            above = {term: factor >> place for term, factor in total.items()}, constant >> place
+            return self.extract(self.concat(written(self, above, HALF), part.args[0]), HALF - place, HALF)
+        return self.make("add", high, low)
 
     def _compared(self, a: BitTerm, b: BitTerm) -> BitTerm | None:
         """Return whether a choice between constants, or a longer word, is a constant."""
@@ -228,6 +344,12 @@ class Pool:
                 self.make("eq", inner, self.const(value, inner.width)) if not value >> inner.width else self.const(0, 1)
             )
         return None
+
+
+def signed_value(term: BitTerm) -> int:
+    """Return a constant with its sign."""
+    value = int(term.data)
+    return value - (1 << term.width) if value >> (term.width - 1) else value
 
 
 def applied(op: str, width: int, values: Sequence[Words], widths: Sequence[int], data: int) -> Words:
