@@ -8,6 +8,7 @@ multiple of it. Each rule is an identity for all values.
 
 from __future__ import annotations
 
+from math import gcd
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -47,9 +48,10 @@ def plus(one: Sum, other: Sum, factor: int) -> Sum:
 def written(pool: Pool, total: Sum, width: int) -> BitTerm:
     """Return the term of a sum: what is added in the order of making, the constant, then what is taken away."""
     signs = {term: _signed(count, width) for term, count in total[0].items() if count % (1 << width)}
-    joined = _joined(pool, (signs, total[1])) if width == HALF else None
-    if joined is not None:
-        return written(pool, joined, width)
+    for sign in (1, -1) if width == HALF else ():
+        joined = _joined(pool, plus(({}, 0), (signs, total[1]), sign))
+        if joined is not None:
+            return written(pool, plus(({}, 0), joined, sign), width)
     made = pool.const(total[1], width)
     added = [pool.scaled(t, signs[t]) for t in sorted(signs, key=lambda t: t.number) if signs[t] > 0]
     for term in [*added[1:], *([made] if made.value and added else [])]:
@@ -74,14 +76,15 @@ def upper(pool: Pool, term: BitTerm) -> BitTerm:
     coefficients, constant = sum_of(term)
     half = 1 << HALF
     outside: Sum = {}, constant >> HALF
+    inside = {}
     for one, count in coefficients.items():
-        if count % half == 0:
-            outside = plus(outside, sum_of(pool.extract(one, 0, HALF)), count >> HALF)
-    inside = {one: count for one, count in coefficients.items() if count % half}
-    if len(inside) == 1 and not constant % half:
-        ((one, count),) = inside.items()
-        if 0 < _signed(count, LONG) * _reach(one) <= half // 2:
-            inside = {one: 1}  # of a word that fits in its lower half, the upper half is its sign
+        below = _signed(count, HALF)
+        outside = plus(outside, sum_of(pool.extract(one, 0, HALF)), (count - below) >> HALF)
+        inside |= {one: below} if below else {}
+    common = gcd(*inside.values(), constant % half)
+    if common > 1 and _fits((inside, constant % half), HALF):
+        # Of a word that fits in its lower half, the upper half is its sign.
+        inside, constant = {one: count // common for one, count in inside.items()}, constant % half // common
     whole = written(pool, (inside, constant % half), LONG)
     if inside:
         outside = plus(outside, ({pool.sliced(whole, HALF, HALF): 1}, 0), 1)
@@ -90,22 +93,37 @@ def upper(pool: Pool, term: BitTerm) -> BitTerm:
 
 def extended(pool: Pool, term: BitTerm, width: int) -> BitTerm | None:
     """Return a sum with its sign above it as a sum of words with their signs, where none of them can overflow."""
-    coefficients, constant = sum_of(term)
-    reach = abs(_signed(constant, term.width))
-    parts: Sum = {}, _signed(constant, term.width)
-    for one, count in coefficients.items():
-        reach += abs(_signed(count, term.width)) * _reach(one)
-        parts = plus(parts, sum_of(pool.extend("sext", one, width)), _signed(count, term.width))
-    return written(pool, parts, width) if reach < 1 << (term.width - 1) else None
+    total = _with_signs(term)
+    if not _fits(total, term.width):
+        return None
+    parts: Sum = {}, total[1]
+    for one, count in total[0].items():
+        parts = plus(parts, sum_of(pool.extend("sext", one, width)), count)
+    return written(pool, parts, width)
+
+
+def shifted(pool: Pool, term: BitTerm, count: int) -> BitTerm | None:
+    """Return a sum without its lowest bits, where all of them are 0 and it cannot overflow."""
+    coefficients, constant = _with_signs(term)
+    if any(number % (1 << count) for number in (constant, *coefficients.values())):
+        return None
+    fits = _fits((coefficients, constant), term.width)
+    parts = {one: number >> count for one, number in coefficients.items()}, constant >> count
+    return written(pool, parts, term.width) if fits else None
 
 
 def paired(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
     """Return the word of 64 bits that has these halves; None where no such word is there."""
-    if high.op == "extract" and high.args[0].width == LONG and high.data == HALF:
+    if is_upper(high):
         if pool.extract(high.args[0], 0, HALF) is low:
             return high.args[0]
         word = pool.extend("sext", low, LONG)
         if pool.extract(word, HALF, HALF) is high:
+            return word
+    if high.op == "ashr" and high.args[1].value is not None:
+        long = pool.extend("sext", high.args[0], LONG)
+        word = pool.make("shl", long, pool.const(HALF - high.args[1].value, LONG))
+        if pool.extract(word, 0, HALF) is low:
             return word
     return None
 
@@ -114,10 +132,10 @@ def concatenated(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
     """Return the word of 64 bits that has these halves, where a term of the upper one belongs to the lower one."""
     coefficients, constant = sum_of(high)
     for one, count in coefficients.items():
-        word = paired(pool, one, low) if count == 1 else None
+        word = paired(pool, one, low) if _signed(count, HALF) > 0 else None
         if word is not None:
-            rest = {term: number for term, number in coefficients.items() if term is not one}
-            above = pool.extend("zext", written(pool, (rest, constant), HALF), LONG)
+            rest = plus((coefficients, constant), ({one: 1}, 0), -1)
+            above = pool.extend("zext", written(pool, rest, HALF), LONG)
             return pool.make("add", word, pool.make("shl", above, pool.const(HALF, LONG)))
     return None
 
@@ -125,6 +143,8 @@ def concatenated(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
 def _joined(pool: Pool, total: Sum) -> Sum | None:
     """Return the same sum with an upper half and what belongs to it as the upper half of a sum."""
     for term, count in total[0].items():
+        if count > 0 and is_upper(term) and (more := _met(pool, total, term)) is not None:
+            return more
         if term.op != "zext" or term.args[0].width != 1:
             continue
         bit = term.args[0]
@@ -146,9 +166,29 @@ def _joined(pool: Pool, total: Sum) -> Sum | None:
     return None
 
 
+def is_upper(term: BitTerm) -> bool:
+    """Tell whether a term is the upper half of a word of 64 bits."""
+    return term.op == "extract" and term.args[0].width == LONG and term.data == HALF and term.width == HALF
+
+
+def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
+    """Return a sum in which a lower half alone, whose carry is in `high`, has met the upper one that belongs to it."""
+    for low, count in sum_of(high.args[0])[0].items():
+        sign = _signed(count, LONG)
+        if low.op != "zext" or low.args[0].width != HALF or sign not in (1, -1):
+            continue
+        for other, number in total[0].items():
+            word = paired(pool, other, low.args[0]) if number * sign > 0 and other is not high else None
+            if word is not None:
+                whole = written(pool, plus(plus(sum_of(high.args[0]), ({low: 1}, 0), -sign), sum_of(word), sign), LONG)
+                rest = plus(plus(total, ({high: 1}, 0), -1), ({other: 1}, 0), -sign)
+                return plus(rest, sum_of(pool.extract(whole, HALF, HALF)), 1)
+    return None
+
+
 def _rounded(pool: Pool, rest: Sum, bit: BitTerm) -> Sum | None:
     for one, count in rest[0].items():
-        if count == 1 and one.op == "extract" and one.args[0].width == LONG and one.data == HALF:
+        if count > 0 and is_upper(one):
             word = one.args[0]
             if pool.extract(word, HALF - 1, 1) is bit:
                 more = pool.make("add", word, pool.const(1 << (HALF - 1), LONG))
@@ -162,7 +202,7 @@ def _carried(pool: Pool, rest: Sum, lows: tuple[BitTerm, ...], sign: int) -> Sum
     before, known = rest, 0
     for low, factor in zip(lows, (1, sign), strict=True):
         for one, count in before[0].items():
-            word = paired(pool, one, low) if count == factor else None
+            word = paired(pool, one, low) if count * factor > 0 else None
             if word is not None:
                 words.append(word)
                 before, known = plus(before, ({one: 1}, 0), -factor), known + 1
@@ -180,8 +220,24 @@ def _signed(count: int, width: int) -> int:
     return count - (1 << width) if count >> (width - 1) else count
 
 
-def _reach(term: BitTerm) -> int:
-    """Return a number that a word with a sign is never further than from 0."""
-    if term.op == "sext":
-        return 1 << (term.args[0].width - 1)
-    return 1 << (term.args[0].width if term.op == "zext" else term.width - 1)
+def _ends(term: BitTerm) -> tuple[int, int]:
+    """Return the least and the largest value that a word with a sign can have."""
+    if term.op == "zext":
+        return 0, (1 << term.args[0].width) - 1
+    half = 1 << ((term.args[0] if term.op == "sext" else term).width - 1)
+    return -half, half - 1
+
+
+def _fits(total: Sum, width: int) -> bool:
+    """Tell whether a sum, of coefficients with their signs, never leaves a word of this width."""
+    least = most = total[1]
+    for term, count in total[0].items():
+        low, high = _ends(term)
+        least += count * (low if count > 0 else high)
+        most += count * (high if count > 0 else low)
+    return -(1 << (width - 1)) <= least and most < 1 << (width - 1)
+
+
+def _with_signs(term: BitTerm) -> Sum:
+    coefficients, constant = sum_of(term)
+    return {one: _signed(count, term.width) for one, count in coefficients.items()}, _signed(constant, term.width)

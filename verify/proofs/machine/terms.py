@@ -20,6 +20,7 @@ from firmloop.verify.proofs.machine.normal import (
     extended,
     is_sum,
     plus,
+    shifted,
     sum_of,
     truncated,
     upper,
@@ -182,6 +183,8 @@ class Pool:
                 return self.extract(inner, low, width)
             if low >= inner.width and term.op == "zext":
                 return self.const(0, width)
+            if low == 0:
+                return self.extend(term.op, inner, width)
         if term.op == "ite" and all(arg.op in ("const", "concat", "zext") for arg in term.args[1:]):
             return self.ite(term.args[0], *(self.extract(arg, low, width) for arg in term.args[1:]))
         if term.op in ("and", "or", "xor", "not"):
@@ -226,8 +229,9 @@ class Pool:
             return self.extend("zext", low, width)
         if width == LONG and low.width == HALF and (word := concatenated(self, high, low)) is not None:
             return word
-        if low.value == 0:
-            return self.make("shl", self.extend("zext", high, width), self.const(low.width, width))
+        if low.value is not None and high.value is None and width == LONG:
+            above = self.make("shl", self.extend("zext", high, width), self.const(low.width, width))
+            return self.make("add", above, self.const(low.value, width))
         if high.op == low.op == "ite" and high.args[0] is low.args[0]:
             pairs = zip(high.args[1:], low.args[1:], strict=True)
             return self.ite(high.args[0], *(self.concat(a, b) for a, b in pairs))
@@ -290,6 +294,8 @@ class Pool:
                 return self.extend("zext", self.extract(a, b.value, a.width - b.value), a.width)
             case "ashr" if b.value is not None and a.width == HALF and b.value >= HALF - 1:
                 return self.extract(self.extend("sext", a, LONG), HALF, HALF)
+            case "ashr" if b.value is not None and is_sum(a) and (whole := shifted(self, a, b.value)) is not None:
+                return whole
             case "ashr" if a.op == "shl" and a.args[1] is b and b.value is not None and b.value < a.width:
                 return self.extend("sext", self.extract(a.args[0], 0, a.width - b.value), a.width)
             case "or" if a.op == "zext" or b.op == "zext":
