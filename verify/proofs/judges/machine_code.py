@@ -17,7 +17,7 @@ from firmloop.verify.proofs.judge import IMAGES, Delivered, Judge
 from firmloop.verify.proofs.machine.image import read_code
 from firmloop.verify.proofs.machine.solver import APART, EQUAL
 from firmloop.verify.proofs.machine.step import step_ways
-from firmloop.verify.proofs.machine.sweep import StepComparison
+from firmloop.verify.proofs.machine.sweep import StepComparison, ranges_of
 from firmloop.verify.proofs.machine.terms import Pool
 from firmloop.verify.proofs.machine.vex import UndecidedError
 
@@ -40,6 +40,7 @@ def judge_image(claims: Claims, path: Path) -> tuple[str, str]:
         if claims.program_id.encode() not in code.flash:
             return REFUTED, f"it does not run program {claims.program_id}: it is stale, or of another project"
         pool = Pool()
+        pool.ranges.update(ranges_of(claims))
         compared = StepComparison(pool, claims, step_ways(pool, claims, code), begin + LONGEST)
         apart = compared.difference()
         if apart is not None:

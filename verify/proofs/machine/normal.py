@@ -82,7 +82,7 @@ def upper(pool: Pool, term: BitTerm) -> BitTerm:
         outside = plus(outside, sum_of(pool.extract(one, 0, HALF)), (count - below) >> HALF)
         inside |= {one: below} if below else {}
     common = gcd(*inside.values(), constant % half)
-    if common > 1 and _fits((inside, constant % half), HALF):
+    if common > 1 and _fits(pool, (inside, constant % half), HALF):
         # Of a word that fits in its lower half, the upper half is its sign.
         inside, constant = {one: count // common for one, count in inside.items()}, constant % half // common
     whole = written(pool, (inside, constant % half), LONG)
@@ -93,8 +93,8 @@ def upper(pool: Pool, term: BitTerm) -> BitTerm:
 
 def extended(pool: Pool, term: BitTerm, width: int) -> BitTerm | None:
     """Return a sum with its sign above it as a sum of words with their signs, where none of them can overflow."""
-    total = _with_signs(term)
-    if not _fits(total, term.width):
+    total = with_signs(term)
+    if not _fits(pool, total, term.width):
         return None
     parts: Sum = {}, total[1]
     for one, count in total[0].items():
@@ -104,10 +104,10 @@ def extended(pool: Pool, term: BitTerm, width: int) -> BitTerm | None:
 
 def shifted(pool: Pool, term: BitTerm, count: int) -> BitTerm | None:
     """Return a sum without its lowest bits, where all of them are 0 and it cannot overflow."""
-    coefficients, constant = _with_signs(term)
+    coefficients, constant = with_signs(term)
     if any(number % (1 << count) for number in (constant, *coefficients.values())):
         return None
-    fits = _fits((coefficients, constant), term.width)
+    fits = _fits(pool, (coefficients, constant), term.width)
     parts = {one: number >> count for one, number in coefficients.items()}, constant >> count
     return written(pool, parts, term.width) if fits else None
 
@@ -148,19 +148,20 @@ def _joined(pool: Pool, total: Sum) -> Sum | None:
         if term.op != "zext" or term.args[0].width != 1:
             continue
         bit = term.args[0]
-        if bit.op == "not":
-            return plus(plus(total, ({term: count}, 0), -1), ({pool.extend("zext", bit.args[0], HALF): 1}, -1), -count)
         rest = plus(total, ({term: count}, 0), -1)
+        if bit.op == "not":
+            return plus(rest, ({pool.extend("zext", bit.args[0], HALF): 1}, -1), -count)
         found = None
         if bit.op == "extract" and count == 1:
             found = _rounded(pool, rest, bit)
-        elif bit.op == "ult" and count == 1:
+        elif bit.op == "ult" and count > 0:
             x, y = bit.args
-            found = _carried(pool, rest, (y, pool.make("sub", x, y)), 1)
-        elif bit.op == "ult" and count == -1:
-            found = _carried(pool, rest, bit.args, -1)
-        elif bit.op == "eq" and bit.args[1].value == 0 and count == 1 and bit.args[0].width == HALF:
-            found = _carried(pool, plus(rest, ({}, 1), 1), (pool.const(0, HALF), bit.args[0]), -1)
+            found = _carried(pool, rest, (y, pool.make("sub", x, y)), 1, count)
+        elif bit.op == "ult":
+            found = _carried(pool, rest, bit.args, -1, -count)
+        elif bit.op == "eq" and bit.args[1].value == 0 and count > 0 and bit.args[0].width == HALF:
+            rest = plus(rest, ({}, 1), count)
+            found = _carried(pool, rest, (pool.const(0, HALF), bit.args[0]), -1, count)
         if found is not None:
             return found
     return None
@@ -196,13 +197,13 @@ def _rounded(pool: Pool, rest: Sum, bit: BitTerm) -> Sum | None:
     return None
 
 
-def _carried(pool: Pool, rest: Sum, lows: tuple[BitTerm, ...], sign: int) -> Sum | None:
+def _carried(pool: Pool, rest: Sum, lows: tuple[BitTerm, ...], sign: int, times: int) -> Sum | None:
     """Return the sum of upper halves and the carry of the lower ones; `sign` -1: a difference and its borrow."""
     words: list[BitTerm] = []
     before, known = rest, 0
-    for low, factor in zip(lows, (1, sign), strict=True):
+    for low, factor in zip(lows, (times, sign * times), strict=True):
         for one, count in before[0].items():
-            word = paired(pool, one, low) if count * factor > 0 else None
+            word = paired(pool, one, low) if count * factor >= times**2 else None
             if word is not None:
                 words.append(word)
                 before, known = plus(before, ({one: 1}, 0), -factor), known + 1
@@ -212,7 +213,7 @@ def _carried(pool: Pool, rest: Sum, lows: tuple[BitTerm, ...], sign: int) -> Sum
     if not known:
         return None
     both = pool.make("add" if sign == 1 else "sub", *words)
-    return plus(before, sum_of(pool.extract(both, HALF, HALF)), 1)
+    return plus(before, sum_of(pool.extract(both, HALF, HALF)), times)
 
 
 def _signed(count: int, width: int) -> int:
@@ -220,24 +221,65 @@ def _signed(count: int, width: int) -> int:
     return count - (1 << width) if count >> (width - 1) else count
 
 
-def _ends(term: BitTerm) -> tuple[int, int]:
-    """Return the least and the largest value that a word with a sign can have."""
-    if term.op == "zext":
-        return 0, (1 << term.args[0].width) - 1
-    half = 1 << ((term.args[0] if term.op == "sext" else term).width - 1)
-    return -half, half - 1
+def ends_of(pool: Pool, term: BitTerm) -> tuple[int, int]:
+    """Return two values that a word with a sign is never below and never above."""
+    if term not in pool.ends:
+        half = 1 << (term.width - 1)
+        low, high = _inner_ends(pool, term)
+        pool.ends[term] = (low, high) if -half <= low and high < half else (-half, half - 1)
+    return pool.ends[term]
 
 
-def _fits(total: Sum, width: int) -> bool:
-    """Tell whether a sum, of coefficients with their signs, never leaves a word of this width."""
+def _inner_ends(pool: Pool, term: BitTerm) -> tuple[int, int]:
+    half = 1 << (term.width - 1)
+    if is_sum(term) or term.op == "const":
+        return _sum_ends(pool, with_signs(term))
+    match term.op:
+        case "var":
+            return pool.ranges.get(str(term.data), (-half, half - 1))
+        case "zext":
+            return 0, (1 << term.args[0].width) - 1
+        case "sext":
+            return ends_of(pool, term.args[0])
+        case "ashr" if term.args[1].value is not None:
+            low, high = ends_of(pool, term.args[0])
+            return low >> term.args[1].value, high >> term.args[1].value
+        case "extract" if is_upper(term):
+            low, high = ends_of(pool, term.args[0])
+            return low >> HALF, high >> HALF
+        case "ite":
+            (a, b), (c, d) = (_ends_where(pool, term.args[0], k == 1, term.args[k]) for k in (1, 2))
+            return min(a, c), max(b, d)
+        case _:
+            return -half, half - 1
+
+
+def _ends_where(pool: Pool, condition: BitTerm, holds: bool, term: BitTerm) -> tuple[int, int]:
+    """Return the ends of a term where a condition holds, or does not, which may bound it."""
+    low, high = ends_of(pool, term)
+    if condition.op == "slt" and condition.args[0] is term and condition.args[1].op == "const":
+        ((_, limit),) = [with_signs(condition.args[1])]
+        low, high = (low, min(high, limit - 1)) if holds else (max(low, limit), high)
+    return min(low, high), max(low, high)
+
+
+def _sum_ends(pool: Pool, total: Sum) -> tuple[int, int]:
+    """Return between what a sum is, of coefficients with their signs, if nothing overflows."""
     least = most = total[1]
     for term, count in total[0].items():
-        low, high = _ends(term)
+        low, high = ends_of(pool, term)
         least += count * (low if count > 0 else high)
         most += count * (high if count > 0 else low)
+    return least, most
+
+
+def _fits(pool: Pool, total: Sum, width: int) -> bool:
+    """Tell whether a sum, of coefficients with their signs, never leaves a word of this width."""
+    least, most = _sum_ends(pool, total)
     return -(1 << (width - 1)) <= least and most < 1 << (width - 1)
 
 
-def _with_signs(term: BitTerm) -> Sum:
+def with_signs(term: BitTerm) -> Sum:
+    """Return a term as a sum of coefficients with their signs."""
     coefficients, constant = sum_of(term)
     return {one: _signed(count, term.width) for one, count in coefficients.items()}, _signed(constant, term.width)

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from firmloop.verify.proofs.machine.cases import condition_in, where
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool, evaluated, reached
 
 EQUAL, APART, OPEN = "equal", "apart", "open"
+QUICK = 0.3  # s for a question that is not split
+CASES = 96  # that a question is split into
 Ranges = Mapping[str, tuple[int, int]]  # of variables, signed, both ends included
 
 
@@ -41,20 +44,48 @@ class Solver:
     def compare(self, a: BitTerm, b: BitTerm, longest: float) -> tuple[str, dict[str, int]]:
         """Return whether both are equal, and values of variables for which they are not.
 
-        Products that stand in both are taken as any value at first: what is equal then is equal. So are variables that
-        stand for something; where a difference found is none of that, it is asked again with what they stand for.
+        Products are taken as any value at first: what is equal then is equal. So are variables that stand for
+        something; where a difference found is none of that, it is asked again with what they stand for. What stays open
+        is split by its conditions, and asked in each case.
         """
-        if a is b:
-            return EQUAL, {}
         until = time.monotonic() + longest
+        said, values = (EQUAL, {}) if a is b else self._asked(a, b, True, min(until, time.monotonic() + QUICK))
+        if said == EQUAL:
+            return EQUAL, {}
+        found = self._by_cases(a, b, until, [CASES])
+        return found if found is not None else self._asked(a, b, False, until)
+
+    def _by_cases(self, a: BitTerm, b: BitTerm, until: float, left: list[int]) -> tuple[str, dict[str, int]] | None:
+        """Return what is found in each case; None where there is no condition, or where there are too many cases."""
+        condition = condition_in([a, b])
+        if condition is None:
+            return None
+        for holds in (True, False):
+            left[0] -= 1
+            one, other = where(self._pool, [a, b], condition, holds)
+            if one is other:
+                continue
+            if not left[0] or time.monotonic() > until:
+                return OPEN, {}
+            kept = self.assumed
+            self.assumed = [*kept, condition if holds else self._pool.make("not", condition)]
+            found = self._by_cases(one, other, until, left) or self._case(one, other, until)
+            self.assumed = kept
+            if found[0] != EQUAL:
+                return found
+        return EQUAL, {}
+
+    def _case(self, a: BitTerm, b: BitTerm, until: float) -> tuple[str, dict[str, int]]:
+        found = self._asked(a, b, True, until)
+        return found if found[0] == EQUAL else self._asked(a, b, False, until)
+
+    def _asked(self, a: BitTerm, b: BitTerm, loose: bool, until: float) -> tuple[str, dict[str, int]]:
+        """Ask, and again with definitions that the values found do not keep."""
         told: dict[str, BitTerm] = {}
-        for one, other, loose in ((a, b, True), (*self._pool.spread((a, b)), True), (a, b, False)):
-            said, values = self._ask(one, other, loose, until, told)
-            while said == APART and (more := self._not_meant(values, told)):
-                told |= more
-                said, values = self._ask(one, other, loose, until, told)
-            if said == EQUAL:
-                return EQUAL, {}
+        said, values = self._ask(a, b, loose, until, told)
+        while said == APART and (more := self._not_meant(values, told)):
+            told |= more
+            said, values = self._ask(a, b, loose, until, told)
         return said, values
 
     def _not_meant(self, values: Mapping[str, int], told: Mapping[str, BitTerm]) -> dict[str, BitTerm]:

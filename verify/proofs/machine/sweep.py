@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.verify.proofs.claims import LEAST, Claims
-from firmloop.verify.proofs.machine.normal import is_sum
+from firmloop.verify.proofs.machine.normal import HALF, Sum, is_sum, plus, sum_of, with_signs, written
 from firmloop.verify.proofs.machine.solver import APART, EQUAL, OPEN, Solver
 from firmloop.verify.proofs.machine.stated import entries, stated, status_of
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool, Words, evaluated, reached, signed
@@ -120,6 +120,7 @@ class Sweep:
         self._deadline, self._ranges = deadline, ranges_of(claims)
         self.cut: dict[str, BitTerm] = {}  # values of operations that are variables now
         self._replaced: dict[BitTerm, BitTerm] = {}  # what stood in the place of a variable; operations may hold it too
+        self._sums: dict[BitTerm, Sum] = {}  # variables that stand for sums, and these
         self._told: dict[str, BitTerm] = {}
         self._solver = Solver(pool, self._ranges, deadline)
         self._decided = {_bare(term): pool.const(int(term.op != "not"), 1) for term in way.path}
@@ -144,7 +145,7 @@ class Sweep:
                 self._solver.assumed.append(self._as_assumed(term, rebuilt))
                 rebuilt[term] = self._decided[term]
                 continue
-            made = self._pool.rebuilt(term, [rebuilt[arg] for arg in term.args])
+            made = self._by_sums(self._pool.rebuilt(term, [rebuilt[arg] for arg in term.args]))
             for name, low in wanted[0].get((term.width, wanted[1][term].tobytes()), ()):
                 if name in self.cut and made is self._pool.extract(self.cut[name], low, term.width):
                     break
@@ -152,7 +153,7 @@ class Sweep:
                 part = self._pool.extract(definition, low, term.width)
                 if made is part or self._equal(name, definition, made, part):
                     whole, made = made, part
-                    if not is_sum(definition):
+                    if not self._stays(definition):
                         made = self._pool.extract(self._variable(name, definition), low, term.width)
                         self._replaced[whole] = made
                     break
@@ -209,17 +210,42 @@ class Sweep:
         made: dict[BitTerm, BitTerm] = {}
         for one in reached([term]):
             as_is = self._decided.get(one) or self._pool.rebuilt(one, [made[arg] for arg in one.args])
-            made[one] = self._replaced.get(as_is, as_is)
+            made[one] = self._by_sums(self._replaced.get(as_is, as_is))
         return made[term]
+
+    @staticmethod
+    def _stays(definition: BitTerm) -> bool:
+        """Tell whether a value is not cut: a long sum, which is compared as one, and one of words that come in."""
+        atoms = sum_of(definition)[0] if is_sum(definition) else {}
+        return bool(atoms) and (definition.width > HALF or all(_comes_in(atom) for atom in atoms))
+
+    def _by_sums(self, term: BitTerm) -> BitTerm:
+        """Return a sum by the values that are part of it."""
+        if not is_sum(term) or term.width != HALF:
+            return term
+        for value, (parts, constant) in self._sums.items():
+            total = with_signs(term)
+            counts = {total[0].get(part, 0) * count for part, count in parts.items()}
+            times = total[0].get(next(iter(parts)), 0) * next(iter(parts.values()))
+            if abs(times) == 1 and counts == {times}:
+                term = written(self._pool, plus(plus(total, (parts, constant), -times), ({value: 1}, 0), times), HALF)
+        return term
 
     def _variable(self, name: str, definition: BitTerm) -> BitTerm:
         if name not in self.cut:
             self._told = {}  # what is made of it may be told by it now
             held = self._operations[name].result
-            self._ranges[CUT + name] = int(held.low or 0), int(held.high or 0)
+            self._ranges[CUT + name] = self._pool.ranges[CUT + name] = int(held.low or 0), int(held.high or 0)
             self.cut[name] = self._pool.var(CUT + name, definition.width)
             self._solver.definitions[CUT + name] = definition
+            parts = with_signs(definition)
+            if is_sum(definition) and len(parts[0]) > 1 and all(abs(count) == 1 for count in parts[0].values()):
+                self._sums[self.cut[name]] = parts
         return self.cut[name]
+
+
+def _comes_in(term: BitTerm) -> bool:
+    return term.op == "var" or (term.op == "sext" and term.args[0].op == "var")
 
 
 def _bare(term: BitTerm) -> BitTerm:

@@ -17,6 +17,7 @@ from firmloop.verify.proofs.machine.normal import (
     HALF,
     LONG,
     concatenated,
+    ends_of,
     extended,
     is_sum,
     plus,
@@ -28,7 +29,6 @@ from firmloop.verify.proofs.machine.normal import (
 )
 
 Words = NDArray[np.uint64]  # one value of a term for each sample
-SPREAD = 3  # operations between a choice and a product of it
 COMMUTE = frozenset({"add", "mul", "and", "or", "xor", "eq"})
 
 
@@ -53,6 +53,8 @@ class Pool:
 
     def __init__(self) -> None:
         self._known: dict[tuple[object, ...], BitTerm] = {}
+        self.ranges: dict[str, tuple[int, int]] = {}  # of variables, with a sign, both ends included; all else is any
+        self.ends: dict[BitTerm, tuple[int, int]] = {}  # of terms, as far as they are known
 
     def const(self, value: int, width: int) -> BitTerm:
         """Return a constant, of which the low bits count."""
@@ -72,6 +74,8 @@ class Pool:
         if op in COMMUTE and (args[0].op == "const", args[0].number) > (args[1].op == "const", args[1].number):
             args = (args[1], args[0])  # the constant is last
         found = self._folded(op, width, args, 0) or self._shorter(op, args) or self._sum(op, args)
+        if found is None and op in ("slt", "eq"):
+            found = self._by_range(op, *args)
         return found or self.kept(op, *args)
 
     def kept(self, op: str, *args: BitTerm) -> BitTerm:
@@ -93,47 +97,19 @@ class Pool:
             return None
         return written(self, plus(({}, 0), sum_of(a), b.value if op == "mul" else 1 << b.value), a.width)
 
+    def _by_range(self, op: str, a: BitTerm, b: BitTerm) -> BitTerm | None:
+        """Return a comparison that the ranges of both sides decide."""
+        (low, high), (least, most) = ends_of(self, a), ends_of(self, b)
+        if high < least or low > most:
+            return self.const(op == "slt" and high < least, 1)
+        return self.const(0, 1) if op == "slt" and low == most else None
+
     def _turned(self, op: str, constant: BitTerm, term: BitTerm) -> BitTerm:
         """Return whether a constant is less, with the constant on the right."""
         last = (1 << (term.width - (op == "slt"))) - 1
         if constant.value == last:
             return self.const(0, 1)
         return self.make("not", self.make(op, term, self.const(int(constant.data) + 1, term.width)))
-
-    def spread(self, roots: Sequence[BitTerm]) -> list[BitTerm]:
-        """Return the same with a choice of products where a product of a choice stood.
-
-        Compilers double the code behind a branch so.
-        """
-        made: dict[BitTerm, BitTerm] = {}
-        for term in reached(roots):
-            args = tuple(made[arg] for arg in term.args)
-            made[term] = self._product(args) if term.op == "mul" else self.rebuilt(term, args)
-        return [made[root] for root in roots]
-
-    def _product(self, args: tuple[BitTerm, ...]) -> BitTerm:
-        for k in (0, 1):
-            choice = self._as_choice(args[k], SPREAD)
-            if choice is not None:
-                condition, *ways = choice
-                return self.ite(condition, *(self._product((way, args[1 - k])) for way in ways))
-        return self.make("mul", *args)
-
-    def _as_choice(self, term: BitTerm, depth: int) -> tuple[BitTerm, BitTerm, BitTerm] | None:
-        """Return a condition and what a term is with and without it, where a choice stands behind few operations."""
-        if term.op == "ite":
-            condition, yes, no = term.args
-            return condition, yes, no
-        inner = [self._as_choice(arg, depth - 1) if depth else None for arg in term.args]
-        condition = next((one[0] for one in inner if one is not None), None)
-        if condition is None:
-            return None
-
-        def way(place: int) -> BitTerm:
-            pairs = zip(term.args, inner, strict=True)
-            return self.rebuilt(term, [one[place] if one and one[0] is condition else arg for arg, one in pairs])
-
-        return condition, way(1), way(2)
 
     def ite(self, condition: BitTerm, yes: BitTerm, no: BitTerm) -> BitTerm:
         """Return `yes` where the condition holds, else `no`."""
