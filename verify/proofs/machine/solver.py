@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from firmloop.verify.proofs.machine.cases import condition_in, where
+from firmloop.verify.proofs.machine.normal import is_sum
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool, evaluated, reached
 
 EQUAL, APART, OPEN = "equal", "apart", "open"
@@ -52,8 +53,21 @@ class Solver:
         said, values = (EQUAL, {}) if a is b else self._asked(a, b, True, min(until, time.monotonic() + QUICK))
         if said == EQUAL:
             return EQUAL, {}
-        found = self._by_cases(a, b, until, [CASES])
-        return found if found is not None else self._asked(a, b, False, until)
+        one, other = self._spelled_out([a, b])
+        if one is other:
+            return EQUAL, {}
+        return self._by_cases(one, other, until, [CASES]) or self._case(one, other, until)
+
+    def _spelled_out(self, terms: Sequence[BitTerm]) -> list[BitTerm]:
+        """Return terms with choices and sums in the place of variables that stand for them."""
+        made: dict[BitTerm, BitTerm] = {}
+        for term in reached(terms):
+            meant = self.definitions.get(str(term.data)) if term.op == "var" else None
+            if meant is not None and (meant.op == "ite" or is_sum(meant)):
+                made[term] = self._spelled_out([meant])[0]
+            else:
+                made[term] = self._pool.rebuilt(term, [made[arg] for arg in term.args])
+        return [made[term] for term in terms]
 
     def _by_cases(self, a: BitTerm, b: BitTerm, until: float, left: list[int]) -> tuple[str, dict[str, int]] | None:
         """Return what is found in each case; None where there is no condition, or where there are too many cases."""
