@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from firmloop.verify.proofs.machine.normal import ends_of, signed_by
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool, reached, signed_value
 
+WITHIN = " within "  # between the name of a variable and its narrower range
 LOGIC = ("and", "or", "xor", "not", "ite")
 
 
@@ -33,13 +35,36 @@ def condition_in(terms: Sequence[BitTerm]) -> BitTerm | None:
 def where(pool: Pool, terms: Sequence[BitTerm], condition: BitTerm, holds: bool) -> list[BitTerm]:
     """Return the terms as they are where a condition holds, or where it does not."""
     made: dict[BitTerm, BitTerm] = {}
+    narrowed = _narrowed(pool, condition, holds)
+    of_sign = condition.op == "slt" and condition.args[1].value == 0
     for term in reached(terms):
+        if narrowed is not None and term is condition.args[0]:
+            made[term] = narrowed
+            continue
+        if condition.op == "eq" and holds and term is condition.args[0]:
+            made[term] = condition.args[1]
+            continue
+        if of_sign and signed_by(pool, term) is condition.args[0]:
+            made[term] = pool.const(-int(holds), term.width)
+            continue
         decided = _implied(condition, holds, term)
         if decided is None:
             made[term] = pool.rebuilt(term, [made[arg] for arg in term.args])
         else:
             made[term] = pool.const(decided, 1)
     return [made[term] for term in terms]
+
+
+def _narrowed(pool: Pool, condition: BitTerm, holds: bool) -> BitTerm | None:
+    """Return a variable in its narrower range where a limit of it is decided, as another variable."""
+    if condition.op != "slt" or condition.args[0].op != "var" or condition.args[1].op != "const":
+        return None
+    word, limit = condition.args[0], signed_value(condition.args[1])
+    low, high = ends_of(pool, word)
+    low, high = (low, min(high, limit - 1)) if holds else (max(low, limit), high)
+    name = f"{str(word.data).partition(WITHIN)[0]}{WITHIN}{low}..{high}"
+    pool.ranges[name] = low, high
+    return pool.var(name, word.width)
 
 
 def _implied(condition: BitTerm, holds: bool, term: BitTerm) -> bool | None:

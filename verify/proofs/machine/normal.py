@@ -71,6 +71,15 @@ def truncated(pool: Pool, term: BitTerm, width: int) -> BitTerm:
     return written(pool, parts, width)
 
 
+def above(pool: Pool, term: BitTerm, count: int, width: int) -> BitTerm | None:
+    """Return bits of a sum from `count` on, where all that are below are 0."""
+    coefficients, constant = sum_of(term)
+    if any(number % (1 << count) for number in (constant, *coefficients.values())):
+        return None
+    less = {one: number >> count for one, number in coefficients.items()}, constant >> count
+    return pool.extract(written(pool, less, term.width), 0, width)
+
+
 def upper(pool: Pool, term: BitTerm) -> BitTerm:
     """Return the upper half of a word of 64 bits, outside of which stands what is in that half alone."""
     coefficients, constant = sum_of(term)
@@ -145,6 +154,8 @@ def _joined(pool: Pool, total: Sum) -> Sum | None:
     for term, count in total[0].items():
         if count > 0 and is_upper(term) and (more := _met(pool, total, term)) is not None:
             return more
+        if count > 0 and is_upper(term) and (more := _multiplied(pool, total, term)) is not None:
+            return more
         if term.op != "zext" or term.args[0].width != 1:
             continue
         bit = term.args[0]
@@ -172,18 +183,49 @@ def is_upper(term: BitTerm) -> bool:
     return term.op == "extract" and term.args[0].width == LONG and term.data == HALF and term.width == HALF
 
 
+def signed_by(pool: Pool, term: BitTerm) -> BitTerm | None:
+    """Return the word whose sign a term is, in every bit; None where it is none."""
+    fits = is_upper(term) and _fits(pool, with_signs(term.args[0]), HALF)
+    return pool.extract(term.args[0], 0, HALF) if fits else None
+
+
+def _alone(term: BitTerm, count: int) -> bool:
+    """Tell whether a part of a long sum is a lower half whose upper one stands elsewhere."""
+    return term.op == "zext" and term.args[0].width == HALF and count % (1 << HALF) != 0
+
+
 def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
     """Return a sum in which a lower half alone, whose carry is in `high`, has met the upper one that belongs to it."""
     for low, count in sum_of(high.args[0])[0].items():
         sign = _signed(count, LONG)
-        if low.op != "zext" or low.args[0].width != HALF or sign not in (1, -1):
+        if not _alone(low, count) or sign not in (1, -1):
             continue
         for other, number in total[0].items():
             word = paired(pool, other, low.args[0]) if number * sign > 0 and other is not high else None
-            if word is not None:
+            if word is not None and not any(_alone(one, times) for one, times in sum_of(word)[0].items()):
                 whole = written(pool, plus(plus(sum_of(high.args[0]), ({low: 1}, 0), -sign), sum_of(word), sign), LONG)
                 rest = plus(plus(total, ({high: 1}, 0), -1), ({other: 1}, 0), -sign)
                 return plus(rest, sum_of(pool.extract(whole, HALF, HALF)), 1)
+    return None
+
+
+def _multiplied(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
+    """Return a sum with the product of two long words, of which stood the product of the lower halves and the others."""
+    product = high.args[0]
+    if product.op != "mul" or any(arg.op != "zext" or arg.args[0].width != HALF for arg in product.args):
+        return None
+    a, b = (arg.args[0] for arg in product.args)
+    crossed = [term for term, count in total[0].items() if term.op == "mul" and count > 0]
+    for one in crossed:
+        for other in crossed:
+            for k, m in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                if one is other or one.args[1 - k] is not b or other.args[1 - m] is not a:
+                    continue
+                long_a, long_b = paired(pool, one.args[k], a), paired(pool, other.args[m], b)
+                if long_a is not None and long_b is not None:
+                    whole = pool.extract(pool.make("mul", long_a, long_b), HALF, HALF)
+                    rest = plus(total, ({high: 1, one: 1, other: 1}, 0), -1)
+                    return plus(rest, sum_of(whole), 1)
     return None
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmloop.verify.proofs.machine.cases import condition_in, where
+from firmloop.verify.proofs.machine.cases import WITHIN, condition_in, where
 from firmloop.verify.proofs.machine.normal import is_sum
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool, evaluated, reached
 
@@ -104,7 +104,8 @@ class Solver:
 
     def _not_meant(self, values: Mapping[str, int], told: Mapping[str, BitTerm]) -> dict[str, BitTerm]:
         """Return the definitions that values do not keep, and that have not been told."""
-        left = {name: term for name, term in self.definitions.items() if name in values and name not in told}
+        meant = {name: self.definitions.get(name.partition(WITHIN)[0]) for name in values if name not in told}
+        left = {name: term for name, term in meant.items() if term is not None}
         samples = {name: np.array([value], np.uint64) for name, value in values.items()}
         found = evaluated(reached(left.values()), samples)
         return {name: term for name, term in left.items() if int(found[term][0]) != values[name]}
@@ -126,7 +127,7 @@ class Solver:
             self._translate(term, loose)
             if loose and term.op == "mul":
                 solver.assert_formula(self._product_bound(term))
-            if term.op == "var" and str(term.data) in self._ranges:
+            if term.op == "var" and self._range(term) is not None:
                 for bound in self._bounds(term):
                     solver.assert_formula(bound)
         one, other = (self._translated[loose, term.number] for term in (a, b))
@@ -143,8 +144,11 @@ class Solver:
         values = {str(t.data): int(solver.get_value(self._translated[loose, t.number]).value(10)) for t in found}
         return APART, values
 
+    def _range(self, term: BitTerm) -> tuple[int, int] | None:
+        return self._ranges.get(str(term.data)) or self._pool.ranges.get(str(term.data))
+
     def _bounds(self, term: BitTerm) -> list[Any]:
-        low, high = self._ranges[str(term.data)]
+        low, high = self._range(term) or (0, 0)
         word = self._translated[False, term.number] if (False, term.number) in self._translated else None
         word = word if word is not None else self._translated[True, term.number]
         least, most = (self._constant(end, term.width) for end in (low, high))

@@ -24,7 +24,7 @@ from firmloop.verify.proofs.machine.terms import BitTerm, Pool, Words, evaluated
 SAMPLES = 1_024
 BATCHES = 24  # of samples in which a difference is looked for
 UNSET = 0.3  # of the samples begin before the first one was seen
-STAGE = 2.0  # s for one question on the way
+STAGE = 4.0  # s for one question on the way
 SEED = 20_260_101
 CUT = "cut."  # in front of the name of a value that is a variable
 STATUS = "the word of status bits"  # in the place of a value

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from firmloop.verify.proofs.machine.normal import (
     HALF,
     LONG,
+    above,
     concatenated,
     ends_of,
     extended,
     is_sum,
     plus,
     shifted,
+    signed_by,
     sum_of,
     truncated,
     upper,
@@ -71,12 +73,39 @@ class Pool:
             return self.make("not", self.make("ult" if op == "ule" else "slt", args[1], args[0]))
         if op in ("ult", "slt") and args[0].op == "const" != args[1].op:
             return self._turned(op, *args)
+        if width == 1 and op in ("and", "or", "not"):
+            return self._logic(op, args)
         if op in COMMUTE and (args[0].op == "const", args[0].number) > (args[1].op == "const", args[1].number):
             args = (args[1], args[0])  # the constant is last
         found = self._folded(op, width, args, 0) or self._shorter(op, args) or self._sum(op, args)
         if found is None and op in ("slt", "eq"):
             found = self._by_range(op, *args)
         return found or self.kept(op, *args)
+
+    def _logic(self, op: str, args: tuple[BitTerm, ...]) -> BitTerm:
+        """Return a truth value as choices by comparisons, in the order of these: one term for each function of them."""
+        a, b = args[0], args[-1]
+        fixed = next((one for one in args if one.op == "const"), None)
+        if op == "not":
+            if fixed is not None:
+                return self.const(not a.value, 1)
+            if a.op == "not":
+                return a.args[0]
+            if a.op != "ite":
+                return self.kept("not", a)
+        elif fixed is not None:
+            return (b if fixed is a else a) if bool(fixed.value) == (op == "and") else fixed
+        elif a is b:
+            return a
+        first = min((_decided_by(one) for one in args), key=lambda one: one.number)
+        ways = [self._logic(op, tuple(self._decided(one, first, holds) for one in args)) for holds in (True, False)]
+        return self.ite(first, *ways)
+
+    def _decided(self, bit: BitTerm, condition: BitTerm, holds: bool) -> BitTerm:
+        """Return a truth value where the comparison that decides it first holds, or does not."""
+        if bit is condition or (bit.op == "not" and bit.args[0] is condition):
+            return self.const(holds == (bit is condition), 1)
+        return bit.args[1 if holds else 2] if bit.op == "ite" and bit.args[0] is condition else bit
 
     def kept(self, op: str, *args: BitTerm) -> BitTerm:
         """Return `op` of terms as it is."""
@@ -119,6 +148,13 @@ class Pool:
             return yes
         if condition.op == "not":
             return self.ite(condition.args[0], no, yes)
+        if condition.op == "ite":
+            first, *ways = condition.args
+            return self.ite(first, *(self.ite(way, yes, no) for way in ways))
+        if condition.op == "eq" and condition.args[0] is yes and condition.args[1].op == "const":
+            return self.ite(condition, condition.args[1], no)
+        if yes.width > 1 and {yes.value, no.value} == {0, 1}:
+            return self.extend("zext", condition if yes.value else self.make("not", condition), yes.width)
         if yes.op == "ite" and yes.args[0] is condition:
             return self.ite(condition, yes.args[1], no)
         if no.op == "ite" and no.args[0] is condition:
@@ -172,6 +208,15 @@ class Pool:
         inner, top = term.args[0] if term.args else term, low + width
         if is_sum(term) and top <= HALF < term.width:
             return self.extract(truncated(self, term, HALF), low, width)
+        if is_sum(term) and top == 1:
+            odd = [one for one, count in sum_of(term)[0].items() if count % 2]
+            if len(odd) == 1 and not sum_of(term)[1] % 2:
+                return self.extract(odd[0], 0, 1)
+        if is_sum(term) and low and width < HALF and (short := above(self, term, low, width)) is not None:
+            return short
+        if term.op == "mul" and top <= HALF < term.width:
+            halves = [self.extract(arg, 0, HALF) for arg in term.args]
+            return self.extract(self.make("mul", *halves), low, width)
         if term.op in ("ashr", "lshr") and term.args[1].value is not None:
             count = term.args[1].value
             if top + count <= term.width:
@@ -276,6 +321,8 @@ class Pool:
                 return self.extend("sext", self.extract(a.args[0], 0, a.width - b.value), a.width)
             case "or" if a.op == "zext" or b.op == "zext":
                 return self._side_by_side(*args) or self._side_by_side(args[1], args[0])
+            case "and" | "xor" if a.width == HALF and (chosen := self._by_sign(op, a, b) or self._by_sign(op, b, a)):
+                return chosen
             case "xor" if b.value == 1 and a.op == "zext" and a.args[0].width == 1:
                 return self.extend("zext", self.make("not", a.args[0]), a.width)
             case "and" if b.value is not None and not b.value & (b.value + 1) and b.value:
@@ -298,6 +345,18 @@ class Pool:
                 return self.const(1, 1)
             case _:
                 return None
+
+    def _by_sign(self, op: str, word: BitTerm, sign: BitTerm) -> BitTerm | None:
+        """Return a word masked or inverted by the sign of another as a choice."""
+        inverted = sign.op == "not"
+        signed = signed_by(self, sign.args[0] if inverted else sign)
+        if signed is None or (inverted and op == "xor"):
+            return None
+        negative = self.make("slt", signed, self.const(0, HALF))
+        if op == "xor":
+            return self.ite(negative, self.make("sub", self.const(-1, HALF), word), word)
+        ways = (word, self.const(0, HALF))
+        return self.ite(negative, *(reversed(ways) if inverted else ways))
 
     def _side_by_side(self, high: BitTerm, low: BitTerm) -> BitTerm | None:
         """Return words that have no bit in common as a sum, or as a slice of the longer word that they are of."""
@@ -326,6 +385,11 @@ class Pool:
                 self.make("eq", inner, self.const(value, inner.width)) if not value >> inner.width else self.const(0, 1)
             )
         return None
+
+
+def _decided_by(bit: BitTerm) -> BitTerm:
+    """Return the comparison that decides a truth value first."""
+    return bit.args[0] if bit.op in ("ite", "not") else bit
 
 
 def signed_value(term: BitTerm) -> int:
