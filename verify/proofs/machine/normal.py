@@ -71,13 +71,16 @@ def truncated(pool: Pool, term: BitTerm, width: int) -> BitTerm:
     return written(pool, parts, width)
 
 
-def above(pool: Pool, term: BitTerm, count: int, width: int) -> BitTerm | None:
-    """Return bits of a sum from `count` on, where all that are below are 0."""
+def bit_of(pool: Pool, term: BitTerm, place: int) -> BitTerm | None:
+    """Return a bit of a sum as a bit of the sum without the lowest bits, which are 0; None where they are not."""
     coefficients, constant = sum_of(term)
-    if any(number % (1 << count) for number in (constant, *coefficients.values())):
+    count = place
+    for number in (constant, *coefficients.values()):
+        count = min(count, (number & -number).bit_length() - 1) if number else count
+    if not count:
         return None
     less = {one: number >> count for one, number in coefficients.items()}, constant >> count
-    return pool.extract(written(pool, less, term.width), 0, width)
+    return pool.extract(written(pool, less, term.width), place - count, 1)
 
 
 def upper(pool: Pool, term: BitTerm) -> BitTerm:
@@ -204,8 +207,9 @@ def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
             word = paired(pool, other, low.args[0]) if number * sign > 0 and other is not high else None
             if word is not None and not any(_alone(one, times) for one, times in sum_of(word)[0].items()):
                 whole = written(pool, plus(plus(sum_of(high.args[0]), ({low: 1}, 0), -sign), sum_of(word), sign), LONG)
-                rest = plus(plus(total, ({high: 1}, 0), -1), ({other: 1}, 0), -sign)
-                return plus(rest, sum_of(pool.extract(whole, HALF, HALF)), 1)
+                times = min(total[0][high], abs(number))
+                rest = plus(plus(total, ({high: 1}, 0), -times), ({other: 1}, 0), -sign * times)
+                return plus(rest, sum_of(pool.extract(whole, HALF, HALF)), times)
     return None
 
 

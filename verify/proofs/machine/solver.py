@@ -53,18 +53,28 @@ class Solver:
         said, values = (EQUAL, {}) if a is b else self._asked(a, b, True, min(until, time.monotonic() + QUICK))
         if said == EQUAL:
             return EQUAL, {}
-        one, other = self._spelled_out([a, b])
-        if one is other:
-            return EQUAL, {}
+        for sums in (True, False):
+            if self._same(*self._spelled_out([a, b], sums), until, [CASES]):
+                return EQUAL, {}
+        one, other = self._spelled_out([a, b], True)
         return self._by_cases(one, other, until, [CASES]) or self._case(one, other, until)
 
-    def _spelled_out(self, terms: Sequence[BitTerm]) -> list[BitTerm]:
-        """Return terms with choices and sums in the place of variables that stand for them."""
+    def _same(self, a: BitTerm, b: BitTerm, until: float, left: list[int]) -> bool:
+        """Tell whether both are one term in every case."""
+        condition = None if a is b else condition_in([a, b])
+        left[0] -= condition is not None
+        if condition is None or left[0] < 0 or time.monotonic() > until:
+            return a is b
+        cases = (where(self._pool, [a, b], condition, holds) for holds in (True, False))
+        return all(self._same(one, other, until, left) for one, other in cases)
+
+    def _spelled_out(self, terms: Sequence[BitTerm], sums: bool) -> list[BitTerm]:
+        """Return terms with choices, and sums too, in the place of variables that stand for them."""
         made: dict[BitTerm, BitTerm] = {}
         for term in reached(terms):
-            meant = self.definitions.get(str(term.data)) if term.op == "var" else None
-            if meant is not None and (meant.op == "ite" or is_sum(meant)):
-                made[term] = self._spelled_out([meant])[0]
+            meant = self.definitions.get(str(term.data).partition(WITHIN)[0]) if term.op == "var" else None
+            if meant is not None and (meant.op == "ite" or (sums and is_sum(meant))):
+                made[term] = self._spelled_out([meant], sums)[0]
             else:
                 made[term] = self._pool.rebuilt(term, [made[arg] for arg in term.args])
         return [made[term] for term in terms]

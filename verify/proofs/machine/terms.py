@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from firmloop.verify.proofs.machine.normal import (
     HALF,
     LONG,
-    above,
+    bit_of,
     concatenated,
     ends_of,
     extended,
@@ -212,8 +212,8 @@ class Pool:
             odd = [one for one, count in sum_of(term)[0].items() if count % 2]
             if len(odd) == 1 and not sum_of(term)[1] % 2:
                 return self.extract(odd[0], 0, 1)
-        if is_sum(term) and low and width < HALF and (short := above(self, term, low, width)) is not None:
-            return short
+        if is_sum(term) and low and width == 1 and (bit := bit_of(self, term, low)) is not None:
+            return bit
         if term.op == "mul" and top <= HALF < term.width:
             halves = [self.extract(arg, 0, HALF) for arg in term.args]
             return self.extract(self.make("mul", *halves), low, width)
