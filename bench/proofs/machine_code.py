@@ -6,7 +6,7 @@
 
 Straight-line is what calls no support file: neither a solver nor a curve, which have loops or tables. Prints a line
 for each image that is not proven, the share that is, and the time. Exit status 1 when a right image is refuted, the
-share is below BAR, or a wrong constant that 200,000 random steps tell apart is not refuted.
+share is below BAR, or a wrong constant is not refuted.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from firmloop.quantize.ops import EVERY, LARGE
 from firmloop.quantize.program import QuantizeError
 from firmloop.verify.judgement import PROVEN, REFUTED
 from firmloop.verify.proofs.claims import Claims
+from firmloop.verify.proofs.judges import machine_code
 from firmloop.verify.proofs.judges.machine_code import judge_image
 from tests.verify.proofs.machine_code import linked, off_by_one
 
@@ -50,9 +51,7 @@ def straight(law: Law, arithmetic: str) -> bool:
     return not any(op.function in LARGE or EVERY[op.function].support for op in body)
 
 
-def images(
-    names: list[str], formats: list[str], cores: list[str], folder: Path
-) -> Iterator[tuple[str, Claims, Path]]:
+def images(names: list[str], formats: list[str], cores: list[str], folder: Path) -> Iterator[tuple[str, Claims, Path]]:
     """Link every image, and yield what it is called, its claims and its file."""
     for name, law in laws():
         for arithmetic in formats if not names or name in names else ():
@@ -107,7 +106,9 @@ def main() -> int:
     parser.add_argument("--core", choices=list(CORES), action="append")
     parser.add_argument("--format", choices=FORMATS, action="append")
     parser.add_argument("--mutants", type=int, default=0, metavar="COUNT")
+    parser.add_argument("--seconds", type=float, default=machine_code.LONGEST, help="for an image")
     asked = parser.parse_args()
+    machine_code.LONGEST = asked.seconds
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         every = images(asked.laws, asked.format or list(FORMATS), asked.core or list(CORES), folder)

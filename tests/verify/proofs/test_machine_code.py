@@ -16,7 +16,8 @@ from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, TIMEOUT, UNKNOWN
 from firmloop.verify.proofs.claims import Claims
 from firmloop.verify.proofs.judge import IMAGES, Delivered
 from firmloop.verify.proofs.judges import every_judge, machine_code
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool, applied, evaluated, reached
+from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.values import applied, evaluated, reached
 from tests.laws import FULL, TABLES, pid
 from tests.verify.proofs.machine_code import linked, off_by_one
 from tests.verify.test_tunable import PROJECT
@@ -121,6 +122,48 @@ def test_a_term_that_is_simplified_has_the_same_values(seed: int) -> None:
         np.testing.assert_array_equal(evaluated(reached([term, *variables]), samples)[term], values[-1])
 
 
+def in_halves(pool: Pool, op: str, one: BitTerm, other: BitTerm) -> BitTerm:
+    """Add or subtract words of 64 bits as a core of 32 bits does, with a carry or a borrow."""
+    (a, b), (c, d) = ([pool.extract(word, low, 32) for low in (0, 32)] for word in (one, other))
+    low = pool.make(op, a, c)
+    carry = pool.make("ult", low, a) if op == "add" else pool.make("not", pool.make("ule", c, a))
+    high = pool.make(op, pool.make(op, b, d), pool.extend("zext", carry, 32))
+    return pool.concat(high, low)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sum_in_halves_has_the_values_of_the_sum_and_mostly_is_its_term(seed: int) -> None:
+    dice, pool = random.Random(seed), Pool()
+    pool.ranges["a"] = -(2**20), 2**20
+    words = [pool.extend("sext", pool.var(name, bits), 64) for name, bits in (("a", 32), ("b", 32), ("c", 16))]
+    whole = apart = words[0]
+    takes_away = seed % 2 == 1  # what takes words away that it has added is not always written in one way
+    for _ in range(4):
+        kind, word = dice.choice(["add", "sub" if takes_away else "add", "shift"]), dice.choice(words)
+        if kind == "shift":
+            count = dice.randint(1, 4)
+            whole = pool.make("shl", whole, pool.const(count, 64))
+            low, high = (pool.extract(apart, at, 32) for at in (0, 32))
+            moved = pool.make("lshr", low, pool.const(32 - count, 32))
+            low, high = (pool.make("shl", half, pool.const(count, 32)) for half in (low, high))
+            apart = pool.concat(pool.make("or", high, moved), low)
+        else:
+            word = pool.make("mul", word, pool.const(dice.randrange(1, 2**24), 64))
+            whole, apart = pool.make(kind, whole, word), in_halves(pool, kind, apart, word)
+    half = pool.const(1 << 31, 64)
+    high, bit = pool.extract(apart, 32, 32), pool.make("lshr", pool.extract(apart, 0, 32), pool.const(31, 32))
+    rounded = pool.make("add", high, bit), pool.extract(pool.make("add", whole, half), 32, 32)
+    numbers = np.random.default_rng(seed)
+    samples = {"a": numbers.integers(-(2**20), 2**20, 64) & (2**32 - 1), "b": numbers.integers(0, 2**32, 64)}
+    samples["c"] = numbers.integers(0, 2**16, 64)
+    values = evaluated(
+        reached([whole, apart, *rounded]), {name: row.astype(np.uint64) for name, row in samples.items()}
+    )
+    np.testing.assert_array_equal(values[whole], values[apart])
+    np.testing.assert_array_equal(values[rounded[0]], values[rounded[1]])
+    assert takes_away or rounded[0] is rounded[1]
+
+
 @needs_packages
 def test_a_project_is_linked_and_its_machine_code_proven(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "wheel_speed.toml").write_text(FIXED)
@@ -166,9 +209,11 @@ def test_images_are_refused_by_name(pi: tuple[Claims, Path], tmp_path: Path) -> 
 
 
 @needs_packages
-def test_what_is_not_decided_is_no_proof(pi: tuple[Claims, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_decided_is_no_proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine_code, "LONGEST", 0.0)
-    result, says = machine_code.judge_image(*pi)
+    (request,) = kinds()["fuzzy_pid"].examples.values()
+    law = kinds()["fuzzy_pid"].design(request).law
+    result, says = machine_code.judge_image(*linked(law, "fixed16", "qemu_mps2_an386", tmp_path))
     assert result == TIMEOUT and "is not decided in" in says
 
 

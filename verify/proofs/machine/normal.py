@@ -21,7 +21,10 @@ Sum = tuple[Coefficients, int]  # and a constant
 
 def is_sum(term: BitTerm) -> bool:
     """Tell whether a term is one by its operation."""
-    return term.op in ("add", "sub") or (term.op in ("mul", "shl") and term.args[1].op == "const")
+    if term.op in ("add", "sub"):
+        return True
+    factor = term.args[1].value if term.op in ("mul", "shl") else None
+    return factor is not None and (term.op == "mul" or factor < term.width)
 
 
 def sum_of(term: BitTerm) -> Sum:
@@ -88,7 +91,7 @@ def upper(pool: Pool, term: BitTerm) -> BitTerm:
     coefficients, constant = sum_of(term)
     half = 1 << HALF
     outside: Sum = {}, constant >> HALF
-    inside = {}
+    inside: Coefficients = {}
     for one, count in coefficients.items():
         below = _signed(count, HALF)
         outside = plus(outside, sum_of(pool.extract(one, 0, HALF)), (count - below) >> HALF)
@@ -214,7 +217,7 @@ def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
 
 
 def _multiplied(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
-    """Return a sum with the product of two long words, of which stood the product of the lower halves and the others."""
+    """Return a sum with the product of two long words, where products of their halves stood."""
     product = high.args[0]
     if product.op != "mul" or any(arg.op != "zext" or arg.args[0].width != HALF for arg in product.args):
         return None
@@ -238,8 +241,9 @@ def _rounded(pool: Pool, rest: Sum, bit: BitTerm) -> Sum | None:
         if count > 0 and is_upper(one):
             word = one.args[0]
             if pool.extract(word, HALF - 1, 1) is bit:
-                more = pool.make("add", word, pool.const(1 << (HALF - 1), LONG))
-                return plus(plus(rest, ({one: 1}, 0), -1), sum_of(pool.extract(more, HALF, HALF)), 1)
+                # Twice the upper half and the highest bit below it are the upper half of twice the word.
+                more = pool.make("add", word, word if count > 1 else pool.const(1 << (HALF - 1), LONG))
+                return plus(plus(rest, ({one: min(count, 2)}, 0), -1), sum_of(pool.extract(more, HALF, HALF)), 1)
     return None
 
 

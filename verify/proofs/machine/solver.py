@@ -10,7 +10,8 @@ import numpy as np
 
 from firmloop.verify.proofs.machine.cases import WITHIN, condition_in, where
 from firmloop.verify.proofs.machine.normal import is_sum
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool, evaluated, reached
+from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.values import evaluated, reached
 
 EQUAL, APART, OPEN = "equal", "apart", "open"
 QUICK = 0.3  # s for a question that is not split
@@ -50,11 +51,11 @@ class Solver:
         is split by its conditions, and asked in each case.
         """
         until = time.monotonic() + longest
-        said, values = (EQUAL, {}) if a is b else self._asked(a, b, True, min(until, time.monotonic() + QUICK))
-        if said == EQUAL:
+        if a is b or self._asked(a, b, True, min(until, time.monotonic() + QUICK))[0] == EQUAL:
             return EQUAL, {}
         for sums in (True, False):
-            if self._same(*self._spelled_out([a, b], sums), until, [CASES]):
+            one, other = self._spelled_out([a, b], sums)
+            if self._same(one, other, until, [CASES]):
                 return EQUAL, {}
         one, other = self._spelled_out([a, b], True)
         return self._by_cases(one, other, until, [CASES]) or self._case(one, other, until)

@@ -6,12 +6,11 @@ most.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmloop.verify.proofs.machine.normal import (
     HALF,
@@ -29,8 +28,8 @@ from firmloop.verify.proofs.machine.normal import (
     upper,
     written,
 )
+from firmloop.verify.proofs.machine.values import COMPARED, applied, signed_value
 
-Words = NDArray[np.uint64]  # one value of a term for each sample
 COMMUTE = frozenset({"add", "mul", "and", "or", "xor", "eq"})
 
 
@@ -174,7 +173,11 @@ class Pool:
         """Return a choice between extended words as the extension of a choice, so that it is there as a short word."""
         op, width = next(((one.op, one.args[0].width) for one in (yes, no) if one.op in ("zext", "sext")), ("", 0))
         short = [self.extract(one, 0, width) for one in (yes, no) if one.op in (op, "const")]
-        if not op or len(short) < 2 or any(self.extend(op, a, yes.width) is not b for a, b in zip(short, (yes, no))):
+        if (
+            not op
+            or len(short) < 2
+            or any(self.extend(op, a, yes.width) is not b for a, b in zip(short, (yes, no), strict=True))
+        ):
             return None
         return self.extend(op, self.ite(condition, *short), yes.width)
 
@@ -309,8 +312,26 @@ class Pool:
         match op:
             case "not" if a.op == "not":
                 return a.args[0]
+            case "sub" | "xor" if a is b:
+                return self.const(0, a.width)
+            case "and" | "or" if a is b:
+                return a
+            case "and" if b.value == 0:
+                return b
             case "add" | "sub" | "or" | "xor" | "shl" | "lshr" | "ashr" if b.value == 0:
                 return a
+            case "eq" if a is b:
+                return self.const(1, 1)
+            case "eq" if b.value is not None:
+                return self._compared(a, b)
+            case "ult" | "slt" if a is b:
+                return self.const(0, 1)
+            case _:
+                return self._as_slice(op, a, b)
+
+    def _as_slice(self, op: str, a: BitTerm, b: BitTerm) -> BitTerm | None:
+        """Return what a shift or a mask is as a slice, a sum or a choice; None where no rule says so."""
+        match op:
             case "lshr" if b.value is not None and b.value < a.width:
                 return self.extend("zext", self.extract(a, b.value, a.width - b.value), a.width)
             case "ashr" if b.value is not None and a.width == HALF and b.value >= HALF - 1:
@@ -320,29 +341,13 @@ class Pool:
             case "ashr" if a.op == "shl" and a.args[1] is b and b.value is not None and b.value < a.width:
                 return self.extend("sext", self.extract(a.args[0], 0, a.width - b.value), a.width)
             case "or" if a.op == "zext" or b.op == "zext":
-                return self._side_by_side(*args) or self._side_by_side(args[1], args[0])
+                return self._side_by_side(a, b) or self._side_by_side(b, a)
             case "and" | "xor" if a.width == HALF and (chosen := self._by_sign(op, a, b) or self._by_sign(op, b, a)):
                 return chosen
             case "xor" if b.value == 1 and a.op == "zext" and a.args[0].width == 1:
                 return self.extend("zext", self.make("not", a.args[0]), a.width)
             case "and" if b.value is not None and not b.value & (b.value + 1) and b.value:
                 return self.extend("zext", self.extract(a, 0, b.value.bit_length()), a.width)
-            case "sub" | "xor" if a is b:
-                return self.const(0, a.width)
-            case "and" | "or" if a is b:
-                return a
-            case "and" if b.value == 0:
-                return b
-            case "mul" if b.value == 1:
-                return a
-            case "eq" if a is b:
-                return self.const(1, 1)
-            case "eq" if b.value is not None:
-                return self._compared(a, b)
-            case "ult" | "slt" if a is b:
-                return self.const(0, 1)
-            case "ule" | "sle" if a is b:
-                return self.const(1, 1)
             case _:
                 return None
 
@@ -367,7 +372,7 @@ class Pool:
         place = part.width
         if any(factor % (1 << place) for factor in (constant, *total.values())):
             return None
-        if part.op == "extract" and high.width == HALF == part.args[0].width == part.data + place:
+        if part.op == "extract" and high.width == HALF == part.args[0].width == int(part.data) + place:
             above = {term: factor >> place for term, factor in total.items()}, constant >> place
             return self.extract(self.concat(written(self, above, HALF), part.args[0]), HALF - place, HALF)
         return self.make("add", high, low)
@@ -390,100 +395,3 @@ class Pool:
 def _decided_by(bit: BitTerm) -> BitTerm:
     """Return the comparison that decides a truth value first."""
     return bit.args[0] if bit.op in ("ite", "not") else bit
-
-
-def signed_value(term: BitTerm) -> int:
-    """Return a constant with its sign."""
-    value = int(term.data)
-    return value - (1 << term.width) if value >> (term.width - 1) else value
-
-
-def applied(op: str, width: int, values: Sequence[Words], widths: Sequence[int], data: int) -> Words:
-    """Return what `op` gives for values of its arguments."""
-    mask = np.uint64((1 << width) - 1)
-    a, b = values[0], values[-1]
-    if op in COMPARED:
-        return COMPARED[op](a, b, widths[0]).astype(np.uint64)
-    with np.errstate(over="ignore"):
-        match op:
-            case "add":
-                return (a + b) & mask
-            case "sub":
-                return (a - b) & mask
-            case "mul":
-                return (a * b) & mask
-            case "not":
-                return ~a & mask
-            case "and":
-                return a & b
-            case "or":
-                return a | b
-            case "xor":
-                return a ^ b
-            case "shl":
-                left: Words = np.where(b < width, a << np.minimum(b, np.uint64(63)), np.uint64(0))
-                return left & mask
-            case "lshr":
-                right: Words = np.where(b < width, a >> np.minimum(b, np.uint64(63)), np.uint64(0))
-                return right
-            case "ashr":
-                count = np.minimum(b, np.uint64(width - 1)).astype(np.int64)
-                shifted: Words = (signed(a, width) >> count).view(np.uint64)
-                return shifted & mask
-            case "ite":
-                chosen: Words = np.where(a != 0, values[1], values[2])
-                return chosen
-            case "concat":
-                return (a << np.uint64(widths[1])) | b
-            case "extract":
-                return (a >> np.uint64(data)) & mask
-            case "zext":
-                return a
-            case "sext":
-                extended: Words = signed(a, widths[0]).view(np.uint64)
-                return extended & mask
-    raise AssertionError(op)
-
-
-def signed(words: Words, width: int) -> NDArray[np.int64]:
-    """Return words in two's complement as numbers."""
-    sign = np.uint64(1 << (width - 1))
-    with np.errstate(over="ignore"):
-        return ((words ^ sign) - sign).view(np.int64)
-
-
-COMPARED: dict[str, Callable[[Words, Words, int], NDArray[np.bool_]]] = {
-    "eq": lambda a, b, width: a == b,
-    "ult": lambda a, b, width: a < b,
-    "ule": lambda a, b, width: a <= b,
-    "slt": lambda a, b, width: signed(a, width) < signed(b, width),
-    "sle": lambda a, b, width: signed(a, width) <= signed(b, width),
-}
-
-
-def reached(roots: Iterable[BitTerm]) -> list[BitTerm]:
-    """Return the roots and all they are made of, arguments first."""
-    found: dict[int, BitTerm] = {}
-    left = list(roots)
-    while left:
-        term = left.pop()
-        if term.number not in found:
-            found[term.number] = term
-            left.extend(term.args)
-    return [found[number] for number in sorted(found)]
-
-
-def evaluated(terms: Iterable[BitTerm], samples: Mapping[str, Words]) -> dict[BitTerm, Words]:
-    """Return every value of terms that stand in the order of `reached`; a variable without samples is 0."""
-    values: dict[BitTerm, Words] = {}
-    count = len(next(iter(samples.values())))
-    for term in terms:
-        if term.op == "const":
-            values[term] = np.full(count, term.data, np.uint64)
-        elif term.op == "var":
-            values[term] = samples.get(str(term.data), np.zeros(count, np.uint64))
-        else:
-            data = int(term.data) if term.op == "extract" else 0
-            args = [values[arg] for arg in term.args]
-            values[term] = applied(term.op, term.width, args, [arg.width for arg in term.args], data)
-    return values
