@@ -203,16 +203,16 @@ def _alone(term: BitTerm, count: int) -> bool:
 def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
     """Return a sum in which a lower half alone, whose carry is in `high`, has met the upper one that belongs to it."""
     for low, count in sum_of(high.args[0])[0].items():
-        sign = _signed(count, LONG)
-        if not _alone(low, count) or sign not in (1, -1):
+        factor = _signed(count, LONG)
+        if not _alone(low, count):
             continue
         for other, number in total[0].items():
-            word = paired(pool, other, low.args[0]) if number * sign > 0 and other is not high else None
-            if word is not None and not any(_alone(one, times) for one, times in sum_of(word)[0].items()):
-                whole = written(pool, plus(plus(sum_of(high.args[0]), ({low: 1}, 0), -sign), sum_of(word), sign), LONG)
-                times = min(total[0][high], abs(number))
-                rest = plus(plus(total, ({high: 1}, 0), -times), ({other: 1}, 0), -sign * times)
-                return plus(rest, sum_of(pool.extract(whole, HALF, HALF)), times)
+            times = min(total[0][high], number // factor)
+            word = paired(pool, other, low.args[0]) if times > 0 and other is not high else None
+            if word is not None and not any(_alone(one, many) for one, many in sum_of(word)[0].items()):
+                whole = plus(plus(sum_of(high.args[0]), ({low: 1}, 0), -factor), sum_of(word), factor)
+                rest = plus(plus(total, ({high: 1}, 0), -times), ({other: 1}, 0), -factor * times)
+                return plus(rest, sum_of(pool.extract(written(pool, whole, LONG), HALF, HALF)), times)
     return None
 
 

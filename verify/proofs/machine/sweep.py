@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.verify.proofs.claims import LEAST, Claims
-from firmloop.verify.proofs.machine.normal import HALF, Sum, is_sum, plus, sum_of, with_signs, written
+from firmloop.verify.proofs.machine.normal import HALF, Sum, ends_of, is_sum, plus, sum_of, with_signs, written
 from firmloop.verify.proofs.machine.solver import APART, EQUAL, OPEN, Solver
 from firmloop.verify.proofs.machine.stated import entries, stated, status_of
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool
@@ -147,19 +147,26 @@ class Sweep:
                 rebuilt[term] = self._decided[term]
                 continue
             made = self._by_sums(self._pool.rebuilt(term, [rebuilt[arg] for arg in term.args]))
-            for name, low in wanted[0].get((term.width, wanted[1][term].tobytes()), ()):
-                if name in self.cut and made is self._pool.extract(self.cut[name], low, term.width):
-                    break
+            name, low = self._alike(made, wanted[0].get((term.width, wanted[1][term].tobytes()), ())) or ("", 0)
+            if name:
                 definition = self._definition(name)
-                part = self._pool.extract(definition, low, term.width)
-                if made is part or self._equal(name, definition, made, part):
-                    whole, made = made, part
-                    if not self._stays(definition):
-                        made = self._pool.extract(self._variable(name, definition), low, term.width)
-                        self._replaced[whole] = made
-                    break
+                whole, made = made, self._pool.extract(definition, low, term.width)
+                if not self._stays(definition):
+                    made = self._pool.extract(self._variable(name, definition), low, term.width)
+                    self._replaced[whole] = made
             rebuilt[term] = made
         return rebuilt
+
+    def _alike(self, made: BitTerm, values: Sequence[tuple[str, int]]) -> tuple[str, int] | None:
+        """Return which value, from which bit on, a word is: one that is written so if there is any."""
+        parts = [(name, low, self._pool.extract(self._definition(name), low, made.width)) for name, low in values]
+        if any(
+            name in self.cut and made is self._pool.extract(self.cut[name], low, made.width) for name, low in values
+        ):
+            return None
+        written_so = next(((name, low) for name, low, part in parts if made is part), None)
+        equal = ((name, low) for name, low, part in parts if self._equal(name, self._definition(name), made, part))
+        return written_so or next(equal, None)
 
     def _equal(self, name: str, definition: BitTerm, made: BitTerm, part: BitTerm) -> bool:
         """Tell whether a word is this part of a value; of a value whose other half is cut, that half may be in it."""
@@ -236,7 +243,9 @@ class Sweep:
         if name not in self.cut:
             self._told = {}  # what is made of it may be told by it now
             held = self._operations[name].result
-            self._ranges[CUT + name] = self._pool.ranges[CUT + name] = int(held.low or 0), int(held.high or 0)
+            low, high = ends_of(self._pool, definition)
+            kept = max(low, int(held.low or 0)), min(high, int(held.high or 0))
+            self._ranges[CUT + name] = self._pool.ranges[CUT + name] = kept
             self.cut[name] = self._pool.var(CUT + name, definition.width)
             self._solver.definitions[CUT + name] = definition
             parts = with_signs(definition)

@@ -128,9 +128,8 @@ class Pool:
     def _by_range(self, op: str, a: BitTerm, b: BitTerm) -> BitTerm | None:
         """Return a comparison that the ranges of both sides decide."""
         (low, high), (least, most) = ends_of(self, a), ends_of(self, b)
-        if high < least or low > most:
-            return self.const(op == "slt" and high < least, 1)
-        return self.const(0, 1) if op == "slt" and low == most else None
+        apart = high < least or low > most or (op == "slt" and low == most)
+        return self.const(op == "slt" and high < least, 1) if apart else None
 
     def _turned(self, op: str, constant: BitTerm, term: BitTerm) -> BitTerm:
         """Return whether a constant is less, with the constant on the right."""
@@ -267,6 +266,10 @@ class Pool:
             return term
         if term.op == op:
             return self.extend(op, term.args[0], width)
+        if term.op == "extract" and term.data == 0 and (inner := term.args[0]).width <= width:
+            low, high = (end / (1 << (term.width - 1)) for end in ends_of(self, inner))
+            if (-1 <= low and high < 1) if op == "sext" else (low >= 0 and high < 2):
+                return self.extend(op, inner, width)
         if op == "sext" and term.op == "zext":
             return self.extend("zext", term.args[0], width)
         if op == "sext" and is_sum(term) and (apart := extended(self, term, width)) is not None:
