@@ -36,11 +36,11 @@ def condition_in(terms: Sequence[BitTerm]) -> BitTerm | None:
 def where(pool: Pool, terms: Sequence[BitTerm], condition: BitTerm, holds: bool) -> list[BitTerm]:
     """Return the terms as they are where a condition holds, or where it does not."""
     made: dict[BitTerm, BitTerm] = {}
-    narrowed = _narrowed(pool, condition, holds)
+    narrower = narrowed(pool, condition, holds)
     of_sign = condition.op == "slt" and condition.args[1].value == 0
     for term in reached(terms):
-        if narrowed is not None and term is condition.args[0]:
-            made[term] = narrowed
+        if narrower is not None and term is condition.args[0]:
+            made[term] = narrower
             continue
         if condition.op == "eq" and holds and term is condition.args[0]:
             made[term] = condition.args[1]
@@ -56,7 +56,7 @@ def where(pool: Pool, terms: Sequence[BitTerm], condition: BitTerm, holds: bool)
     return [made[term] for term in terms]
 
 
-def _narrowed(pool: Pool, condition: BitTerm, holds: bool) -> BitTerm | None:
+def narrowed(pool: Pool, condition: BitTerm, holds: bool) -> BitTerm | None:
     """Return a variable in its narrower range where a limit of it is decided, as another variable."""
     if condition.op != "slt" or condition.args[0].op != "var" or condition.args[1].op != "const":
         return None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmloop.verify.proofs.machine.cases import WITHIN, condition_in, where
+from firmloop.verify.proofs.machine.cases import WITHIN, condition_in, narrowed, where
 from firmloop.verify.proofs.machine.normal import is_sum
 from firmloop.verify.proofs.machine.terms import BitTerm, Pool
 from firmloop.verify.proofs.machine.values import evaluated, reached
@@ -94,6 +94,8 @@ class Solver:
                 return OPEN, {}
             kept = self.assumed
             self.assumed = [*kept, condition if holds else self._pool.make("not", condition)]
+            if (narrower := narrowed(self._pool, condition, holds)) is not None:
+                self.assumed.append(self._pool.kept("eq", condition.args[0], narrower))
             found = self._by_cases(one, other, until, left) or self._case(one, other, until)
             self.assumed = kept
             if found[0] != EQUAL:
@@ -111,7 +113,7 @@ class Solver:
         while said == APART and (more := self._not_meant(values, told)):
             told |= more
             said, values = self._ask(a, b, loose, until, told)
-        return said, values
+        return said, {name.partition(WITHIN)[0]: value for name, value in values.items()}
 
     def _not_meant(self, values: Mapping[str, int], told: Mapping[str, BitTerm]) -> dict[str, BitTerm]:
         """Return the definitions that values do not keep, and that have not been told."""
