@@ -16,8 +16,8 @@ from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, TIMEOUT, UNKNOWN
 from firmloop.verify.proofs.claims import Claims
 from firmloop.verify.proofs.judge import IMAGES, Delivered
 from firmloop.verify.proofs.judges import every_judge, machine_code
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
-from firmloop.verify.proofs.machine.values import applied, evaluated, reached
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm, applied, evaluated, reached
 from tests.laws import FULL, TABLES, pid
 from tests.verify.proofs.machine_code import linked, off_by_one
 from tests.verify.test_tunable import PROJECT

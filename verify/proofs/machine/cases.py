@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from firmloop.verify.proofs.machine.normal import ends_of, signed_by
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
-from firmloop.verify.proofs.machine.values import reached, signed_value
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm, reached, signed_value
 
 WITHIN = " within "  # between the name of a variable and its narrower range
 LOGIC = ("and", "or", "xor", "not", "ite")

@@ -9,14 +9,28 @@ multiple of it. Each rule is an identity for all values.
 from __future__ import annotations
 
 from math import gcd
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.values import BitTerm
 
 HALF, LONG = 32, 64
-Coefficients = dict["BitTerm", int]  # what each term is multiplied by, modulo two to the width
+Coefficients = dict[BitTerm, int]  # what each term is multiplied by, modulo two to the width
 Sum = tuple[Coefficients, int]  # and a constant
+
+
+class Maker(Protocol):
+    """What makes terms, and keeps what is known of their ranges."""
+
+    ranges: dict[str, tuple[int, int]]
+    ends: dict[BitTerm, tuple[int, int]]
+
+    def const(self, value: int, width: int) -> BitTerm: ...  # noqa: D102
+    def make(self, op: str, *args: BitTerm) -> BitTerm: ...  # noqa: D102
+    def kept(self, op: str, *args: BitTerm) -> BitTerm: ...  # noqa: D102
+    def scaled(self, term: BitTerm, factor: int) -> BitTerm: ...  # noqa: D102
+    def extract(self, term: BitTerm, low: int, width: int) -> BitTerm: ...  # noqa: D102
+    def sliced(self, term: BitTerm, low: int, width: int) -> BitTerm: ...  # noqa: D102
+    def extend(self, op: str, term: BitTerm, width: int) -> BitTerm: ...  # noqa: D102
 
 
 def is_sum(term: BitTerm) -> bool:
@@ -48,7 +62,7 @@ def plus(one: Sum, other: Sum, factor: int) -> Sum:
     return found, one[1] + factor * other[1]
 
 
-def written(pool: Pool, total: Sum, width: int) -> BitTerm:
+def written(pool: Maker, total: Sum, width: int) -> BitTerm:
     """Return the term of a sum: what is added in the order of making, the constant, then what is taken away."""
     signs = {term: _signed(count, width) for term, count in total[0].items() if count % (1 << width)}
     for sign in (1, -1) if width == HALF else ():
@@ -65,7 +79,7 @@ def written(pool: Pool, total: Sum, width: int) -> BitTerm:
     return made
 
 
-def truncated(pool: Pool, term: BitTerm, width: int) -> BitTerm:
+def truncated(pool: Maker, term: BitTerm, width: int) -> BitTerm:
     """Return the lowest bits of a sum."""
     coefficients, constant = sum_of(term)
     parts: Sum = {}, constant
@@ -74,7 +88,7 @@ def truncated(pool: Pool, term: BitTerm, width: int) -> BitTerm:
     return written(pool, parts, width)
 
 
-def bit_of(pool: Pool, term: BitTerm, place: int) -> BitTerm | None:
+def bit_of(pool: Maker, term: BitTerm, place: int) -> BitTerm | None:
     """Return a bit of a sum as a bit of the sum without the lowest bits, which are 0; None where they are not."""
     coefficients, constant = sum_of(term)
     count = place
@@ -86,7 +100,7 @@ def bit_of(pool: Pool, term: BitTerm, place: int) -> BitTerm | None:
     return pool.extract(written(pool, less, term.width), place - count, 1)
 
 
-def upper(pool: Pool, term: BitTerm) -> BitTerm:
+def upper(pool: Maker, term: BitTerm) -> BitTerm:
     """Return the upper half of a word of 64 bits, outside of which stands what is in that half alone."""
     coefficients, constant = sum_of(term)
     half = 1 << HALF
@@ -106,7 +120,7 @@ def upper(pool: Pool, term: BitTerm) -> BitTerm:
     return written(pool, outside, HALF)
 
 
-def extended(pool: Pool, term: BitTerm, width: int) -> BitTerm | None:
+def extended(pool: Maker, term: BitTerm, width: int) -> BitTerm | None:
     """Return a sum with its sign above it as a sum of words with their signs, where none of them can overflow."""
     total = with_signs(term)
     if not _fits(pool, total, term.width):
@@ -117,7 +131,7 @@ def extended(pool: Pool, term: BitTerm, width: int) -> BitTerm | None:
     return written(pool, parts, width)
 
 
-def shifted(pool: Pool, term: BitTerm, count: int) -> BitTerm | None:
+def shifted(pool: Maker, term: BitTerm, count: int) -> BitTerm | None:
     """Return a sum without its lowest bits, where all of them are 0 and it cannot overflow."""
     coefficients, constant = with_signs(term)
     if any(number % (1 << count) for number in (constant, *coefficients.values())):
@@ -127,7 +141,7 @@ def shifted(pool: Pool, term: BitTerm, count: int) -> BitTerm | None:
     return written(pool, parts, term.width) if fits else None
 
 
-def paired(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
+def paired(pool: Maker, high: BitTerm, low: BitTerm) -> BitTerm | None:
     """Return the word of 64 bits that has these halves; None where no such word is there."""
     if is_upper(high):
         if pool.extract(high.args[0], 0, HALF) is low:
@@ -143,7 +157,7 @@ def paired(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
     return None
 
 
-def concatenated(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
+def concatenated(pool: Maker, high: BitTerm, low: BitTerm) -> BitTerm | None:
     """Return the word of 64 bits that has these halves, where a term of the upper one belongs to the lower one."""
     coefficients, constant = sum_of(high)
     for one, count in coefficients.items():
@@ -155,7 +169,7 @@ def concatenated(pool: Pool, high: BitTerm, low: BitTerm) -> BitTerm | None:
     return None
 
 
-def _joined(pool: Pool, total: Sum) -> Sum | None:
+def _joined(pool: Maker, total: Sum) -> Sum | None:
     """Return the same sum with an upper half and what belongs to it as the upper half of a sum."""
     for term, count in total[0].items():
         if count > 0 and is_upper(term) and (more := _met(pool, total, term)) is not None:
@@ -189,7 +203,7 @@ def is_upper(term: BitTerm) -> bool:
     return term.op == "extract" and term.args[0].width == LONG and term.data == HALF and term.width == HALF
 
 
-def signed_by(pool: Pool, term: BitTerm) -> BitTerm | None:
+def signed_by(pool: Maker, term: BitTerm) -> BitTerm | None:
     """Return the word whose sign a term is, in every bit; None where it is none."""
     fits = is_upper(term) and _fits(pool, with_signs(term.args[0]), HALF)
     return pool.extract(term.args[0], 0, HALF) if fits else None
@@ -200,7 +214,7 @@ def _alone(term: BitTerm, count: int) -> bool:
     return term.op == "zext" and term.args[0].width == HALF and count % (1 << HALF) != 0
 
 
-def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
+def _met(pool: Maker, total: Sum, high: BitTerm) -> Sum | None:
     """Return a sum in which a lower half alone, whose carry is in `high`, has met the upper one that belongs to it."""
     for low, count in sum_of(high.args[0])[0].items():
         factor = _signed(count, LONG)
@@ -216,7 +230,7 @@ def _met(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
     return None
 
 
-def _multiplied(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
+def _multiplied(pool: Maker, total: Sum, high: BitTerm) -> Sum | None:
     """Return a sum with the product of two long words, where products of their halves stood."""
     product = high.args[0]
     if product.op != "mul" or any(arg.op != "zext" or arg.args[0].width != HALF for arg in product.args):
@@ -236,7 +250,7 @@ def _multiplied(pool: Pool, total: Sum, high: BitTerm) -> Sum | None:
     return None
 
 
-def _rounded(pool: Pool, rest: Sum, bit: BitTerm) -> Sum | None:
+def _rounded(pool: Maker, rest: Sum, bit: BitTerm) -> Sum | None:
     for one, count in rest[0].items():
         if count > 0 and is_upper(one):
             word = one.args[0]
@@ -247,7 +261,7 @@ def _rounded(pool: Pool, rest: Sum, bit: BitTerm) -> Sum | None:
     return None
 
 
-def _carried(pool: Pool, rest: Sum, lows: tuple[BitTerm, ...], sign: int, times: int) -> Sum | None:
+def _carried(pool: Maker, rest: Sum, lows: tuple[BitTerm, ...], sign: int, times: int) -> Sum | None:
     """Return the sum of upper halves and the carry of the lower ones; `sign` -1: a difference and its borrow."""
     words: list[BitTerm] = []
     before, known = rest, 0
@@ -271,7 +285,7 @@ def _signed(count: int, width: int) -> int:
     return count - (1 << width) if count >> (width - 1) else count
 
 
-def ends_of(pool: Pool, term: BitTerm) -> tuple[int, int]:
+def ends_of(pool: Maker, term: BitTerm) -> tuple[int, int]:
     """Return two values that a word with a sign is never below and never above."""
     if term not in pool.ends:
         half = 1 << (term.width - 1)
@@ -280,7 +294,7 @@ def ends_of(pool: Pool, term: BitTerm) -> tuple[int, int]:
     return pool.ends[term]
 
 
-def _inner_ends(pool: Pool, term: BitTerm) -> tuple[int, int]:
+def _inner_ends(pool: Maker, term: BitTerm) -> tuple[int, int]:
     half = 1 << (term.width - 1)
     if is_sum(term) or term.op == "const":
         return _sum_ends(pool, with_signs(term))
@@ -304,7 +318,7 @@ def _inner_ends(pool: Pool, term: BitTerm) -> tuple[int, int]:
             return -half, half - 1
 
 
-def _ends_where(pool: Pool, condition: BitTerm, holds: bool, term: BitTerm) -> tuple[int, int]:
+def _ends_where(pool: Maker, condition: BitTerm, holds: bool, term: BitTerm) -> tuple[int, int]:
     """Return the ends of a term where a condition holds, or does not, which may bound it."""
     low, high = ends_of(pool, term)
     if condition.op == "slt" and condition.args[0] is term and condition.args[1].op == "const":
@@ -313,7 +327,7 @@ def _ends_where(pool: Pool, condition: BitTerm, holds: bool, term: BitTerm) -> t
     return min(low, high), max(low, high)
 
 
-def _sum_ends(pool: Pool, total: Sum) -> tuple[int, int]:
+def _sum_ends(pool: Maker, total: Sum) -> tuple[int, int]:
     """Return between what a sum is, of coefficients with their signs, if nothing overflows."""
     least = most = total[1]
     for term, count in total[0].items():
@@ -323,7 +337,7 @@ def _sum_ends(pool: Pool, total: Sum) -> tuple[int, int]:
     return least, most
 
 
-def _fits(pool: Pool, total: Sum, width: int) -> bool:
+def _fits(pool: Maker, total: Sum, width: int) -> bool:
     """Tell whether a sum, of coefficients with their signs, never leaves a word of this width."""
     least, most = _sum_ends(pool, total)
     return -(1 << (width - 1)) <= least and most < 1 << (width - 1)

@@ -11,7 +11,8 @@ import time
 
 from firmloop.verify.proofs.machine.image import MachineCode
 from firmloop.verify.proofs.machine.solver import EQUAL, Solver
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm
 from firmloop.verify.proofs.machine.vex import UndecidedError
 from firmloop.verify.proofs.machine.walk import SAVED, STACK, Tracer
 

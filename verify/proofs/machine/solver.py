@@ -10,8 +10,8 @@ import numpy as np
 
 from firmloop.verify.proofs.machine.cases import WITHIN, condition_in, narrowed, where
 from firmloop.verify.proofs.machine.normal import is_sum
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
-from firmloop.verify.proofs.machine.values import evaluated, reached
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm, evaluated, reached
 
 EQUAL, APART, OPEN = "equal", "apart", "open"
 QUICK = 0.3  # s for a question that is not split

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from firmloop.verify.proofs.claims import Argument, ClaimedOperation, Claims, Held
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm
 from firmloop.verify.proofs.machine.vex import UndecidedError
 
 LONG = ("wide", "mac")  # of 64 bits

@@ -9,7 +9,8 @@ from firmloop.verify.proofs.machine.image import MachineCode
 from firmloop.verify.proofs.machine.products import proven_products
 from firmloop.verify.proofs.machine.stated import entry
 from firmloop.verify.proofs.machine.sweep import STATUS, Route, Stored
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm
 from firmloop.verify.proofs.machine.vex import UndecidedError
 from firmloop.verify.proofs.machine.walk import SAVED, STACK, STACK_BYTES, MachineState, Tracer
 

@@ -19,8 +19,8 @@ from firmloop.verify.proofs.claims import LEAST, Claims
 from firmloop.verify.proofs.machine.normal import HALF, Sum, ends_of, is_sum, plus, sum_of, with_signs, written
 from firmloop.verify.proofs.machine.solver import APART, EQUAL, OPEN, Solver
 from firmloop.verify.proofs.machine.stated import entries, stated, status_of
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
-from firmloop.verify.proofs.machine.values import Words, evaluated, reached, signed
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm, Words, evaluated, reached, signed
 
 SAMPLES = 1_024
 BATCHES = 24  # of samples in which a difference is looked for

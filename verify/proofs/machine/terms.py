@@ -7,7 +7,6 @@ most.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -28,25 +27,9 @@ from firmloop.verify.proofs.machine.normal import (
     upper,
     written,
 )
-from firmloop.verify.proofs.machine.values import COMPARED, applied, signed_value
+from firmloop.verify.proofs.machine.values import COMPARED, BitTerm, applied, signed_value
 
 COMMUTE = frozenset({"add", "mul", "and", "or", "xor", "eq"})
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BitTerm:
-    """`op` of `args`; `data` is the value of a constant, the name of a variable, the lowest bit of an extract."""
-
-    op: str
-    width: int  # bits
-    args: tuple[BitTerm, ...]
-    data: int | str
-    number: int  # in the order of making: above those of its arguments
-
-    @property
-    def value(self) -> int | None:
-        """The value of a constant, None of anything else."""
-        return int(self.data) if self.op == "const" else None
 
 
 class Pool:

@@ -1,17 +1,30 @@
-"""What terms are for given values of their variables, many at once."""
+"""What a bit-vector term is, and what it gives for values of its variables, many at once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from firmloop.verify.proofs.machine.terms import BitTerm
-
 Words = NDArray[np.uint64]  # one value of a term for each sample
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BitTerm:
+    """`op` of `args`; `data` is the value of a constant, the name of a variable, the lowest bit of an extract."""
+
+    op: str
+    width: int  # bits
+    args: tuple[BitTerm, ...]
+    data: int | str
+    number: int  # in the order of making: above those of its arguments
+
+    @property
+    def value(self) -> int | None:
+        """The value of a constant, None of anything else."""
+        return int(self.data) if self.op == "const" else None
 
 
 def applied(op: str, width: int, values: Sequence[Words], widths: Sequence[int], data: int) -> Words:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm
 
 _BINARY = {
     "Add": "add",

@@ -13,7 +13,8 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from firmloop.verify.proofs.machine.image import MachineCode
-from firmloop.verify.proofs.machine.terms import BitTerm, Pool
+from firmloop.verify.proofs.machine.terms import Pool
+from firmloop.verify.proofs.machine.values import BitTerm
 from firmloop.verify.proofs.machine.vex import UndecidedError, helper, operation
 
 BACK = 0xFFFF_FFF0  # where the function returns to
