@@ -35,11 +35,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One explanation with the noise it leaves."""
+    """One explanation with the noise it leaves.
+
+    `likeliest` is the best score of its effects that is known, also of a fit that simulates farther off.
+    """
 
     fitted: Fitted
     noises: tuple[Noise, ...]
     score: float  # BIC
+    likeliest: float = np.inf
 
 
 def rated(problem: Problem, fitted: Fitted) -> Candidate:

@@ -293,14 +293,15 @@ def _pays(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
 def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
 
-    Of an effect that lasts batches tell that, where simulations come nearer; `gain` is what it did bring.
+    Of an effect that lasts batches tell that, where simulations come nearer; `gain` is what it did bring. Beside the
+    likeliest fit there is without it that may be far less.
     """
     newest, values = candidate.fitted.terms[-1], candidate.fitted.point.values
     least = THRESHOLD
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in candidate.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
         times = times_chance(problem, candidate.fitted, candidate.noises, newest)
-        if accidental(newest, times, gain):
+        if accidental(newest, times, min(gain, base.likeliest - candidate.score)):
             return np.inf
         nearer = any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
         if closer(candidate, base) or (nearer and NEVER_BY_CHANCE < times < np.inf):
@@ -336,10 +337,10 @@ def _nominal(problem: Problem, refit: Plant | None) -> Candidate:
 def _likeliest(fits: Sequence[Candidate]) -> Candidate:
     """Return the likeliest of some fits of the same effects that simulate no farther off than the first of them does.
 
-    Those that do have made noise of the motion. What an effect brings is counted from the best score of all.
+    Those that do have made noise of the motion.
     """
     near = min((each for each in fits if not farther(each, fits[0])), key=lambda each: each.score)
-    return replace(near, score=min(each.score for each in fits))
+    return replace(near, likeliest=min(min(each.score, each.likeliest) for each in fits))
 
 
 def _columns(problem: Problem) -> list[list[Array]]:
