@@ -47,7 +47,7 @@ class Candidate:
 
 
 def rated(problem: Problem, fitted: Fitted) -> Candidate:
-    """Score by each output's own innovations, without what the newest effect has left nothing for, or nothing usual.
+    """Score by each output's own innovations, without what the newest has left nothing of, or nothing usual.
 
     Where the newest effect has values that are not its own, that is no explanation.
     """
