@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,11 @@ from firmloop.verify.judgement import NOT_RUN, PROVEN, REFUTED, TIMEOUT, UNKNOWN
 from firmloop.verify.proofs.claims import Claims
 from firmloop.verify.proofs.judge import IMAGES, Delivered
 from firmloop.verify.proofs.judges import every_judge, machine_code
+from firmloop.verify.proofs.machine.image import read_code
+from firmloop.verify.proofs.machine.normal import ends_of
+from firmloop.verify.proofs.machine.solver import EQUAL
+from firmloop.verify.proofs.machine.step import step_ways
+from firmloop.verify.proofs.machine.sweep import CUT, StepComparison, ranges_of
 from firmloop.verify.proofs.machine.terms import Pool
 from firmloop.verify.proofs.machine.values import BitTerm, applied, evaluated, reached
 from tests.laws import FULL, TABLES, pid
@@ -206,6 +212,18 @@ def test_images_are_refused_by_name(pi: tuple[Claims, Path], tmp_path: Path) -> 
         (tmp_path / IMAGES / "b.elf").write_bytes(text)
         found = JUDGE.judge(Delivered(claims, tmp_path / claims.name / "src"))
         assert found.result == UNKNOWN and says in found.says and found.says.startswith("b: ")
+
+
+@needs_packages
+def test_what_bounds_a_value_on_one_way_through_the_code_does_not_on_another(pi: tuple[Claims, Path]) -> None:
+    claims, elf = pi
+    pool = Pool()
+    pool.ranges.update(ranges_of(claims))
+    ways = step_ways(pool, claims, read_code(elf))
+    compared, value = StepComparison(pool, claims, ways, time.monotonic() + 60.0), pool.var(f"{CUT}another", 32)
+    pool.ends[value] = (0, 0)
+    assert compared.prove()[0] == EQUAL
+    assert ends_of(pool, value) == (-(2**31), 2**31 - 1)
 
 
 @needs_packages

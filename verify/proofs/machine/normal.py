@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import gcd
 from typing import Protocol
 
-from firmloop.verify.proofs.machine.values import BitTerm
+from firmloop.verify.proofs.machine.values import BitTerm, signed_value, with_sign
 
 HALF, LONG = 32, 64
 Coefficients = dict[BitTerm, int]  # what each term is multiplied by, modulo two to the width
@@ -64,7 +64,7 @@ def plus(one: Sum, other: Sum, factor: int) -> Sum:
 
 def written(pool: Maker, total: Sum, width: int) -> BitTerm:
     """Return the term of a sum: what is added in the order of making, the constant, then what is taken away."""
-    signs = {term: _signed(count, width) for term, count in total[0].items() if count % (1 << width)}
+    signs = {term: with_sign(count, width) for term, count in total[0].items() if count % (1 << width)}
     for sign in (1, -1) if width == HALF else ():
         joined = _joined(pool, plus(({}, 0), (signs, total[1]), sign))
         if joined is not None:
@@ -107,7 +107,7 @@ def upper(pool: Maker, term: BitTerm) -> BitTerm:
     outside: Sum = {}, constant >> HALF
     inside: Coefficients = {}
     for one, count in coefficients.items():
-        below = _signed(count, HALF)
+        below = with_sign(count, HALF)
         outside = plus(outside, sum_of(pool.extract(one, 0, HALF)), (count - below) >> HALF)
         inside |= {one: below} if below else {}
     common = gcd(*inside.values(), constant % half)
@@ -161,7 +161,7 @@ def concatenated(pool: Maker, high: BitTerm, low: BitTerm) -> BitTerm | None:
     """Return the word of 64 bits that has these halves, where a term of the upper one belongs to the lower one."""
     coefficients, constant = sum_of(high)
     for one, count in coefficients.items():
-        word = paired(pool, one, low) if _signed(count, HALF) > 0 else None
+        word = paired(pool, one, low) if with_sign(count, HALF) > 0 else None
         if word is not None:
             rest = plus((coefficients, constant), ({one: 1}, 0), -1)
             above = pool.extend("zext", written(pool, rest, HALF), LONG)
@@ -217,7 +217,7 @@ def _alone(term: BitTerm, count: int) -> bool:
 def _met(pool: Maker, total: Sum, high: BitTerm) -> Sum | None:
     """Return a sum in which a lower half alone, whose carry is in `high`, has met the upper one that belongs to it."""
     for low, count in sum_of(high.args[0])[0].items():
-        factor = _signed(count, LONG)
+        factor = with_sign(count, LONG)
         if not _alone(low, count):
             continue
         for other, number in total[0].items():
@@ -280,11 +280,6 @@ def _carried(pool: Maker, rest: Sum, lows: tuple[BitTerm, ...], sign: int, times
     return plus(before, sum_of(pool.extract(both, HALF, HALF)), times)
 
 
-def _signed(count: int, width: int) -> int:
-    count %= 1 << width
-    return count - (1 << width) if count >> (width - 1) else count
-
-
 def ends_of(pool: Maker, term: BitTerm) -> tuple[int, int]:
     """Return two values that a word with a sign is never below and never above."""
     if term not in pool.ends:
@@ -322,7 +317,7 @@ def _ends_where(pool: Maker, condition: BitTerm, holds: bool, term: BitTerm) -> 
     """Return the ends of a term where a condition holds, or does not, which may bound it."""
     low, high = ends_of(pool, term)
     if condition.op == "slt" and condition.args[0] is term and condition.args[1].op == "const":
-        ((_, limit),) = [with_signs(condition.args[1])]
+        limit = signed_value(condition.args[1])
         low, high = (low, min(high, limit - 1)) if holds else (max(low, limit), high)
     return min(low, high), max(low, high)
 
@@ -346,4 +341,4 @@ def _fits(pool: Maker, total: Sum, width: int) -> bool:
 def with_signs(term: BitTerm) -> Sum:
     """Return a term as a sum of coefficients with their signs."""
     coefficients, constant = sum_of(term)
-    return {one: _signed(count, term.width) for one, count in coefficients.items()}, _signed(constant, term.width)
+    return {one: with_sign(count, term.width) for one, count in coefficients.items()}, with_sign(constant, term.width)

@@ -199,8 +199,8 @@ class Solver:
         match term.op:
             case "eq":
                 made = make(kinds.BV_COMP, args)
-            case "ult" | "ule" | "slt" | "sle":
-                kind = {"ult": kinds.BV_ULT, "ule": kinds.BV_ULE, "slt": kinds.BV_SLT, "sle": kinds.BV_SLE}[term.op]
+            case "ult" | "slt":
+                kind = kinds.BV_ULT if term.op == "ult" else kinds.BV_SLT
                 made = make(kinds.ITE, [make(kind, args), one_bit, self._constant(0, 1)])
             case "ite":
                 made = make(kinds.ITE, [make(kinds.EQUAL, [args[0], one_bit]), *args[1:]])

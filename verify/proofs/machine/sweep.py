@@ -119,6 +119,7 @@ class Sweep:
         self._pool, self._claims, self._way, self._plain = pool, claims, way, plain
         self._operations = {op.result.name: op for op in claims.operations}
         self._deadline, self._ranges = deadline, ranges_of(claims)
+        pool.ends.clear()  # a value may have another range on each way
         self.cut: dict[str, BitTerm] = {}  # values of operations that are variables now
         self._replaced: dict[BitTerm, BitTerm] = {}  # what stood in the place of a variable; operations may hold it too
         self._sums: dict[BitTerm, Sum] = {}  # variables that stand for sums, and these

@@ -120,5 +120,10 @@ def evaluated(terms: Iterable[BitTerm], samples: Mapping[str, Words]) -> dict[Bi
 
 def signed_value(term: BitTerm) -> int:
     """Return a constant with its sign."""
-    value = int(term.data)
-    return value - (1 << term.width) if value >> (term.width - 1) else value
+    return with_sign(int(term.data), term.width)
+
+
+def with_sign(number: int, width: int) -> int:
+    """Return a number modulo two to the width as the one with a sign that a word holds."""
+    number %= 1 << width
+    return number - (1 << width) if number >> (width - 1) else number
