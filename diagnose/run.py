@@ -29,7 +29,7 @@ from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
 from firmloop.diagnose.verdict import judge, spoiled, withheld
-from firmloop.identify.fitting.noise import white
+from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
@@ -96,7 +96,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     explained = finding.verdict in ("explained", "ambiguous")
     if explained and safe is None:
         finding, explained = spoiled(finding), False
-        if not told(crossed) and not any(noise.weight for noise in found.nominal.noises):
+        if not told(crossed) and not oversized(found.nominal.noises):
             # What foresees nothing and is no larger than noise may be is noise.
             found = replace(found, best=found.nominal, rounds=(), gains=())
             finding, unnamed = judge(found, made.checks, None)

@@ -115,7 +115,14 @@ def _about_chance(finding: Finding) -> list[str]:
 def _about_rest(finding: Finding) -> list[str]:
     """Say that an explanation is not the whole of it, where more is left than the sensors' noise."""
     left = finding.train.after
-    if not finding.effects or left is None or left < STILL_MISSING:
+    if left is None or left < STILL_MISSING:
+        return []
+    if finding.verdict == "unknown_physics":
+        return [
+            f"Simulations miss by {left:.3g} times the sensors' noise. Run the same input twice: what repeats is physics "
+            "that has no name here, what does not is a disturbance."
+        ]
+    if not finding.effects:
         return []
     return [
         f"That is not the whole of it: simulations still miss by {left:.3g} times the sensors' noise, which another "

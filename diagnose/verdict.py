@@ -40,7 +40,7 @@ from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
-from firmloop.identify.fitting.noise import Noise, flat, whiteness
+from firmloop.identify.fitting.noise import Noise, flat, oversized, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effect import EffectParameter
@@ -107,11 +107,11 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
 
 
 def spoiled(finding: Finding) -> Finding:
-    """Return the finding where its explanation would simulate something worse than the plain refit does."""
+    """Return the finding where its explanation would simulate something worse than the plain refit, or all no nearer."""
     said = (
         "Something is missing, but no effect of the library makes every simulation better: "
-        f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording, "
-        "or what was left out of the fit, worse than the plain refit, which the written project therefore is."
+        f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording worse than the "
+        "plain refit, or what was left out of the fit no nearer; the written project therefore is the refit."
     )
     others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
     return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))
@@ -129,7 +129,8 @@ def withheld(finding: Finding) -> Finding:
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candidate, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
     if not search.best.fitted.terms:
-        return ("unknown_physics" if outweighs(shape, search.best.noises, 0.0) else "no_mismatch"), ()
+        missing = outweighs(shape, search.best.noises, 0.0) or oversized(search.best.noises)
+        return ("unknown_physics" if missing else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained):
         return "unknown_physics", ()
@@ -319,8 +320,10 @@ def _location(search: Search, noises: Sequence[Noise], shape: Shape | None) -> L
     output, spans, size = worst_spans(search, noises)
     if shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
-    elif not search.best.fitted.terms:
-        equation, coordinate = "sensor", find_effect(directs(search)[0].effect).term
+    elif not search.best.fitted.terms and (read := directs(search)):
+        equation, coordinate = "sensor", find_effect(read[0].effect).term
+    elif not search.best.fitted.terms:  # no law holds what is missing: it is known only when
+        equation, coordinate = next((each.kind for each in search.problem.plant.balances), "actuator"), "time"
     else:
         term = max(search.best.fitted.terms, key=lambda each: strength(search.best.fitted, each))
         equation, coordinate = _equation(search.problem, term), term.effect.coordinate or term.effect.term

@@ -23,7 +23,7 @@ from firmloop.diagnose.policy import (
 from firmloop.diagnose.search.orders import best_orders
 from firmloop.diagnose.search.screen import Screened, ground, screen
 from firmloop.identify.fitting.fit import about_means
-from firmloop.identify.fitting.noise import colored, flat
+from firmloop.identify.fitting.noise import colored, flat, oversized
 from firmloop.identify.recordings.conditioning import NONE
 
 
@@ -60,7 +60,7 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
     Beside a level that is not the plant's, a refit may not come to the sign of a gain.
     """
     signed = any(p.free and p.low < 0.0 < p.high for p in problem.plant.parameters)
-    if nominal.fitted.terms or not signed or not any(noise.weight for noise in nominal.noises):
+    if nominal.fitted.terms or not signed or not oversized(nominal.noises):
         return ()
     centred, known = about_means(problem.plant, problem.train, NONE), nominal.fitted.point.values
     if centred is None or not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):

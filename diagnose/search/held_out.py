@@ -25,6 +25,7 @@ from firmloop.diagnose.search.harmless import both_starts, no_worse, same_functi
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
 from firmloop.diagnose.search.simulation_error import independent
+from firmloop.identify.fitting.noise import oversized
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -101,7 +102,9 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
         here = slim
     fitted = here.search.best.fitted
     none = all(strength(fitted, each) <= NORMAL_95 for each in fitted.terms)
-    if none or not here.safe or NEARER_RMS * here.ratio >= 1.0:
+    # What explains motion that is no noise brings simulations nearer; of what may be noise innovations may tell more.
+    most = NEARER_RMS if oversized(found.nominal.noises) else 1.0 / NEARER_RMS
+    if none or not here.safe or here.ratio >= most:
         return None, here.left.figures
     return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.left.figures
 
@@ -157,7 +160,7 @@ def _whole(found: Search, bench: _Bench) -> _Part:
     plain = bench.part(_plainly(found, fitted)) if nearer else None
     if plain is None or not plain.safe:
         other = before if nearer else with_other_answer(before, fitted.point.values)
-        noisy = not any(noise.weight for noise in found.best.noises)  # else intervals are those of a misfit
+        noisy = not oversized(found.best.noises)  # else intervals are those of a misfit
         if noisy or all(strength(other, term) > NORMAL_95 for term in before.terms):
             made = bench.part(replace(found, best=replace(found.best, fitted=other)))
             if made.safe:

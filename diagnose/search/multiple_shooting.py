@@ -15,15 +15,14 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
 from firmloop.diagnose.policy import CLEAR_GAIN, PIECES, ROWS_OF_A_PIECE, STEPS_OF_A_FIT
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.stepwise import accepted, search
-from firmloop.identify.fitting.noise import Noise, flat
+from firmloop.identify.fitting.noise import Noise, flat, oversized
 from firmloop.identify.recordings.recording import Recording
 
 
 def in_pieces(found: Search, progress: Progress) -> Search | None:
     """Return a search that begins with what explains the pieces, if that explains clearly more of the whole, too."""
     problem = found.problem
-    astray = any(noise.weight for noise in found.best.noises)  # by more than noise may be
-    if not astray or any(term.effect.place == "timing" for term in found.best.fitted.terms):
+    if not oversized(found.best.noises) or any(term.effect.place == "timing" for term in found.best.fitted.terms):
         return None  # a clock that runs slow is late from the beginning of a piece
     train = _cut(problem.train)
     if len(train) == len(problem.train):

@@ -60,6 +60,11 @@ def colored(noises: Sequence[Noise]) -> bool:
     return any(len(noise.coefficients) for noise in noises)
 
 
+def oversized(noises: Sequence[Noise]) -> bool:
+    """Tell whether any of them is larger than noise may be, see `bounded`: motion that the plant does not make."""
+    return any(noise.weight > 0.0 for noise in noises)
+
+
 def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     """Fit one output's noise to residuals (q,) of several recordings, by least squares over all of them.
 
