@@ -119,8 +119,8 @@ def _about_rest(finding: Finding) -> list[str]:
         return []
     if finding.verdict == "unknown_physics":
         return [
-            f"Simulations miss by {left:.3g} times the sensors' noise. Run the same input twice: what repeats is physics "
-            "that has no name here, what does not is a disturbance."
+            f"Simulations miss by {left:.3g} times the sensors' noise. Run the same input twice: what repeats is "
+            "physics that has no name here, what does not is a disturbance."
         ]
     if not finding.effects:
         return []

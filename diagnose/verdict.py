@@ -107,7 +107,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
 
 
 def spoiled(finding: Finding) -> Finding:
-    """Return the finding where its explanation would simulate something worse than the plain refit, or all no nearer."""
+    """Return the finding where its explanation simulates something worse than the plain refit, or all no nearer."""
     said = (
         "Something is missing, but no effect of the library makes every simulation better: "
         f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording worse than the "

@@ -94,7 +94,7 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
         "inputs": "names of the inputs",
         "outputs": "table: column = expression of states, inputs and parameters",
         "derivatives": "table: state = expression of its time derivative",
-        "balances": "table: which derivative is a balance that effects may act on",
+        "balances": "table: which derivative is a balance that effects may act on; left out: those that units tell",
         "parameters": "table, see below",
         "effects": "array of tables, see below",
     },

@@ -50,6 +50,11 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
                 f"recordings.test: {recording.source} holds the same bytes as {known[recording.sha256]}; "
                 f"what was fitted cannot judge the fit, so record another one"
             )
+    if plant.kind == "ode" and not plant.balances:
+        notes.append(
+            "no derivative is known as a balance of torques, forces, voltages or flows, so nothing that acts there was "
+            "looked for; name it in [plant.balances]"
+        )
     for recording in (*train, *test):
         check_rows(plant, recording)
         notes += [*_held(plant, recording), *_clock(recording)]

@@ -13,6 +13,7 @@ from firmloop.identify.plants.expression import read_expression
 from firmloop.identify.plants.kind import PlantConstant, equations
 from firmloop.identify.plants.kinds import read_parameter
 from firmloop.identify.plants.plant import Balance, Plant
+from firmloop.identify.plants.usual_balances import usual_balances
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 
@@ -46,6 +47,8 @@ def make_ode(table: Mapping[str, object]) -> Plant:
     values = [*ca.vertsplit(x), *ca.vertsplit(u), *(ca.vertsplit(p) if given else [])]
     known = dict(zip(names, values, strict=True))
     rates = [read_expression(derivatives[name], known, f"plant.derivatives.{name}") for name in states]
+    if "balances" not in table:
+        table = {**table, "balances": usual_balances(dict(zip(states, rates, strict=True)), known, list(given))}
     readings = [read_expression(text, known, f"plant.outputs.{name}") for name, text in outputs.items()]
     return Plant(
         kind="ode",

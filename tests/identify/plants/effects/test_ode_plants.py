@@ -170,3 +170,39 @@ def test_a_search_may_try_a_mass_below_zero(effect: str, size: float) -> None:
     assert effect in engine.names
     shown = engine.simulate(recording, {"m_kg": -0.5, effect: size}, np.array([0.01, 0.0]))
     assert shown.shape == (200, 2)
+
+
+COIL: Mapping[str, object] = {
+    "kind": "ode",
+    "states": ["vc_V", "i_A"],
+    "inputs": ["voltage_V"],
+    "outputs": {"current_A": "i_A"},
+    "derivatives": {"vc_V": "i_A / C_F", "i_A": "(voltage_V - R_ohm*i_A - vc_V) / L_H"},
+    "parameters": {"R_ohm": 3.0, "L_H": 5e-5, "C_F": 2.7e-7},
+}
+
+
+def test_units_tell_the_balances_that_a_project_does_not_name() -> None:
+    assert [(each.kind, each.state) for each in plant_from_table(COIL).balances] == [("voltage", 1)]
+    body = {key: value for key, value in SPRING.items() if key != "balances"}
+    named, told = plant_from_table(SPRING).balances[0], plant_from_table(body).balances[0]
+    assert (told.kind, told.state, told.position) == (named.kind, named.state, named.position)
+    p = [0.5, 0.8, 40.0]
+    assert float(told.per(p)) == float(named.per(p)) == 2.0
+    assert told.effort is not None and float(told.effort([0, 0], [3.0], p)) == 3.0
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"balances": {}},  # said to have none
+        {"derivatives": {"x_m": "v_m_s", "v_m_s": "force_N/m_kg - c_N_s_m*v_m_s - k_N_m*x_m"}},  # not all by the mass
+        {
+            "derivatives": {"x_m": "v_m_s", "v_m_s": "(force_N - k_N_m*x_m) / (m_kg + c_kg)"},
+            "parameters": {"m_kg": 1.0, "c_kg": 2.0, "k_N_m": 3.0},
+        },
+    ],
+)
+def test_a_derivative_that_one_parameter_does_not_divide_is_no_balance(changed: Mapping[str, object]) -> None:
+    body = {key: value for key, value in SPRING.items() if key != "balances"}
+    assert plant_from_table({**body, **changed}).balances == ()

@@ -1,0 +1,85 @@
+"""What a plant leaves may be more than noise can be: then something is missing, whatever a noise model foresees."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.diagnose.cases import said_of
+
+DUCT = """schema = 1
+name = "duct"
+[recordings]
+train = ["train.csv"]
+[plant]
+kind = "first_order"
+input = "heater_V"
+outputs = ["temperature_C"]
+[plant.parameters]
+gain = 2.0
+time_constant_s = 1.5
+output_at_rest = 22.0
+"""
+COIL = """schema = 1
+name = "coil"
+[recordings]
+train = ["train.csv"]
+[plant]
+kind = "ode"
+states = ["i_A"]
+inputs = ["voltage_V"]
+[plant.outputs]
+current_A = "i_A"
+[plant.derivatives]
+i_A = "(voltage_V - R_ohm*i_A) / L_H"
+[plant.parameters]
+R_ohm = 3.0
+L_H = 0.3
+"""
+
+
+def recorded(folder: Path, text: str, *columns: np.ndarray) -> Path:
+    """Write a project and its recording of two columns, with a clock of 10 ms for whatever time they take."""
+    names = [line.split('"')[1] for line in text.splitlines() if line.startswith(("input", "outputs"))][:2]
+    names = names if len(names) == 2 else ["voltage_V", "current_A"]
+    time = np.arange(len(columns[0])) * 0.01
+    np.savetxt(
+        folder / "train.csv",
+        np.column_stack([time, *columns]),
+        delimiter=",",
+        header=",".join(["time_s", *names]),
+        comments="",
+        fmt="%.7g",
+    )
+    (folder / "project.toml").write_text(text, encoding="utf-8")
+    return folder / "project.toml"
+
+
+@pytest.mark.parametrize(("slow", "verdict"), [(0.0, "no_mismatch"), (0.5, "unknown_physics")])
+def test_a_second_way_for_the_heat_is_said_to_be_missing(slow: float, verdict: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
+    quick, late = np.zeros(len(drive)), np.zeros(len(drive))
+    for k in range(1, len(drive)):
+        quick[k] = quick[k - 1] + 0.01 / 1.2 * (drive[k - 1] - quick[k - 1])
+        late[k] = late[k - 1] + 0.01 / 15.0 * (drive[k - 1] - late[k - 1])
+    readings = 22.0 + 2.2 * quick + slow * late + 0.01 * rng.standard_normal(len(drive))
+    said = said_of(recorded(tmp_path, DUCT, drive, readings))
+    assert said["verdict"] == verdict
+    assert any("times the sensors' noise" in line for line in said["says"]) == (verdict == "unknown_physics")
+
+
+def test_iron_that_saturates_is_found_in_equations_that_name_no_balance(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    drive = np.repeat(rng.uniform(-20.0, 20.0, 60), 20)
+    current = np.zeros(len(drive))
+    for k in range(1, len(drive)):
+        i = current[k - 1]
+        for _ in range(20):  # half of L is left at 4 A
+            i += 0.0005 * (drive[k - 1] - 3.0 * i) * (1.0 + (i / 4.0) ** 2) / 0.3
+        current[k] = i
+    readings = current + 0.02 * rng.standard_normal(len(drive))
+    said = said_of(recorded(tmp_path, COIL, drive, readings))
+    assert [each["name"] for each in said["effects"]] == ["inductance_saturation"]
