@@ -15,6 +15,8 @@ _STORES = {
     "m/s": ("force", "kg"),
     "A": ("voltage", "H"),
     "K": ("flow", "J/K"),
+    "m": ("flow", "m^2"),
+    "V": ("flow", "F"),
 }
 _TRIES = 3  # points at which a derivative is asked
 
