@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,7 @@ _STORES = {
     "m": ("flow", "m^2"),
     "V": ("flow", "F"),
 }
+_PER_AMPERE = {"torque": "N*m/A", "force": "N/A"}
 _TRIES = 3  # points at which a derivative is asked
 
 
@@ -37,34 +39,37 @@ def usual_balances(
 
 
 def _entry(
-    state: str,
-    rate: ca.SX,
-    rates: Mapping[str, ca.SX],
-    known: Mapping[str, ca.SX],
-    parameters: Sequence[str],
+    state: str, rate: ca.SX, rates: Mapping[str, ca.SX], known: Mapping[str, ca.SX], parameters: Sequence[str]
 ) -> dict[str, str] | None:
     kind, unit = _STORES[unit_of(state)]
     used = [name for name in parameters if ca.depends_on(rate, known[name])]
     stores = [name for name in used if unit_of(name) == unit]
-    if len(stores) != 1 or not _divides(stores[0], rate, known):
+    if len(stores) != 1:
+        return None
+    total = rate * known[stores[0]]
+    if not _vanishes(ca.jacobian(total, known[stores[0]]), known):
         return None
     entry = {"kind": kind, "per": f"1/{stores[0]}"}
     places = [other for other, each in rates.items() if ca.is_equal(each, known[state], 1)]
     if kind in ("torque", "force") and len(places) == 1:
         entry["position"] = places[0]
+    constants = [name for name in used if unit_of(name) == _PER_AMPERE.get(kind)]
+    drives = [
+        (constant, current)
+        for constant, current in product(constants, (name for name in rates if unit_of(name) == "A"))
+        if _vanishes(ca.jacobian(total, known[current]) - known[constant], known)
+    ]
+    if len(drives) == 1:
+        constant, current = drives[0]
+        entry |= {"effort": f"{constant}*{current}", "current": current}
     losses = [name for name in used if unit_of(name) == "ohm"]
-    if kind == "voltage" and len(losses) == 1:
+    if kind == "voltage" and len(losses) == 1 and _vanishes(ca.jacobian(total, known[losses[0]]) + known[state], known):
         entry["resistance"] = losses[0]
     return entry
 
 
-def _divides(store: str, rate: ca.SX, known: Mapping[str, ca.SX]) -> bool:
-    """Tell whether a derivative times a parameter is the same whatever that parameter is."""
-    names = list(known)
-    asked = ca.Function("asked", [known[name] for name in names], [rate * known[store]])
-    others = np.array([name != store for name in names])
-    for draw in np.random.default_rng(0).uniform(0.5, 2.0, (_TRIES, len(names))):
-        one, other = (float(asked(*np.where(others, draw, factor * draw))) for factor in (1.0, 3.0))
-        if not np.isclose(one, other, rtol=1e-9):
-            return False
-    return True
+def _vanishes(form: ca.SX, known: Mapping[str, ca.SX]) -> bool:
+    """Tell whether an expression is zero whatever its names stand for."""
+    asked = ca.Function("asked", [ca.vertcat(*known.values())], [form])
+    points = np.random.default_rng(0).uniform(0.5, 2.0, (_TRIES, len(known)))
+    return all(abs(float(asked(point))) < 1e-9 for point in points)

@@ -172,18 +172,32 @@ def test_a_search_may_try_a_mass_below_zero(effect: str, size: float) -> None:
     assert shown.shape == (200, 2)
 
 
-COIL: Mapping[str, object] = {
+MOTOR: Mapping[str, object] = {
     "kind": "ode",
-    "states": ["vc_V", "i_A"],
+    "states": ["i_A", "w_rad_s"],
     "inputs": ["voltage_V"],
-    "outputs": {"current_A": "i_A"},
-    "derivatives": {"vc_V": "i_A / C_F", "i_A": "(voltage_V - R_ohm*i_A - vc_V) / L_H"},
-    "parameters": {"R_ohm": 3.0, "L_H": 5e-5, "C_F": 2.7e-7},
+    "outputs": {"speed_rad_s": "w_rad_s"},
+    "derivatives": {
+        "i_A": "(voltage_V - R_ohm*i_A - ke_V_s_rad*w_rad_s) / L_H",
+        "w_rad_s": "(kt_N_m_A*i_A - b_N_m_s_rad*w_rad_s) / J_kg_m2",
+    },
+    "parameters": {
+        "R_ohm": 2.0,
+        "L_H": 1e-3,
+        "ke_V_s_rad": 0.05,
+        "kt_N_m_A": 0.05,
+        "J_kg_m2": 1e-4,
+        "b_N_m_s_rad": 1e-4,
+    },
 }
 
 
 def test_units_tell_the_balances_that_a_project_does_not_name() -> None:
-    assert [(each.kind, each.state) for each in plant_from_table(COIL).balances] == [("voltage", 1)]
+    voltage, torque = plant_from_table(MOTOR).balances
+    values = list(MOTOR["parameters"].values())  # type: ignore[attr-defined]
+    assert (voltage.kind, torque.kind, torque.state) == ("voltage", "torque", 1)
+    assert voltage.resistance is not None and float(voltage.resistance(values)) == 2.0
+    assert torque.effort is not None and float(torque.effort([3.0, 0.0], [0.0], values)) == pytest.approx(0.15)
     body = {key: value for key, value in SPRING.items() if key != "balances"}
     named, told = plant_from_table(SPRING).balances[0], plant_from_table(body).balances[0]
     assert (told.kind, told.state, told.position) == (named.kind, named.state, named.position)
