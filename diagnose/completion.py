@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weighed
 from firmloop.diagnose.model.batch_means import with_lasting
-from firmloop.diagnose.model.candidate import Candidate, rated, without
+from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
 from firmloop.diagnose.model.continuation import met
 from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
@@ -74,9 +74,20 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if other is not None:
             found = _resumed(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
-        elif len(sure.best.fitted.terms) == 1 and found.nominal.score - found.best.score < CHANCE_GAIN:
+        elif _may_be_chance(sure):
             return replace(found, best=found.nominal), shape  # no law that holds the same load is sure, either
     return sure, shape
+
+
+def _may_be_chance(found: Search) -> bool:
+    """Tell whether the one effect of the best, which is doubtful, may be no more than a slow disturbance.
+
+    What lasts soaks up what drifts; of all else simulations tell, where they come far nearer.
+    """
+    best, nominal = found.best, found.nominal
+    if len(best.fitted.terms) != 1 or nominal.score - best.score >= CHANCE_GAIN:
+        return False
+    return best.fitted.terms[0].effect.lasting or not closer(best, nominal)
 
 
 def _resumed(found: Search) -> Search:

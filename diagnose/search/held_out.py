@@ -18,7 +18,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.fit import Fitted, ended, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.policy import NEARER_RMS
+from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.harmless import both_starts, no_worse, same_function
@@ -101,7 +101,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     while (slim := _slimmed(here, bench)) is not None:
         here = slim
     fitted = here.search.best.fitted
-    none = all(strength(fitted, each) <= NORMAL_95 for each in fitted.terms)
+    none = all(strength(fitted, each) <= NORMAL_95 for each in fitted.terms) and not _shows(here)
     # What explains motion that is no noise brings simulations nearer; of what may be noise innovations may tell more.
     most = NEARER_RMS if oversized(found.nominal.noises) else 1.0 / NEARER_RMS
     if none or not here.safe or here.ratio >= most:
@@ -128,6 +128,16 @@ def _slimmed(here: _Part, bench: _Bench) -> _Part | None:
         if least is not None and enough(least):
             return least
     return None
+
+
+def _shows(here: _Part) -> bool:
+    """Tell whether some effect cannot be nothing, though its interval may say so where its scale is not known.
+
+    Where what was left out is far nearer than by the plain refit, and by more than chance. What lasts soaks up drifts.
+    """
+    mine, theirs = here.left.residuals.get("after", ()), here.left.residuals.get("refit", ())
+    clear = len(mine) > 0 and here.ratio < CLOSER_RMS and beyond_chance(mine, theirs)
+    return clear and not any(each.effect.lasting for each in here.terms)
 
 
 def _needs(here: _Part, slim: _Part) -> bool:
