@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.data.checks import Preflight
 from firmloop.diagnose.data.quantization import Direct
+from firmloop.diagnose.discrepancy.disturbance import rivals_noise
 from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
@@ -40,7 +41,7 @@ from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
-from firmloop.identify.fitting.noise import Noise, flat, oversized, whiteness
+from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effect import EffectParameter
@@ -129,7 +130,7 @@ def withheld(finding: Finding) -> Finding:
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candidate, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
     if not search.best.fitted.terms:
-        missing = outweighs(shape, search.best.noises, 0.0) or oversized(search.best.noises)
+        missing = outweighs(shape, search.best.noises, 0.0) or rivals_noise(search)
         return ("unknown_physics" if missing else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained):

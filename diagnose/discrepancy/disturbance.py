@@ -9,9 +9,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, tracker
+from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, nominal_plant, tracker
 from firmloop.diagnose.finding import Disturbance
-from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, WALKS
+from firmloop.diagnose.model.sensor_noise import sensor_noises
+from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, SLOW_NOISE, WALKS
+from firmloop.diagnose.search.found import Search
+from firmloop.identify.fitting.noise import oversized
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.recordings.recording import Recording
@@ -21,6 +24,21 @@ from firmloop.identify.simulation.simulate import course_of, rest_start
 from firmloop.identify.simulation.superset import along
 
 Array = NDArray[np.float64]
+
+
+def rivals_noise(search: Search) -> bool:
+    """Tell whether what the plant alone leaves is more than noise may be, and more than a small disturbance makes.
+
+    Where a balance is known: a push that is next to nothing beside the drive may lead a position far away.
+    """
+    problem, alone = search.problem, search.nominal
+    if not oversized(alone.noises):
+        return False
+    residuals = alone.fitted.residuals
+    noise = sensor_noises(residuals, problem.floors)
+    found = disturbances(nominal_plant(search, alone), problem.train, residuals, noise)
+    shares = [each.share for each in found.values() if each.share is not None]
+    return not shares or max(shares) > SLOW_NOISE
 
 
 def disturbances(
