@@ -1,4 +1,8 @@
-"""Build a plant whose equations a user wrote as text: kind `ode`."""
+"""Build a plant whose equations a user wrote as text: kind `ode`.
+
+Effects act on balances. Where `[plant.balances]` is left out, units tell them: the derivative of a speed, current,
+voltage, temperature or level is one where it is some sum over its one inertia, inductance, capacity or area.
+"""
 
 from __future__ import annotations
 
