@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from firmloop.codegen.bundle import Bundle, CodegenError
 from firmloop.codegen.environment import render, text_of
-from firmloop.codegen.target import MemoryRegion, Target, board_parts
+from firmloop.codegen.target import MemoryRegion, Target, board_parts, part_files
 from firmloop.codegen.toolchain import is_source_name
 from firmloop.quantize.program import Program, Value
 
@@ -101,7 +101,7 @@ def _image(
     sources = {
         **own_sources,
         "support/frame.c": text_of("support/frame.c"),
-        **{f"board/{part}.c": text_of(f"board/{part}.c") for part in _board_parts(target, transport)},
+        **{f"board/{part}.c": text_of(part_files()[f"{part}.c"]) for part in _board_parts(target, transport)},
         **setup,
         **{f"board/{name}": text for name, text in target.sources},
         **{f"controller/{name}": bundle.files[name] for name in bundle.sources},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -33,9 +34,9 @@ class MemoryRegion:
 
 @dataclass(frozen=True, slots=True)
 class Uart:
-    """A UART; `driver` names templates_c/board/uart_<driver>.c.
+    """A UART; `driver` names templates_c/uart/uart_<driver>.c.
 
-    With an `interrupt`, which a byte that comes raises, an image sleeps until then: templates_c/board/wait_<driver>.c.
+    With an `interrupt`, which a byte that comes raises, an image sleeps until then: templates_c/uart/wait_<driver>.c.
     """
 
     driver: str
@@ -150,10 +151,15 @@ def load_target(name: str) -> Target:
 
 
 def board_parts(kind: str) -> tuple[str, ...]:
-    """Names for which a C file templates_c/board/<kind>_<name>.c exists, sorted."""
-    files = [file.name for file in resources.files("firmloop").joinpath("templates_c").joinpath("board").iterdir()]
-    found = (re.fullmatch(rf"{kind}_(\w+)\.c", file) for file in files)
+    """Names for which there is a C file <kind>_<name>.c of an image, sorted."""
+    found = (re.fullmatch(rf"{kind}_(\w+)\.c", file) for file in part_files())
     return tuple(sorted(match.group(1) for match in found if match))
+
+
+def part_files() -> Mapping[str, str]:
+    """Return the place under templates_c/ of every file that the board/ of an image may hold, by its name."""
+    root = resources.files("firmloop").joinpath("templates_c")
+    return {file.name: f"{part}/{file.name}" for part in ("board", "uart") for file in root.joinpath(part).iterdir()}
 
 
 def parse_target(text: str, file: str, folder: Traversable) -> Target:
@@ -270,7 +276,7 @@ def _flash(table: TomlTable) -> Flash:
 
 
 def _sources(table: TomlTable, folder: Traversable) -> tuple[tuple[str, str], ...]:
-    own = {file.name for file in resources.files("firmloop").joinpath("templates_c").joinpath("board").iterdir()}
+    own = part_files()
     texts = []
     for name in table.places("sources"):
         file = folder.joinpath(name)

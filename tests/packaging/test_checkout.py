@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 MOST = 20  # files beside one another
 FOLDERS = sorted(
     folder
-    for top in ("tests", "bench", "scripts", "examples", "docs")
+    for top in ("tests", "bench", "scripts", "examples", "docs", "templates_c", "targets")
     for folder in (ROOT / top, *(ROOT / top).rglob("*"))
     if folder.is_dir() and "__pycache__" not in folder.parts
 )
