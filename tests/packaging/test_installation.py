@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from firmloop.cli import main
 from tests.conftest import Once
 from tests.firmloop.conftest import PROJECT
 from tests.packaging.environments import Environment, make_environment, run
@@ -63,20 +65,25 @@ def _precommit_works(environment: Environment, folder: Path) -> None:
     assert "'python'" in environment.ask("-c", tags, folder=folder)
 
 
-def _firmloop_works(environment: Environment, folder: Path) -> None:
+def _files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def _generated(environment: Environment, folder: Path) -> dict[str, bytes]:
     """Run a verb that goes through design, quantize and codegen, in a folder of modules that would stop it."""
     environment.lend()
     for name in USERS_MODULES:
         (folder / f"{name}.py").write_text("raise SystemExit('a file of the user was imported')\n")
-    (folder / "tank.toml").write_text(PROJECT)
     shown = environment.ask("-m", "firmloop", "--version", folder=folder)
     assert shown.split()[-1] == "0.1.0"
     environment.ask("-m", "firmloop", "generate", "tank.toml", "--out", "out", folder=folder)
-    assert (folder / "out" / "tank_heater" / "src" / "tank_heater.c").is_file()
+    files = _files(folder / "out")
     run([str(environment.folder / "bin" / "firmloop"), "targets"], folder)
     for name in USERS_MODULES:
         (folder / f"{name}.py").unlink()
+    shutil.rmtree(folder / "out")
     environment.take_back()
+    return files
 
 
 def _lends_no_other_name_of_the_tree(environment: Environment) -> None:
@@ -86,12 +93,16 @@ def _lends_no_other_name_of_the_tree(environment: Environment) -> None:
 
 
 @pytest.mark.parametrize(("first", "kinds"), ORDERS)
-def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
+def test_firmloop_and_precommit_side_by_side_both_work_with_the_same_c_and_part_cleanly(
     first: str, kinds: tuple[str, ...], archives: dict[str, str], wheels: Path, tmp_path: Path
 ) -> None:
     environment = make_environment(tmp_path / "venv", wheels)
     folder = tmp_path / "project"
     folder.mkdir()
+    (folder / "tank.toml").write_text(PROJECT)
+    assert main(["generate", str(folder / "tank.toml"), "--out", str(tmp_path / "tree")]) == 0
+    of_the_tree = _files(tmp_path / "tree")
+    assert "tank_heater/src/tank_heater.c" in of_the_tree
     if first == "pre-commit":
         environment.install("pre-commit")
         _precommit_works(environment, folder)
@@ -110,7 +121,7 @@ def test_firmloop_and_precommit_side_by_side_both_work_and_part_cleanly(
             assert all("firmloop" in name for name in added), added
         else:
             assert added == {"firmloop", INFO}
-        _firmloop_works(environment, folder)
+        assert _generated(environment, folder) == of_the_tree
         _precommit_works(environment, folder)
         beside = environment.names()
         environment.pip("uninstall", "-y", "firmloop")
