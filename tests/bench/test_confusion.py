@@ -70,7 +70,7 @@ def test_an_end_without_a_verdict_is_told_by_how_it_ended() -> None:
 
 def test_lines_are_read_back_and_one_null_is_diagnosed(tmp_path: Path) -> None:
     folder = tmp_path / "000000"
-    nulls.write(0, folder)
+    nulls.write(7, folder)  # a small one
     one = scored(folder)
     assert of_line(as_line(one)) == one
     assert one.verdict == "no_mismatch"

@@ -51,5 +51,5 @@ def test_a_difference_is_named() -> None:
 
 
 def test_half_the_speed_leads_to_the_same_bytes(tmp_path: Path) -> None:
-    nulls.write(1, tmp_path / "case")
+    nulls.write(6, tmp_path / "case")
     assert compared(tmp_path / "case", tmp_path, ["at half speed"]) == {"at half speed": ""}

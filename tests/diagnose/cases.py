@@ -41,10 +41,10 @@ def concealed(folder: Path, name: str, size: float, colored: bool) -> Path:
     return laid(folder, simulated(concealing, name, size, colored))
 
 
-def shortened(project: Path) -> Path:
+def shortened(project: Path, rows: int = SHORT) -> Path:
     """Leave the first rows of each of a project's recordings: enough of them for what is large; return its file."""
     for path in project.parent.glob("*.csv"):
-        path.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[: 1 + SHORT]))
+        path.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[: 1 + rows]))
     return project
 
 

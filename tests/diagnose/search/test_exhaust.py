@@ -15,7 +15,7 @@ from tests.diagnose.cases import concealed, nominal_of, problem_of, shortened
 
 @pytest.mark.parametrize("name", ["coulomb_friction", ""])
 def test_every_term_is_tried(name: str, tmp_path: Path) -> None:
-    problem = problem_of(shortened(concealed(tmp_path, name, 1.0, False)))
+    problem = problem_of(shortened(concealed(tmp_path, name, 1.0, False), 1000))
     nominal = nominal_of(problem)
     again = exhausted(Search(problem, nominal, nominal, (), screened(problem, nominal), ()))
     # A contact that hardly gives way may be as near; what it amounts to takes its place then.
