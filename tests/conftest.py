@@ -73,6 +73,12 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
 
 
 @pytest.fixture(scope="session")
+def built(once: Once) -> Path:
+    """Return what XDG_CACHE_HOME may name: a folder without what other runs have built, for programs of their own."""
+    return once("built", lambda folder: folder.chmod(0o700))
+
+
+@pytest.fixture(scope="session")
 def recordings() -> Path:
     """Folder of the bench recordings; ask for it together with the mark `recordings`."""
     return RECORDINGS

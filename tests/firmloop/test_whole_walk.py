@@ -113,8 +113,8 @@ def test_a_difference_ends_in_status_1(
     assert verdict["verdict"] == "differs" and verdict["first_difference"]
 
 
-def test_a_missing_qemu_leaves_the_host_half(project: Path, tmp_path: Path) -> None:
-    """Only the tools of the host half are on PATH."""
+def test_a_missing_qemu_leaves_the_host_half(project: Path, tmp_path: Path, built: Path) -> None:
+    """Only the tools of the host half are on PATH; no other test has built this controller in that cache."""
     tools = tmp_path / "tools"
     tools.mkdir()
     for name in ("gcc", "as", "ld", "ar", "nm", "size", "objdump"):
@@ -124,7 +124,7 @@ def test_a_missing_qemu_leaves_the_host_half(project: Path, tmp_path: Path) -> N
     project.write_text(project.read_text().replace('["host"]', f'["{QEMU}", "host"]'))
     out = tmp_path / "out"
     arguments = ["run", str(project), "--out", str(out), "--steps", "1000"]
-    done = _run(arguments, PATH=str(tools), XDG_CACHE_HOME=str(tmp_path / "cache"))
+    done = _run(arguments, PATH=str(tools), XDG_CACHE_HOME=str(built))
     assert done.returncode == 3, done.stderr
     (message,) = [line for line in done.stderr.splitlines() if line.startswith("firmloop: ")]
     assert QEMU in message and "apt-get install" in message
@@ -134,7 +134,7 @@ def test_a_missing_qemu_leaves_the_host_half(project: Path, tmp_path: Path) -> N
     assert f"{QEMU}: not run" in (out / "report.html").read_text()
     # verify alone of that target has nothing to show.
     arguments = ["verify", str(project), "--out", str(tmp_path / "none"), "--target", QEMU, "--steps", "1000"]
-    done = _run(arguments, PATH=str(tools), XDG_CACHE_HOME=str(tmp_path / "cache"))
+    done = _run(arguments, PATH=str(tools), XDG_CACHE_HOME=str(built))
     (message,) = [line for line in done.stderr.splitlines() if " after " not in line]  # without progress
     assert done.returncode == 3 and message.startswith("firmloop: ")
     assert "apt-get install" in message and not (tmp_path / "none").exists()
