@@ -14,7 +14,7 @@ from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.diagnose.sentences import with_doubt
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
-from firmloop.stages.fitting import identify
+from firmloop.stages.fitting import check_logs, identify
 from firmloop.stages.plant import located, recorded_plant_of
 from firmloop.stages.progress import Report
 from firmloop.stages.recorded_controller import controller_of
@@ -32,9 +32,10 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
     """
     with located(project):
         plant = recorded_plant_of(project)
+        conditioning = conditioning_of(project)
+        check_logs("diagnose", plant, data, conditioning)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
-        conditioning = conditioning_of(project)
         (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
             made = diagnose(plant, train, test, report)

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
-from firmloop.identify.fitting.checks import first_causes, told
+from firmloop.identify.fitting.checks import first_causes, refuse, told
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate, judge
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.simulation.bridge_columns import check_bridges
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
@@ -17,12 +19,19 @@ from firmloop.stages.progress import Report
 from firmloop.stages.saturation import cut_input, cut_output, saturated
 
 
+def check_logs(verb: str, plant: Plant, data: Data, conditioning: Conditioning) -> None:
+    """Refuse, before a fit that could only go astray, logs that no such plant and no clock can have left."""
+    recordings = (*data.train, *data.test)
+    check_bridges(plant, recordings)
+    refuse(Evidence(plant, recordings, conditioning, None), verb)
+
+
 def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     assert project.recordings is not None, "require() has seen to it"
     with located(project), threadpool_limits(1):  # small matrices: a second thread would only wait for the first
         plant, conditioning = recorded_plant_of(project), conditioning_of(project)
-        check_bridges(plant, (*data.train, *data.test))
+        check_logs("identify", plant, data, conditioning)
         fitted = estimate(plant, data.train, data.test, conditioning, report)
         report(0.95, "checking units, signs, levels and residuals")
         remarks = told(Evidence(plant, data.train, conditioning, fitted))

@@ -21,9 +21,11 @@ class Check:
     """`look` returns a sentence for each thing found, none where all is sound.
 
     `silences` names the checks that are not asked where this one has found something: they would see its consequences.
+    `refuses` names the verbs that cannot go on beside it: what is found is of the log, whatever the plant.
     """
 
     name: str
     look: Callable[[Evidence], tuple[str, ...]]
     silences: tuple[str, ...]
     needs_fit: bool
+    refuses: tuple[str, ...] = ()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.recordings.recording import Recording, column
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def check_bridges(plant: Plant, recordings: Sequence[Recording]) -> None:
 
 
 def _check_supply(recording: Recording) -> None:
-    dead = np.flatnonzero(recording.columns["supply_V"] <= 0.0)
+    dead = np.flatnonzero(column(recording, "supply_V") <= 0.0)
     if len(dead):
         raise IdentifyError(
             f"{recording.source}: supply_V is {recording.columns['supply_V'][dead[0]]:g} V in {len(dead)} of "
@@ -69,7 +69,7 @@ def _check_supply(recording: Recording) -> None:
 
 def _check_duties(recording: Recording) -> None:
     for name in DUTIES:
-        low, high = (float(end(recording.columns[name])) for end in (np.min, np.max))
+        low, high = (float(end(column(recording, name))) for end in (np.min, np.max))
         if -_BEYOND <= low and high <= 1.0 + _BEYOND:
             continue
         looks, way = "counts of a timer", "as scale 1 over what the timer counts up to"
@@ -86,7 +86,7 @@ def _check_duties(recording: Recording) -> None:
 def _check_angle(recording: Recording, pairs: float) -> None:
     speed = recording.columns["speed_rad_s"]
     turned = pairs * (speed[1:] + speed[:-1]) / 2.0 * np.diff(recording.time)
-    found = pace(np.diff(recording.columns["angle_rad"]), turned)
+    found = pace(np.diff(column(recording, "angle_rad")), turned)
     if found is None or abs(math.log(max(found, 1e-300))) < math.log1p(_NEAR):
         return
     said = f"{recording.source}: angle_rad moves {found:.4g} times as fast as pole_pairs times speed_rad_s"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 import scipy
@@ -82,10 +83,16 @@ def _record(project: Project, recording: Recording) -> Record:
     assert project.plant is not None
     conditioning, drive, output = conditioning_of(project), project.plant.input, project.plant.outputs[0]
     u = condition_input(conditioning, drive, column(recording, drive))
-    y = column(recording, output)
-    if conditioning != NONE and not conditioning.resample_s:
-        y = condition_output(conditioning, output, recording.time, y)
-    return Record(recording.source, u, y)
+    return Record(recording.source, u, _compared(project, recording, column(recording, output)))
+
+
+def _compared(project: Project, recording: Recording, values: np.ndarray) -> np.ndarray:
+    """Condition the output, measured or simulated, where it keeps its rows."""
+    assert project.plant is not None
+    conditioning = conditioning_of(project)
+    if conditioning == NONE or conditioning.resample_s:
+        return values
+    return condition_output(conditioning, project.plant.outputs[0], recording.time, values)
 
 
 def _ode(project: Project, made: Continuous) -> Mapping[str, object]:
@@ -113,15 +120,12 @@ def _sum(factors: Sequence[float] | np.ndarray, names: Sequence[str]) -> str:
 
 def _judge(project: Project, table_of_plant: Mapping[str, object], recording: Recording) -> Mapping[str, object]:
     """Simulate a recording from the start that fits best; score the whole of it and test what is left."""
-    plant, conditioning = plant_from_table(table_of_plant), conditioning_of(project)
+    plant, record = plant_from_table(table_of_plant), _record(project, recording)
     assert project.plant is not None
-    drive, output = project.plant.input, project.plant.outputs[0]
-    start = fit_start(plant, recording, constants_of(plant), conditioning)
-    simulated = simulate(plant, recording, start)[:, 0]
-    measured = column(recording, output)
-    if output in conditioning.remove_offset:
-        measured, simulated = measured - measured.mean(), simulated - simulated.mean()
-    found, tests = scores(measured, simulated), residual_tests(measured - simulated, column(recording, drive))
+    driven = replace(recording, columns=MappingProxyType({**recording.columns, project.plant.input: record.drive}))
+    start = fit_start(plant, driven, constants_of(plant), conditioning_of(project))
+    simulated = _compared(project, recording, simulate(plant, driven, start)[:, 0])
+    found, tests = scores(record.output, simulated), residual_tests(record.output - simulated, record.drive)
     return {
         "recording": recording.source,
         "fit_percent": found.fit_percent,

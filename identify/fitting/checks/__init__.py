@@ -1,8 +1,8 @@
 """Checks of a fit before anybody blames physics; every file of this folder that has a CHECK is one.
 
-`told(evidence)` runs them all, `first_causes(remarks)` tells those that a poor fit follows from. A check that finds
-something says so in one sentence, with the key or the line that mends it; a check that names the cause silences those
-that would only see what follows from it.
+`told(evidence)` runs them all, `first_causes(remarks)` tells those that a poor fit follows from, and
+`refuse(evidence, verb)` is asked before anything is fitted. A check that finds something says so in one sentence, with
+the key or the line that mends it; a check that names the cause silences those that would only see what follows from it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import pkgutil
 from collections.abc import Sequence
 from functools import cache
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check, Remark
 from firmloop.identify.fitting.evidence import Evidence
 
@@ -27,6 +28,19 @@ def checks() -> tuple[Check, ...]:
         assert free, "two checks silence each other"
         ordered += [found.pop(name) for name in sorted(free)]
     return tuple(ordered)
+
+
+def refuse(evidence: Evidence, verb: str) -> None:
+    """Ask, before a fit, the checks beside whose finding a verb cannot go on.
+
+    Raises
+    ------
+    IdentifyError
+        with what they find.
+    """
+    said = [says for check in checks() if verb in check.refuses for says in check.look(evidence)]
+    if said:
+        raise IdentifyError("; ".join(said))
 
 
 def first_causes(remarks: Sequence[Remark]) -> bool:

@@ -21,4 +21,5 @@ CHECK = Check(
     look,
     ("clock_unit", "sign", "scale", "motor_constants", "rest", "drift", "structure", "spikes", "excitation"),
     False,
+    ("diagnose",),
 )

@@ -17,6 +17,7 @@ from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
+from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import rest_start, simulate
@@ -25,6 +26,7 @@ from firmloop.identify.units import ending_of
 _HINT = 6.0  # independent samples times the share explained, from which a fit with the level is worth its time
 _SHARE = 0.2  # of what is left, that a level explains along the slopes: worth it, too
 _CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
+_SEVERAL = 2  # recordings, which may differ
 _SEEN = 0.01  # of the output's range: a level below it harms nobody
 
 
@@ -43,7 +45,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         samples = independent([part.residual[:, k] for part in parts])
         if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, parts, k):
             continue
-        said = _fitted(evidence, k, hint.size)
+        said = _apart(evidence, k) or _fitted(evidence, k, hint.size)
         found += [said] if said else []
     return tuple(found)
 
@@ -78,6 +80,37 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
         f"{output.name} reads {value}{unit} more than the plant gives, all the time: an offset of the sensor, or a "
         f'constant load or friction; for an offset write [[plant.effects]] with name = "sensor_offset", output = '
         f'"{output.name}" and {name.rpartition(".")[2]} = {{ value = {value}, free = true }}'
+    )
+
+
+def _apart(evidence: Evidence, k: int) -> str:
+    """Fit a level of each recording where there are several; say so where one for all is worse beyond doubt."""
+    before, count = evidence.fit, len(evidence.recordings)
+    assert before is not None
+    output = before.plant.outputs[k]
+    if count < _SEVERAL or before.plant.varying or not _in_kind(before.plant, output):
+        return ""
+    centred = about_means(evidence.given, evidence.recordings, evidence.conditioning)
+    if centred is None:
+        return ""
+    held = {parameter.name for parameter in centred.parameters}
+    begin = with_varying(centred if OUTPUT in held else _with_level(centred, output.unit), (OUTPUT,))
+    try:
+        after = estimate(begin, evidence.recordings, [], evidence.conditioning)
+        together = before if OUTPUT in held else _best_with(evidence, output, OUTPUT, True, 0.0) or before
+    except IdentifyError:
+        return ""
+    levels = {own.source: own.parameter.value for own in after.per_recording}
+    spread = max(float(np.ptp(recording.columns[output.name])) for recording in evidence.recordings)
+    differs = max(levels.values()) - min(levels.values())
+    if min(_gain(evidence, each, after) for each in (before, together)) < count * _CERTAIN or differs < _SEEN * spread:
+        return ""
+    each = ", ".join(f"{value:.4g} in {source}" for source, value in levels.items())
+    mean = float(np.mean([*levels.values()]))
+    return (
+        f"{output.name} rests at another level in each recording, {output.unit or '1'}: {each}: write {OUTPUT} = "
+        f"{{ value = {mean:.4g}, free = true }} in [plant.parameters] and per_recording = "
+        f'["{OUTPUT}"] in [recordings]'
     )
 
 

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
+from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
+_ALONE = -0.8  # correlation of one recording beside others that follow
 _AGAINST = -0.5  # correlation with the plant as given, which may be off by a factor of two in every parameter
 _FOLLOWS = 0.8  # correlation with its magnitude
 _SIGNLESS = 0.03  # of the largest reading: noise of one that has no sign
@@ -26,18 +28,34 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             return ()
         for pairs, pair in zip(seen, compared(evidence, recording, run), strict=True):
             pairs.append(pair)
-    sources = ", ".join(dict.fromkeys(recording.source for recording in evidence.recordings))
+    drive = " or ".join(each.name for each in evidence.given.inputs)
     found = []
     for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
         correlation, _ = alike(*(np.concatenate([pair[k] for pair in pairs]) for k in (0, 1)))
-        if correlation < _AGAINST and not _has_no_sign(pairs):
-            drive = evidence.given.inputs[0].name
+        alone = [alike(*pair)[0] for pair in pairs]
+        against = [recording for recording, each in zip(evidence.recordings, alone, strict=True) if each < _ALONE]
+        if _has_no_sign(pairs):
             found.append(
-                f"{signal.name} of {sources} runs against {drive} (correlation with the plant as given "
-                f"{correlation:.2f}): turn the sign of the column or of {drive}, or of the parameter that carries it "
-                "in [plant.parameters] if the plant is meant to answer so"
+                f"{signal.name} of {_sources(evidence.recordings)} is never negative, though the plant goes both ways "
+                f'as given: a reading without a sign; write [[plant.effects]] with name = "sensor_rectified" and '
+                f'output = "{signal.name}", or record the direction, too'
+            )
+        elif correlation < _AGAINST:
+            found.append(
+                f"{signal.name} of {_sources(evidence.recordings)} runs against {drive} (correlation with the plant as "
+                f"given {correlation:.2f}): turn the sign of the column or of {drive}, or of the parameter that "
+                "carries it in [plant.parameters] if the plant is meant to answer so"
+            )
+        elif against and max(alone) > _FOLLOWS:
+            found.append(
+                f"{signal.name} of {_sources(against)} runs against {drive}, and that of other recordings does not: "
+                "turn the sign of that column in the file, or leave the file out"
             )
     return tuple(found)
+
+
+def _sources(recordings: Sequence[Recording]) -> str:
+    return ", ".join(dict.fromkeys(recording.source for recording in recordings))
 
 
 def _has_no_sign(pairs: Sequence[tuple[Array, Array]]) -> bool:
@@ -45,7 +63,8 @@ def _has_no_sign(pairs: Sequence[tuple[Array, Array]]) -> bool:
     real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
     if np.min(real) < -_SIGNLESS * np.max(real):
         return False
-    return bool(np.min(model) < 0.0 < np.max(model)) and alike(real, np.abs(model))[0] > _FOLLOWS
+    folded = alike(real, np.abs(model))[0]
+    return bool(np.min(model) < 0.0 < np.max(model)) and folded > max(_FOLLOWS, alike(real, model)[0])
 
 
 CHECK = Check("sign", look, ("scale", "motor_constants", "rest", "drift", "structure", "excitation"), False)

@@ -130,4 +130,10 @@ def _said(recording: Recording, name: str, rows: Rows) -> str:
     )
 
 
-CHECK = Check("spikes", look, ("rest", "drift", "structure", "scale", "motor_constants", "excitation"), False)
+CHECK = Check(
+    "spikes",
+    look,
+    ("rest", "drift", "structure", "scale", "motor_constants", "excitation"),
+    False,
+    ("diagnose",),
+)

@@ -31,6 +31,7 @@ _SURE = 0.1  # relative standard deviation of p^2
 _NEAR = 0.25  # of a factor: what two neighbouring whole numbers of pole pairs differ by, at most
 _MOST_PAIRS, _MOST_ROWS = 30, 20_000  # that phase currents are asked for
 _ITSELF = 0.1  # relative: a number of pole pairs that the currents turned by it show again
+_CERTAIN = 5.0  # standard deviations
 _BETTER = 0.25  # of the squares that the given pole pairs leave
 _BACKWARDS = -1.3  # of the electrical turn: 0 to -1 of phases in their order, -1 to -2 of two that are swapped
 _TURNS = 2.0  # electrical ones that a log must see
@@ -44,7 +45,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if evidence.given.kind != "pmsm":
         return ()
     pairs = next(p.value for p in evidence.given.parameters if p.name == "pole_pairs")
-    asked: Sequence[Callable[[Recording, float], str]] = (_angle, _sum, _order, _signs, _pairs)
+    asked: Sequence[Callable[[Recording, float], str]] = (_angle, _sum, _order, _signs, _axes, _pairs)
     found = []
     for ask in asked:
         said = (ask(recording, pairs) for recording in evidence.recordings if len(recording.time) >= _ROWS)
@@ -113,13 +114,34 @@ def _signs(recording: Recording, pairs: float) -> str:
     return ""
 
 
+def _axes(recording: Recording, pairs: float) -> str:
+    read = _columns(recording, *_DRIVEN, "current_d_A", "current_q_A")
+    if read is None:
+        return ""
+    d, q = read[3:]
+    known, crossed = (_seen(recording.time, read[:3], one + 1j * other) for one, other in ((d, q), (q, d)))
+    if crossed.upright and crossed.left < _BETTER * known.left:
+        return (
+            f"current_d_A and current_q_A of {recording.source} look exchanged: each follows the other's voltage; "
+            "exchange the two names in the file's header or in [recordings.rename]"
+        )
+    against = [f"current_{axis}_A runs against voltage_{axis}_V" for axis in known.down]
+    if not against:
+        return ""
+    return f"{' and '.join(against)} in {recording.source}: turn one of each by scale = -1 in [recordings.rename]"
+
+
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """Pole pairs, None if unsure; the squares left over in A^2; whether the voltages drive the currents upwards."""
+    """Pole pairs, None if unsure; the squares left over in A^2; whether the voltages drive the currents upwards.
+
+    `down` names the axes whose voltage drives the current downwards beyond doubt.
+    """
 
     pairs: float | None
     left: float
     upright: bool
+    down: str = ""
 
 
 def _seen(time: Array, read: Sequence[Array], current: NDArray[np.complex128]) -> _Seen:
@@ -129,8 +151,8 @@ def _seen(time: Array, read: Sequence[Array], current: NDArray[np.complex128]) -
     middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
     along = np.column_stack([v_d[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
     across = np.column_stack([v_q[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
-    factors, doubts, over, upright = [], [], 0.0, True
-    for regressors, change in ((along, np.diff(i_d)), (across, np.diff(i_q))):
+    factors, doubts, over, upright, down = [], [], 0.0, True, ""
+    for axis, regressors, change in (("d", along, np.diff(i_d)), ("q", across, np.diff(i_q))):
         size = np.linalg.norm(regressors, axis=0)
         if np.any(size == 0.0):
             return _Seen(None, math.inf, False)
@@ -138,10 +160,12 @@ def _seen(time: Array, read: Sequence[Array], current: NDArray[np.complex128]) -
         left = change - (regressors / size) @ found
         over, upright = over + float(left @ left), upright and bool(found[0] > 0.0)
         spread = np.linalg.pinv((regressors / size).T @ (regressors / size)) * float(left @ left) / len(change)
+        down += axis if found[0] < -_CERTAIN * math.sqrt(max(float(spread[0, 0]), 0.0)) else ""
         factors.append(float(found[2] / size[2]))
         doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
     square = -factors[0] * factors[1]
-    return _Seen(math.sqrt(square) if square > 0.0 and math.hypot(*doubts) <= _SURE else None, over, upright)
+    pairs = math.sqrt(square) if square > 0.0 and math.hypot(*doubts) <= _SURE else None
+    return _Seen(pairs, over, upright, down)
 
 
 def _stator(a: Array, b: Array) -> NDArray[np.complex128]:
@@ -219,4 +243,10 @@ def _angle(recording: Recording, pairs: float) -> str:
     )
 
 
-CHECK = Check("three_phases", look, ("sign", "scale", "structure", "excitation", "rest", "drift"), False)
+CHECK = Check(
+    "three_phases",
+    look,
+    ("sign", "scale", "structure", "excitation", "rest", "drift"),
+    False,
+    ("identify", "diagnose"),
+)

@@ -1,0 +1,80 @@
+"""A log that no plant can have left is refused before a fit or a search that it would lead astray."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from bench.host.identify_faults import motor
+from firmloop.cli import main
+from tests.firmloop.columns.test_identify_says import seeded, written
+from tests.identify.fitting.test_three_phases import ROWS, VALUES, H
+from tests.identify.fitting.test_three_phases import log as of_axes
+from tests.identify.simulation.test_bridge_columns import INPUTS, STEP
+from tests.identify.simulation.test_bridge_columns import log as of_bridges
+
+AXES = ("voltage_d_V", "voltage_q_V", "current_d_A", "current_q_A", "speed_rad_s")
+VERBS = pytest.mark.parametrize("verb", ["identify", "diagnose"])
+
+
+def refused(verb, folder, capsys) -> str:
+    status = main([verb, str(folder / "project.toml"), "--out", str(folder / "out")])
+    said = capsys.readouterr().err
+    assert status == 2 and not (folder / "out").exists(), said
+    return said
+
+
+def machine(folder, inputs, outputs, columns, step):
+    values = np.column_stack([step * np.arange(len(columns["speed_rad_s"])), *columns.values()])
+    np.savetxt(folder / "log.csv", values, delimiter=",", header=",".join(["time_s", *columns]), comments="")
+    parameters = "".join(f"{name} = {{ value = {value!r}, free = true }}\n" for name, value in VALUES.items())
+    (folder / "project.toml").write_text(
+        f'schema = 1\nname = "drive"\n[recordings]\ntrain = ["log.csv"]\n[plant]\nkind = "pmsm"\n'
+        f"inputs = {json.dumps(inputs)}\noutputs = {json.dumps(outputs)}\n[plant.parameters]\n{parameters}"
+        "pole_pairs = 4\n"
+    )
+    return folder
+
+
+SHOWN = {
+    "exchanged": (lambda c: {"current_d_A": c["current_q_A"], "current_q_A": c["current_d_A"]}, "look exchanged"),
+    "one turned": (lambda c: {"current_q_A": -c["current_q_A"]}, "current_q_A runs against voltage_q_V in log.csv"),
+    "electrical speed": (lambda c: {"speed_rad_s": 4 * c["speed_rad_s"]}, "or speed_rad_s is the electrical speed"),
+}
+
+
+@VERBS
+@pytest.mark.parametrize("case", SHOWN)
+def test_currents_along_the_axes_that_contradict_the_voltages(case, verb, tmp_path, capsys):
+    change, words = SHOWN[case]
+    columns = {name: values for name, values in of_axes(4).items() if name in AXES}
+    assert len(columns["speed_rad_s"]) == ROWS
+    folder = machine(tmp_path, AXES[:2], AXES[2:], {**columns, **change(columns)}, H)
+    assert words in refused(verb, folder, capsys)
+
+
+@VERBS
+@pytest.mark.parametrize("missing", ["supply_V", "angle_rad", "duty_b"])
+def test_a_column_of_the_bridges_that_is_missing(missing, verb, tmp_path, capsys):
+    columns = {name: values for name, values in of_bridges().items() if name != missing}
+    columns |= {f"current_{name}_A": columns["speed_rad_s"] for name in "ab"}
+    folder = machine(tmp_path, INPUTS, ["current_a_A", "current_b_A", "speed_rad_s"], columns, STEP)
+    assert f"log.csv: column {missing} is missing" in refused(verb, folder, capsys)
+
+
+def test_duties_in_percent_are_refused_by_a_diagnosis_too(tmp_path, capsys):
+    columns = of_bridges()
+    columns |= {"duty_a": 100.0 * columns["duty_a"]}
+    columns |= {f"current_{name}_A": columns["speed_rad_s"] for name in "ab"}
+    folder = machine(tmp_path, INPUTS, ["current_a_A", "current_b_A", "speed_rad_s"], columns, STEP)
+    assert "it looks like percent" in refused("diagnose", folder, capsys)
+
+
+@pytest.mark.parametrize("wrong", [-9999.0, 65535.0])
+def test_a_reading_of_the_input_that_failed_is_no_physics(wrong, tmp_path, capsys):
+    table, time, columns = motor(seeded(9))
+    columns["voltage_V"][700] = wrong
+    said = refused("diagnose", written(tmp_path / "log", (table, time, columns)), capsys)
+    assert f"voltage_V of log.csv reads {wrong:.6g} at " in said and "delete the row" in said

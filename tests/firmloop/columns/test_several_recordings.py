@@ -1,0 +1,65 @@
+"""What differs from recording to recording is told with the names of the files and the line that mends it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from bench.host.identify_faults import changed, heater, motor
+from tests.firmloop.columns.test_identify_says import identified, seeded, written
+
+
+def beside(folder, made, name="other.csv", line=""):
+    """Write a second recording beside the first, and list both."""
+    _, time, columns = made
+    values = np.column_stack([time, *columns.values()])
+    header = ",".join(["time_s", *columns])
+    np.savetxt(folder / name, values, delimiter=",", header=header, comments="", fmt="%.9g")
+    text = (folder / "project.toml").read_text()
+    listed = text.replace('train = ["log.csv"]', f'train = ["log.csv", "{name}"]\n{line}', 1)
+    (folder / "project.toml").write_text(listed)
+    return folder
+
+
+def warm(seed: int, level: float):
+    return changed(heater(seeded(seed)), temperature_C=lambda v: v + level)
+
+
+def test_a_level_of_each_recording_is_told_and_its_lines_give_the_plant_back(tmp_path, capsys):
+    says, _ = identified(beside(written(tmp_path / "plain", warm(1, 19.0)), warm(2, 27.0)), capsys)
+    assert len(says) == 1 and "rests at another level in each recording, degC" in says[0], says
+    assert re.search(r": (18\.9|19)\S* in log\.csv, (26\.9|27)\S* in other\.csv", says[0]), says
+    level = says[0].partition("write ")[2].partition(" in [plant")[0]
+    listed = says[0].partition("] and ")[2].partition(" in [")[0]
+    folder = beside(written(tmp_path / "mended", warm(1, 19.0), level), warm(2, 27.0), line=listed)
+    says, found = identified(folder, capsys)
+    assert says == []
+    assert found["gain"] == pytest.approx(0.62, rel=0.02)
+
+
+def test_a_level_alone_does_not_hide_that_it_differs(tmp_path, capsys):
+    level = "output_at_rest = { value = 20.0, free = true }"
+    says, _ = identified(beside(written(tmp_path / "run", warm(1, 19.0), level), warm(2, 27.0)), capsys)
+    assert "rests at another level in each recording" in says[0], says
+
+
+def test_one_level_of_two_recordings_is_told_as_one(tmp_path, capsys):
+    says, _ = identified(beside(written(tmp_path / "run", warm(1, 19.0)), warm(2, 19.0)), capsys)
+    assert len(says) == 1 and re.match(r"temperature_C rests at (18.9|19)\S* degC and", says[0]), says
+
+
+def test_a_reading_that_runs_backwards_in_one_recording_is_told_with_its_name(tmp_path, capsys):
+    back = changed(motor(seeded(2)), speed_rad_s=np.negative)
+    says, _ = identified(beside(written(tmp_path / "run", motor(seeded(1))), back), capsys)
+    assert len(says) == 1 and says[0].startswith("speed_rad_s of other.csv runs against voltage_V"), says
+
+
+def test_a_reading_without_a_sign_is_told_and_its_effect_gives_the_motor_back(tmp_path, capsys):
+    made = changed(motor(seeded(4)), speed_rad_s=np.abs)
+    says, _ = identified(written(tmp_path / "plain", made), capsys)
+    assert len(says) == 1 and "speed_rad_s of log.csv is never negative" in says[0], says
+    effect = '[[plant.effects]]\nname = "sensor_rectified"\noutput = "speed_rad_s"'
+    says, found = identified(written(tmp_path / "mended", made, effects=effect), capsys)
+    assert found["ke_V_s_rad"] == pytest.approx(0.037, rel=0.02) and not any("never negative" in one for one in says)
