@@ -15,6 +15,7 @@ from firmloop.identify.units import unit_of
 from firmloop.project.table import ProjectTable
 
 _LONGEST_PERIOD = 86400.0  # s
+_SAME = 1e-3  # relative: a factor that somebody has rounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,11 @@ def _column(table: ProjectTable) -> Column:
         for number in ("scale", "offset", "wraps")
         if number in table.values
     }
+    factor = conversion(unit, wanted, name).factor if unit else 1.0
+    if factor != 1.0 and abs(numbers.get("scale", 1.0) / factor - 1.0) < _SAME:
+        raise table.wrong(
+            "scale", f"turns {unit} into {wanted}, as unit does, so that the two would do it twice; leave one out"
+        )
     if numbers.get("scale") == 0.0:
         raise table.wrong("scale", "must not be 0: every value would be lost")
     if numbers.get("wraps", 1.0) <= 0.0:

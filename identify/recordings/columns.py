@@ -22,6 +22,8 @@ TIMES = re.compile(
     r"([\s_(\[].*)?"
 )
 
+_FARTHEST = 1.5  # times what a counter wraps at: half of that beyond it a jump is still told from a step
+
 
 @dataclass(frozen=True, slots=True)
 class Column:
@@ -102,6 +104,11 @@ def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | No
     columns = []
     for rule, foreign, printed, values in zip(rules, table.names, units, table.columns, strict=True):
         columns.append(_converted(rule, foreign, printed, values, file))
+        says = printed or carried_unit(foreign)
+        if rule.unit and says and _convertible(says, unit_of(rule.name)) and not _agree(says, rule.unit):
+            notes.append(
+                f"{foreign} is read in {rule.unit}, as [recordings.rename] has it, though the file says {says}"
+            )
         if printed and not rule.unit and columns[-1] is not values:
             notes.append(f"{foreign} is converted from {printed} by its line of units")
     words = {rename.get(name, Column(name)).name: holds for name, holds in table.words.items()}
@@ -116,6 +123,12 @@ def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | No
 def _converted(rule: Column, foreign: str, printed: str, values: Array, file: str) -> Array:
     """Return a column in the unit of its new name; the same array where nothing changes."""
     if rule.wraps:
+        if np.ptp(values) > _FARTHEST * rule.wraps:
+            raise IdentifyError(
+                f"{file}: column {foreign} goes from {values.min():.10g} to {values.max():.10g}, and a counter that "
+                f"wraps at {rule.wraps:.10g} stays within so much; wraps is counted as the file counts, before unit "
+                "and scale: correct it in [recordings.rename]"
+            )
         values = _unwrapped(values, rule.wraps, rule.name == "time_s")
     if rule.scale != 1.0 or rule.offset != 0.0:
         values = values * rule.scale + rule.offset

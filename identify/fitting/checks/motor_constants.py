@@ -38,11 +38,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     unit = unit_of_factor(1.0 / factor, _UNIT)
     turning = next((each.name for each in plant.outputs if unit_of(each.name) in ("rad", "rad/s")), "")
     counts, cure = counts_of(turning, 1.0 / factor)
-    if unit is not None and unit != "per minute":
-        other = f", or {counts}" if counts and unit not in _EXACT else ""
-        return (f"{says}the speed looks {unit}{other}; give the column its unit in [recordings.rename]",)
     gear = factor * held[GEAR].value if GEAR in held else factor
     key = f"write {GEAR} = {{ value = {gear:.4g}, free = false }} in [plant.parameters]"
+    if unit is not None and unit != "per minute":
+        other = f", or {counts}" if counts and unit not in _EXACT else ""
+        behind = f"; or it is read behind a gear: {key}" if factor > 1.0 else ""
+        return (f"{says}the speed looks {unit}{other}; give the column its unit in [recordings.rename]{behind}",)
     if counts:
         return (f"{says}the speed looks {counts}: {cure}; behind a gear, {key}",)
     return (

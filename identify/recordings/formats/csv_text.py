@@ -16,7 +16,7 @@ from firmloop.identify.recordings.text.calendar_stamps import with_seconds, with
 from firmloop.identify.recordings.text.cells import grouped, is_number
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, find_dialect, first_name
 from firmloop.identify.recordings.text.exports import read_export
-from firmloop.identify.recordings.text.json_lines import are_json_lines, rows_of_json
+from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
 from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
 
@@ -32,28 +32,32 @@ def read_csv(content: bytes) -> RawTable | Misread:
     """Parse a header line and rows of numbers; blank lines are skipped, line numbers count them."""
     if b"\n" not in content:
         content = content.replace(b"\r", b"\n")  # a line's end on old Macs and some terminals
-    if wrong := text_extent(content):
+    of_one_line = content.lstrip()[:1] in (b"[", b"{") and len(content) <= MOST_DOCUMENT
+    if (wrong := text_extent(content)) and not of_one_line:
         return wrong
     text, encoding = _decoded(content)
     if isinstance(text, Misread):
         return text
     text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
     encoding += stamped
-    if are_json_lines(text.split("\n")):
-        return _from_json(text, encoding)
+    begin = begins_json(text.split("\n"))
+    if begin is not None:
+        return _from_json(text, begin, encoding)
     return _read_columns(text, encoding)
 
 
-def _from_json(text: str, notes: tuple[str, ...]) -> RawTable | Misread:
+def _from_json(text: str, begin: int, notes: tuple[str, ...]) -> RawTable | Misread:
     """Read objects of JSON as rows, and count lines without the header that they do not have."""
-    rows = rows_of_json(text.split("\n"))
+    rows = rows_of_json(text, begin)
     if isinstance(rows, Misread):
         return rows
-    found = _read_columns("\n".join(rows), (*notes, "holds an object of JSON in each line"))
+    before = f"its first {begin} line{'s are' if begin > 1 else ' is'} left aside"
+    said = ("holds an object of JSON in each line" if rows.place == "line" else "holds its samples in one JSON text",)
+    found = _read_columns("\n".join(rows.lines), (*notes, *said, *((before,) if begin else ())))
     if isinstance(found, Misread):
-        where = re.sub(r"(?<=line )\d+", lambda number: str(int(number[0]) - 1), found.where)
+        where = re.sub(r"line (\d+)", lambda number: f"{rows.place} {int(number[1]) - 1 + begin}", found.where)
         return replace(found, where=where)
-    return replace(found, places=found.places - 1)
+    return replace(found, place=rows.place, places=found.places - 1 + begin)
 
 
 def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
@@ -211,4 +215,6 @@ def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:
     return f"so are {wrong} of {len(cells)} rows: write numbers there, or leave {name} out of the file; keep the rows"
 
 
-FORMAT = Format((".csv", ".tsv", ".txt", ".lvm", ".dat", ".log", ".asc", ".prn", ".jsonl", ".ndjson"), read_csv)
+FORMAT = Format(
+    (".csv", ".tsv", ".txt", ".lvm", ".dat", ".log", ".asc", ".prn", ".jsonl", ".ndjson", ".json"), read_csv
+)

@@ -120,8 +120,11 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         numbered = _numbered(lines[above[1]], table, width) if len(above) > 1 else ()
         headers = {above[0]: headers[above[0]], above[1]: numbered} if numbered else headers
     if not headers:
-        doubled = any(len(_cells(lines[k], table)) * 2 == width for k in above[:1])
-        if doubled and table.delimiter == ",":
+        nearest = _cells(lines[above[0]], table)
+        if all(is_number(cell.strip()) for cell in nearest):
+            wrong = f"has no header: line {above[0] + 1}, above its rows, is a row that is not whole"
+            return Misread("", wrong, f"write a name for each of the {width} columns there, time_s among them")
+        if len(nearest) * 2 == width and table.delimiter == ",":
             wrong = "has twice as many numbers in a row as names: decimal commas between commas"
             return Misread(f"line {table.first + 1}", wrong, "export it with ; or tabs between columns")
         return None

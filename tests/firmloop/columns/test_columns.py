@@ -188,6 +188,7 @@ def test_a_column_is_unwrapped_scaled_shifted_and_converted(
         ('[recordings.rename]\na = { name = "tacho", unit = "rpm" }', "ends in no unit"),
         ('[recordings.rename]\na = { name = "voltage_V", scale = 0 }', "must not be 0"),
         ('[recordings.rename]\na = { name = "voltage_V", wraps = -1 }', "more than 0"),
+        ('[recordings.rename]\na = { name = "voltage_V", unit = "mV", scale = 1e-3 }', "turns mV into V, as unit does"),
         ('[recordings.rename]\na = { name = "voltage_V", factor = 2 }', "'factor'"),
         ('[recordings.rename]\na = "voltage_V"\nb = { name = "voltage_V" }', "'a'"),
         ("period_s = 0", "more than 0"),
@@ -197,6 +198,19 @@ def test_a_column_is_unwrapped_scaled_shifted_and_converted(
 def test_wrong_columns_of_a_project_are_named(lines: str, words: str, bench: Callable[..., tuple]) -> None:
     status, _, said = bench(PLAIN, lines)
     assert status == 2 and "given.toml:" in said and words in said, said
+
+
+def test_a_counter_that_leaves_its_range_is_named(bench: Callable[..., tuple]) -> None:
+    content = "\n".join(["n_us,voltage_V,temperature_C", *rows_of(TIME * 1e6 % 2**16, VOLT, HEAT)])
+    status, _, said = bench(content, '[recordings.rename]\nn_us = { name = "time_s", unit = "us", wraps = 0.065536 }')
+    assert status == 2 and "a counter that wraps at 0.065536 stays within so much" in said, said
+
+
+def test_a_unit_that_the_files_own_name_contradicts_is_told(bench: Callable[..., tuple]) -> None:
+    content = "\n".join(["time_s,u_mV,temperature_C", *rows_of(TIME, VOLT / 1e3, HEAT)])
+    status, columns, said = bench(content, '[recordings.rename]\nu_mV = { name = "voltage_V", unit = "kV" }')
+    assert status == 0 and "u_mV is read in kV, as [recordings.rename] has it, though the file says mV" in said
+    alike(columns)
 
 
 def test_two_columns_that_fit_one_name_are_both_named(bench: Callable[..., tuple]) -> None:

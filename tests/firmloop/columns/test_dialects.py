@@ -271,6 +271,10 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         "\n".join([HEADER, *(f"{k},{row}" for k, row in enumerate(ROWS))]),
         ("line 1: has 3 names above 4 values in every row", "keep the rows"),
     ),
+    "no header, the first row torn in half": (
+        "\n".join(["1.5,2", *(f"{row},{k}" for k, row in enumerate(ROWS))]),
+        ("has no header: line 1, above its rows, is a row that is not whole", "a name for each of the 4 columns"),
+    ),
     "no header, semicolons": ("\n".join(ROWS).replace(",", ";"), ("has no header",)),
     "header again in the middle": ("\n".join([HEADER, *ROWS[:30], HEADER, *ROWS[30:]]), ("line 32", "header again")),
     "semicolons, one row short": (

@@ -173,6 +173,11 @@ def test_a_gear_is_told_and_its_key_gives_the_motor_back(gear, tmp_path, capsys)
     assert found["J_kg_m2"] == pytest.approx(MOTOR["J_kg_m2"], rel=0.03)
 
 
+def test_a_gear_as_large_as_a_unit_is_told_beside_it(tmp_path, capsys):
+    says, _ = identified(written(tmp_path / "plain", motor(seeded(5), gear=6.25)), capsys)
+    assert len(says) == 1 and "the speed looks in turns" in says[0] and "gear_ratio = { value = 6.25," in says[0]
+
+
 def test_a_gear_is_told_beside_a_given_inertia(tmp_path, capsys):
     table, time, columns = motor(seeded(5), gear=51.0)
     inertia = {"value": MOTOR["J_kg_m2"], "free": False}

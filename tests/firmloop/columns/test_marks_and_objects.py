@@ -209,9 +209,46 @@ def test_an_object_that_is_no_row_is_named_by_its_line(
     assert not found and says in said, said
 
 
+ROWS = [list(each.values()) for each in SAMPLES]
+BY_NAME = {name: [each[name] for each in SAMPLES] for name in SAMPLES[0]}
+DOCUMENTS = {
+    "a list": json.dumps(SAMPLES),
+    "a list in many lines": json.dumps(SAMPLES, indent=1),
+    "an object a line in a list": "[\n" + ",\n".join(json.dumps(each) for each in SAMPLES) + "\n]\n",
+    "columns": json.dumps(BY_NAME),
+    "columns in many lines": json.dumps(BY_NAME, indent=2),
+    "lists below their names": "\n".join(json.dumps(each) for each in ([*SAMPLES[0]], *ROWS)),
+    "a list of lists": json.dumps([[*SAMPLES[0]], *ROWS]),
+    "a list longer than a row may be": json.dumps([{**each, "note": "x" * 20_000} for each in SAMPLES]),
+    "lines below what a board says": "rst:0x1\nready [3]\n" + lines_of(SAMPLES),
+}
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_one_json_text_is_rows(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said, found = simulated(tmp_path, capsys, "log.json", DOCUMENTS[name])
+    assert found == SPEED, said
+
+
 @pytest.mark.parametrize(
-    "text", [json.dumps(SAMPLES), json.dumps(SAMPLES, indent=1), '{"time_s": 1, "time_s": 2}\n' * 4]
+    ("text", "says"),
+    [
+        ('{"time_s": 1, "time_s": 2}\n' * 4, "line 1: names time_s twice"),
+        (json.dumps({**BY_NAME, "voltage_V": SPEED[1:]}), "lists of different lengths: time_s 6, voltage_V 5"),
+        (json.dumps([*SAMPLES[:2], {**SAMPLES[2], "voltage_V": None}, *SAMPLES[3:]]), "sample 3, column voltage_V"),
+        (json.dumps([*SAMPLES[:3], 7]), "sample 4: is no object in JSON"),
+        ("\n".join(json.dumps(each) for each in ([*SAMPLES[0]], *ROWS[:3], [1.0])), "line 5: has 1 values for 3"),
+        (f'ready\n{lines_of(SAMPLES[:3])}{{"time_s"', "line 5: is no object in JSON"),
+        (json.dumps(SAMPLES)[:-9], "write each sample in a line of its own"),
+        ("[" * 90_000, "is no object in JSON"),
+        (json.dumps({"time_s": 1.0}), "has 1 rows"),
+        ("[]", "is empty"),
+        ("[1, 2]", "no rows"),
+        (json.dumps([SAMPLES[0]] * 300_000, indent=1), "is one document of"),
+    ],
 )
-def test_other_json_is_refused_with_a_sentence(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_json_is_refused_with_a_sentence(
+    text: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     said, found = simulated(tmp_path, capsys, "log.jsonl", text)
-    assert not found and "line 1" in said and ("a line of its own" in said or "once" in said)
+    assert not found and says in said, said
