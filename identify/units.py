@@ -110,6 +110,8 @@ def carried_unit(name: str) -> str:
     last = words[-1]
     if len(words) < 2 or last in _WORDS or (len(last) == 1 and last not in _ENDINGS):
         return ""
+    if words[-2] == "per" or (last == "s" and words[-2] in _COUNTED):  # the end of a unit, and another one alone
+        return ""
     if len(last) == 1 and words[-2].lower() in _LETTERED:
         return ""
     return last if is_symbol(last) or last in ("mNm", "Nm", "Ncm", "uNm") else ""

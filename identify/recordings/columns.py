@@ -18,7 +18,7 @@ from firmloop.identify.units import carried_unit, ending_of, unit_of
 Array = NDArray[np.float64]
 
 TIMES = re.compile(
-    r"(?i)_*(t|time|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|temps|tiempo|tempo)"
+    r"(?i)_*(t|ts|time|stamp|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|temps|tiempo|tempo)"
     r"([\s_(\[].*)?"
 )
 

@@ -41,7 +41,8 @@ _DRIVES = frozenset(
 )
 _ANSWERS = frozenset(
     "y output out sensor tacho measured meas measurement response level speed velocity vel omega rpm position pos "
-    "angle theta temperature temp pressure flow estimate drehzahl vitesse winkel weg temperatur druck".split()
+    "angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse winkel weg temperatur "
+    "druck".split()
 )
 # Which way a column leans whose words say nothing of it, such as those of another language.
 _BY_QUANTITY = {
@@ -64,8 +65,8 @@ class Guessed:
     """What one column of a file seems to be.
 
     `unit` is what the file says of it, empty where it says nothing; `known` whether `name` is one that firmloop gives a
-    quantity; `reference` a value that was asked for; `drives` and `reads` how much the name sounds like what
-    moves the plant and like what is read from it: a supply is neither.
+    quantity, of a time whether the file says its unit; `reference` a value that was asked for; `drives` and `reads` how
+    much the name sounds like what moves the plant and like what is read from it: a supply is neither.
     """
 
     foreign: str
@@ -103,7 +104,7 @@ def guess_time(table: RawTable) -> Guessed | None:
         if not (says or TIMES.fullmatch(name)) or (unit and not says) or not _runs(values):
             continue
         sure = 3 if name == "time_s" else 2 if says and TIMES.fullmatch(name) else 1
-        found.append((sure, Guessed(name, "time_s", unit or _tick(values), True, False, 0, 0)))
+        found.append((sure, Guessed(name, "time_s", unit or _tick(values), bool(unit), False, 0, 0)))
     return max(found, key=lambda each: each[0])[1] if found else None
 
 

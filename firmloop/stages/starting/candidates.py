@@ -22,9 +22,10 @@ def proposals(recording: Recording, drive: str, outputs: tuple[str, ...]) -> Ite
         yield from _motors(recording, outputs)
     if first in _STAGES:
         yield _stage(recording, drive, first)
-    rest = _rest(recording, drive, first)
-    yield "first_order", (first,), rest
-    yield "second_order", (first,), rest
+    rests = _rests(recording, drive, first)
+    for kind in ("first_order", "second_order"):
+        for rest in rests:
+            yield kind, (first,), rest
 
 
 def _motors(recording: Recording, outputs: tuple[str, ...]) -> Iterator[Proposal]:
@@ -79,12 +80,15 @@ def _stage(recording: Recording, drive: str, output: str) -> Proposal:
     )
 
 
-def _rest(recording: Recording, drive: str, output: str) -> tuple[FirstParameter, ...]:
-    """Return the levels that a lag rests at, where they are not zero; its other values are found without a start."""
+def _rests(recording: Recording, drive: str, output: str) -> list[tuple[FirstParameter, ...]]:
+    """Return the levels that a lag may rest at, where they are not zero; its other values are found without a start.
+
+    The first row may hold the plant where it is, or be the first step of a plant that rests with its input at zero.
+    """
     values, pushes = recording.columns[output], recording.columns[drive]
     if abs(float(values[0])) < _FAR * float(np.ptp(values)):
-        return ()
+        return [()]
     held = (FirstParameter("output_at_rest", float(values[0]), True, "where the output rests"),)
     if float(pushes[0]) == 0.0:
-        return held
-    return (*held, FirstParameter("input_at_rest", float(pushes[0]), False, "the input that holds it there"))
+        return [held]
+    return [(*held, FirstParameter("input_at_rest", float(pushes[0]), False, "the input that holds it there")), held]

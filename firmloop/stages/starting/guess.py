@@ -6,7 +6,8 @@ import math
 import re
 import tempfile
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -69,28 +70,39 @@ def guess_project(
         asides=found.asides,
     )
     seen = Data(tuple(each.part(0, _ROWS) for each in found.recordings[: len(train)]), ())
-    tried: list[tuple[float, FirstProject]] = []
+    tried: list[_Tried] = []
     complaint: Exception | None = None
-    known = list(proposals(found.recordings[0], drive, outputs))
-    for k, proposal in enumerate(known):
-        report(k / len(known), f"trying {proposal[0]}")
-        try:
-            tried.append(_tried(base, proposal, seen))
-        except (IdentifyError, ProjectError, CodegenError) as error:
-            complaint = complaint or error
-            continue
-        if tried[-1][0] > _GOOD:
+    kinds = [list(same) for _, same in groupby(proposals(found.recordings[0], drive, outputs), lambda each: each[0])]
+    for k, kind in enumerate(kinds):
+        report(k / len(kinds), f"trying {kind[0][0]}")
+        ways: list[_Tried] = []
+        for proposal in kind:
+            try:
+                ways.append(_tried(base, proposal, seen))
+            except (IdentifyError, ProjectError, CodegenError) as error:
+                complaint = complaint or error
+        tried += [max(ways, key=lambda way: way.least)] if ways else []
+        if ways and tried[-1].score > _GOOD:
             break
     if not tried and isinstance(complaint, ProjectError):
         raise IdentifyError(f"{paths[0]}: no project can be made of it: {complaint}")
     if not tried:
         raise IdentifyError(f"no plant kind fits {drive} -> {outputs[0]}: {complaint}")
-    best = max(score for score, _ in tried)
-    return next(first for score, first in tried if score >= best - _NEAR)
+    best = max(each.score for each in tried)
+    return next(each.project for each in tried if each.score >= best - _NEAR)
 
 
-def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> tuple[float, FirstProject]:
-    """Fit one kind and tune a controller for it; return the fit of the first output, %, and the project."""
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """A project with the fit of its first output, by which kinds are compared, and of the worst one, %."""
+
+    score: float
+    least: float
+    project: FirstProject
+
+
+def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> _Tried:
+    """Fit one kind and tune a controller for it."""
     kind, outputs, parameters = proposal
     first = replace(base, kind=kind, outputs=outputs, parameters=parameters)
     with scratch_folder(Path(tempfile.gettempdir()), ".firmloop_init") as folder:
@@ -98,9 +110,9 @@ def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> tuple[float, F
         found = fitting.identify(project, seen, lambda share, doing: None)
         first = _settled(first, found)
         making.design(_read(first, folder), found.plant)
-    scores = [each.scores[outputs[0]].fit_percent for each in found.train]
-    score = float(np.mean(scores))
-    return (score if math.isfinite(score) else -math.inf), first
+    scores = [float(np.mean([each.scores[name].fit_percent for each in found.train])) for name in outputs]
+    sure = [score if math.isfinite(score) else -math.inf for score in scores]
+    return _Tried(sure[0], min(sure), first)
 
 
 def _read(first: FirstProject, folder: Path) -> Project:
@@ -153,7 +165,11 @@ def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
     columns = [each.columns[name] for each in recordings if name in each.columns]
     if len(columns) < len(recordings):
         lacking = next(each.source for each in recordings if name not in each.columns)
-        raise IdentifyError(f"{lacking}: no column seems to be {name}, as in {recordings[0].source}")
+        first = recordings[0].source
+        raise IdentifyError(
+            f"{lacking}: no column seems to be {name}, as in {first}, by whose names all files are read: give the "
+            "columns of both the same names, or make a project of each"
+        )
     return min(float(each.min()) for each in columns), max(float(each.max()) for each in columns)
 
 
@@ -162,7 +178,7 @@ def _remarks(found: Guesses) -> dict[str, str]:
     silent = {
         each.foreign: f"no unit in the file: taken as {each.unit or unit_of(each.name)}"
         for each in used
-        if unit_of(each.name) and (not each.unit or each is found.time) and each.foreign in found.rename
+        if unit_of(each.name) and not (each.known if each is found.time else each.unit) and each.foreign in found.rename
     }
     return silent
 

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.recordings.columns import Column, RowClock
@@ -22,6 +24,9 @@ from firmloop.identify.recordings.guess import (
 from firmloop.identify.recordings.recording import Recording, read_raw, read_recording
 from firmloop.identify.recordings.table import RawTable
 
+Array = NDArray[np.float64]
+
+_LAGS, _LONGEST_LAG = 20, 5.0  # tried, and what part of the recording the longest one is
 _CURES = 3  # that a file's clock may take one after the other: a counter that wraps, then lost digits
 
 
@@ -67,7 +72,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     if pushed.drives <= 0:  # nothing is named as a drive: what an inner loop is asked for moves the plant
         pushed = next((each for each in columns if each.commands and each not in still), pushed)
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
-    outputs = _outputs(drive, others)
+    outputs = _outputs(drive, others, first)
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
     rename, clock = rename_of(used), None if period is None else RowClock(period)
@@ -93,14 +98,33 @@ def _held(table: RawTable, foreign: str) -> float:
     return float(np.mean(np.diff(table.columns[table.names.index(foreign)]) == 0.0))
 
 
-def _outputs(drive: Guessed, others: tuple[Guessed, ...]) -> tuple[Guessed, ...]:
-    """Return what the plant is read by: of a motor its speed, else its angle, and its current; else one column."""
+def _outputs(drive: Guessed, others: tuple[Guessed, ...], table: RawTable) -> tuple[Guessed, ...]:
+    """Return what the plant is read by: of a motor its speed, else its angle, and its current; else one column.
+
+    Where names do not tell, it is the one that a lag behind the drive explains best.
+    """
     by_name = {each.name: each for each in reversed(others)}
     moved = next((by_name[name] for name in ("speed_rad_s", "position_rad") if name in by_name), None)
     if moved and drive.name == "voltage_V":
         return (moved, *((by_name["current_A"],) if "current_A" in by_name else ()))
     placed = next((by_name[name] for name in ("position_m", "position_rad") if name in by_name), None)
-    return (placed or max(others, key=lambda each: (each.reads, each.known)).alone(others),)
+    most = max((each.reads, each.known) for each in others)
+    likely = [each for each in others if (each.reads, each.known) == most]
+    values = {name: values for name, values in zip(table.names, table.columns, strict=True)}
+    best = max(likely, key=lambda each: _lagging(values[drive.foreign], values[each.foreign]) if len(likely) > 1 else 0)
+    return (placed or best.alone(others),)
+
+
+def _lagging(drive: Array, values: Array) -> float:
+    """Return the largest share of a signal (n,) that one lag behind the drive (n,) explains, its rows taken as even."""
+    away, shares = values - np.mean(values), [0.0]
+    for rows in np.geomspace(1.0, max(len(drive) / _LONGEST_LAG, 2.0), _LAGS):
+        stays = float(np.exp(-1.0 / rows))
+        shown = scipy.signal.lfilter([0.0, 1.0 - stays], [1.0, -stays], drive - drive[0])
+        shown = shown - np.mean(shown)
+        size = float(np.linalg.norm(shown) * np.linalg.norm(away))
+        shares.append((float(shown @ away) / size) ** 2 if size > 0.0 else 0.0)
+    return max(shares)
 
 
 def _aside(each: Guessed, still: bool) -> str:

@@ -149,6 +149,50 @@ def test_two_commands_lead_from_an_instruments_file_to_verified_c(
     assert fitted["parameters"]["gain"]["value"] == pytest.approx(46.1, rel=0.05)
 
 
+def test_a_unit_that_a_file_says_is_not_called_missing(
+    bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench(*FILES["rpm, ms and mA"][:2])
+    assert main(["init", "bench.csv"]) == 0
+    assert "no unit in the file" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("header", ["TIME,CH1,CH2,CH3", "ts,volts,amps,counts_per_s"])
+def test_where_names_do_not_tell_the_output_is_what_follows_the_drive(
+    header: str, bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = header.split(",")
+    file = bench("a.csv", text(header, TIME, DRIVE, CURRENT, SPEED * 100))
+    assert main(["init", "a.csv"]) == 0
+    made = tomllib.loads(file.with_suffix(".toml").read_text())
+    assert made["plant"]["outputs"] == [names[3]] and made["signals"]["measurement"]["unit"] == "1"
+    assert made["plant"]["parameters"]["gain"]["value"] == pytest.approx(4610.0, rel=0.05)
+
+
+def test_a_first_step_from_rest_is_told_from_a_level_that_is_held(bench: Callable[[str, str], Path]) -> None:
+    power = np.repeat([40.0, 0.0, 60.0, 20.0, 80.0], 120)
+    late, level, rows = np.concatenate([np.zeros(8), power]), 0.0, []
+    for k in range(len(power)):
+        rows.append(21.0 + level)
+        level += (1 - np.exp(-1 / 40)) * (0.8 * late[k] - level)
+    heated = np.array(rows) + np.random.default_rng(4).normal(size=len(rows)) * 0.05
+    file = bench("a.csv", text("time_s,heater_percent,temperature_C", np.arange(600.0), power, heated))
+    assert main(["init", "a.csv"]) == 0
+    found = tomllib.loads(file.with_suffix(".toml").read_text())["plant"]["parameters"]
+    assert "input_at_rest" not in found
+    assert found["output_at_rest"]["value"] == pytest.approx(21.0, abs=0.1)
+    assert found["delay_s"]["value"] == pytest.approx(8.0, abs=0.2)
+
+
+def test_files_with_other_columns_are_told_with_both_names(
+    bench: Callable[[str, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench(*FILES["rpm, ms and mA"][:2])
+    bench("other.csv", text("time_s,voltage_V,speed_rad_s,current_A", TIME, DRIVE, SPEED, CURRENT))
+    assert main(["init", "other.csv", "bench.csv"]) == 2
+    assert "give the columns of both the same names" in capsys.readouterr().err
+
+
 def test_the_last_of_several_files_is_only_scored(bench: Callable[[str, str], Path]) -> None:
     content = FILES["an export of a scope"][1]
     for name in ("a.csv", "b.csv", "c.csv"):
