@@ -17,6 +17,7 @@ _SURE = 3.0  # deviations
 _UNIT = 0.05  # natural logarithm
 _VOLTS = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
 _EXACT = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
+_ALIKE = 0.5  # of the logarithm of the ratio: what a doubtful nominal resistance may be off besides
 _WIDEST = 0.3  # relative deviation of a constant that is known
 
 
@@ -59,7 +60,7 @@ def _follows(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) ->
     if found is None or not found.free or evidence.fit is None or not (given > 0.0 and _known(found, evidence)):
         return False
     moved = math.log(found.value / given)
-    return abs(moved - math.log(ratio)) < abs(moved)
+    return abs(moved - math.log(ratio)) < _ALIKE * abs(math.log(ratio))
 
 
 def _of_the_voltage(ratio: float, name: str) -> str:

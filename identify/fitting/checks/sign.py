@@ -63,8 +63,9 @@ def _has_no_sign(pairs: Sequence[tuple[Array, Array]]) -> bool:
     real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
     if np.min(real) < -_SIGNLESS * np.max(real):
         return False
-    folded = alike(real, np.abs(model))[0]
-    return bool(np.min(model) < 0.0 < np.max(model)) and folded > max(_FOLLOWS, alike(real, model)[0])
+    top = _SIGNLESS * float(np.max(np.abs(model)))
+    both = bool(np.min(model) < -top and np.max(model) > top)
+    return both and alike(real, np.abs(model))[0] > _FOLLOWS > alike(real, model)[0]
 
 
 CHECK = Check("sign", look, ("scale", "motor_constants", "rest", "drift", "structure", "excitation"), False)

@@ -160,6 +160,13 @@ def test_a_voltage_in_another_unit_is_no_gear_and_its_line_gives_the_motor_back(
     assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.03)
 
 
+def test_a_speed_and_a_current_in_other_units_are_told_one_after_the_other(tmp_path, capsys):
+    rpm = {"speed_rad_s": lambda v: v * 60.0 / (2.0 * np.pi)}
+    both = changed(motor(seeded(6)), **rpm, current_A=lambda v: 1e3 * v)
+    (said, *_), _ = identified(written(tmp_path / "both", both), capsys)
+    assert "the speed looks in revolutions per minute" in said and "voltage_V" not in said, said
+
+
 @pytest.mark.parametrize("gear", [4.0, 20.0, 0.25, 51.0])
 def test_a_gear_is_told_and_its_key_gives_the_motor_back(gear, tmp_path, capsys):
     made = motor(seeded(5), gear=gear)

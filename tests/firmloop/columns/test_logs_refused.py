@@ -9,7 +9,7 @@ import pytest
 
 from bench.host.identify_faults import motor
 from firmloop.cli import main
-from tests.firmloop.columns.test_identify_says import seeded, written
+from tests.firmloop.columns.test_identify_says import identified, seeded, written
 from tests.identify.fitting.test_three_phases import ROWS, VALUES, H
 from tests.identify.fitting.test_three_phases import log as of_axes
 from tests.identify.simulation.test_bridge_columns import INPUTS, STEP
@@ -70,6 +70,28 @@ def test_duties_in_percent_are_refused_by_a_diagnosis_too(tmp_path, capsys):
     columns |= {f"current_{name}_A": columns["speed_rad_s"] for name in "ab"}
     folder = machine(tmp_path, INPUTS, ["current_a_A", "current_b_A", "speed_rad_s"], columns, STEP)
     assert "it looks like percent" in refused("diagnose", folder, capsys)
+
+
+def stands_still(values, rows):
+    return np.where(np.isin(np.arange(len(values)), rows), values[rows[0]], values)
+
+
+@pytest.mark.parametrize(("first", "count"), [(700, 120), (400, 700)])
+def test_a_reading_that_stands_still_is_no_physics(first, count, tmp_path, capsys):
+    table, time, columns = motor(seeded(9))
+    columns["speed_rad_s"] = stands_still(columns["speed_rad_s"], np.arange(first, first + count))
+    folder = written(tmp_path / "log", (table, time, columns))
+    said = refused("diagnose", folder, capsys)
+    assert "speed_rad_s of log.csv stands at " in said and f"({count} rows)" in said
+    (told,), _ = identified(folder, capsys)
+    assert told.startswith("speed_rad_s of log.csv stands at ") and "list both parts" in told
+
+
+def test_a_coarse_reading_and_a_motor_that_sticks_do_not_stand_still(tmp_path, capsys):
+    table, time, columns = motor(seeded(9), friction=0.02)
+    sticks = np.round(columns["speed_rad_s"] / 4.0) * 4.0
+    says, _ = identified(written(tmp_path / "log", (table, time, {**columns, "speed_rad_s": sticks})), capsys)
+    assert not [one for one in says if "stands at" in one], says
 
 
 @pytest.mark.parametrize("wrong", [-9999.0, 65535.0])

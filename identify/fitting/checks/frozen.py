@@ -1,0 +1,69 @@
+"""A reading that stands still where the plant moves: a sensor, a bus or a logger that repeats its last value.
+
+A noisy reading repeats a value by chance for a few rows, a coarse one for more; a stretch of many times that has
+another cause. A body at rest is one: a speed of zero, or a position, is not asked. A limit is another, of which others
+speak.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence, run_as_given
+from firmloop.identify.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+_LONGER = 10.0  # times the next longest stretch
+_CHANCE = 3  # rows that a noisy reading repeats at most, however seldom it does
+_MOVES = 0.1  # of its whole motion, that the plant as given makes meanwhile
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Ask every output of every recording that is no position."""
+    found = []
+    for recording in evidence.recordings:
+        run = None
+        for k, signal in enumerate(evidence.given.outputs):
+            if signal.name.startswith("position_") or signal.name not in recording.columns:
+                continue
+            stretch = _stretch(recording.columns[signal.name])
+            if stretch is None:
+                continue
+            run = run_as_given(evidence.given, recording) if run is None else run
+            if run is not None and np.ptp(run[stretch, k]) > _MOVES * np.ptp(run[:, k]):
+                found.append(_said(recording, signal.name, stretch))
+    return tuple(found)
+
+
+def _stretch(values: Array) -> slice | None:
+    """Return the rows in which a reading stands still for far longer than elsewhere, away from zero and its limits."""
+    ends = np.flatnonzero(np.diff(values, append=np.nan) != 0.0) + 1
+    lengths = np.diff(ends, prepend=0)
+    longest = int(np.argmax(lengths))
+    others = np.delete(lengths, longest)
+    if not len(others) or lengths[longest] < _LONGER * max(int(others.max()), _CHANCE):
+        return None
+    rows = slice(int(ends[longest] - lengths[longest]), int(ends[longest]))
+    held = values[rows.start]
+    return None if held in (0.0, values.min(), values.max()) else rows
+
+
+def _said(recording: Recording, name: str, rows: slice) -> str:
+    time = recording.time
+    return (
+        f"{name} of {recording.source} stands at {recording.columns[name][rows.start]:.6g} from {time[rows.start]:.6g} "
+        f"to {time[rows.stop - 1]:.6g} s ({rows.stop - rows.start} rows), and elsewhere changes in nearly every row: a "
+        "sensor, a bus or a logger that repeated its last value; cut these rows out and list both parts"
+    )
+
+
+CHECK = Check(
+    "frozen",
+    look,
+    ("rest", "drift", "structure", "excitation"),
+    False,
+    ("diagnose",),
+)
