@@ -12,6 +12,7 @@ import io
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -41,34 +42,46 @@ delay_s = {{ value = 0.0, free = false }}
 TOLERANCE = 1e-12  # s, of time stamps that a format counts in ticks
 
 
+def put(content: str | bytes) -> Callable[[Path], object]:
+    """Return what writes a file that holds this."""
+    return partial(_put, content if isinstance(content, bytes) else content.encode())
+
+
+def _put(content: bytes, path: Path) -> None:
+    path.write_bytes(content)
+
+
+def _put_mcap(topics: Mapping[str, tuple[Array, Mapping[str, Array]]], path: Path) -> None:
+    path.write_bytes(mcap_of(topics))
+
+
 def written() -> Iterator[tuple[str, str, Callable[[Path], object], str, Mapping[str, Array]]]:
     """Yield each way: its name, its file, who writes it, [recordings.rename], and what has to come back."""
     for name, write in WRITERS.items():
         yield name, name, write, "", COLUMNS
     arrays = dict(COLUMNS)
     signals = {name: values for name, values in COLUMNS.items() if name != "time_s"}
-    yield "npz", "r.npz", lambda path: path.write_bytes(npz(**arrays)), "", COLUMNS
-    yield "MATLAB 7.3", "r.mat", lambda path: path.write_bytes(mat73(**arrays)), "", COLUMNS
-    yield "Parquet", "r.parquet", lambda path: write_parquet(path, arrays), "", COLUMNS
+    yield "npz", "r.npz", put(npz(**arrays)), "", COLUMNS
+    yield "MATLAB 7.3", "r.mat", put(mat73(**arrays)), "", COLUMNS
+    yield "Parquet", "r.parquet", partial(write_parquet, columns=arrays), "", COLUMNS
     topic = {"/motor": (COLUMNS["time_s"], signals)}
-    yield "MCAP, JSON", "r.mcap", lambda path: path.write_bytes(mcap_of(topic)), "", COLUMNS
+    yield "MCAP, JSON", "r.mcap", partial(_put_mcap, topic), "", COLUMNS
     columns = {"time_s": plain.TIME, "voltage_V": plain.VOLT}
     for name, (content, _) in DIALECTS.items():
-        raw = content if isinstance(content, bytes) else content.encode()
-        yield name, "r.csv", lambda path, raw=raw: path.write_bytes(raw), "", columns
+        yield name, "r.csv", put(content), "", columns
     for name, content in STAMPS.items():
-        yield f"stamps, {name}", "r.csv", lambda path, text=content: path.write_text(text), "", columns
+        yield f"stamps, {name}", "r.csv", put(content), "", columns
     sampled = {"time_s": np.array([each["time_s"] for each in SAMPLES]), "voltage_V": np.array(SPEED)}
     for name, content in DOCUMENTS.items():
-        yield f"JSON, {name}", "r.json", lambda path, text=content: path.write_text(text), "", sampled
+        yield f"JSON, {name}", "r.json", put(content), "", sampled
     for name, content in MARKED.items():
         if name != "far below":  # which repeats its first row
             marked = {"time_s": np.arange(len(SPEED)), "voltage_V": np.array(SPEED)}
-            yield f"thousands, {name}", "r.csv", lambda path, text=content: path.write_text(text), "", marked
+            yield f"thousands, {name}", "r.csv", put(content), "", marked
     for name, (content, rename, _) in EXPORTS.items():
         file = "r.lvm" if name.startswith("LabVIEW") else "r.csv"
         lines = f"[recordings.rename]\n{rename}"
-        yield f"export, {name}", file, lambda path, text=content: path.write_text(text), lines, columns
+        yield f"export, {name}", file, put(content), lines, columns
 
 
 def read_back(folder: Path, file: str, rename: str, wanted: Mapping[str, Array]) -> str:

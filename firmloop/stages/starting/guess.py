@@ -174,13 +174,13 @@ def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
 
 
 def _remarks(found: Guesses) -> dict[str, str]:
-    used = (*((found.time,) if found.time else ()), found.input, *found.outputs)
-    silent = {
+    used = [(each, bool(each.unit)) for each in (found.input, *found.outputs)]
+    used += [(found.time, found.time.known)] if found.time else []
+    return {
         each.foreign: f"no unit in the file: taken as {each.unit or unit_of(each.name)}"
-        for each in used
-        if unit_of(each.name) and not (each.known if each is found.time else each.unit) and each.foreign in found.rename
+        for each, told in used
+        if unit_of(each.name) and not told and each.foreign in found.rename
     }
-    return silent
 
 
 def _round_down(seconds: float) -> float:
