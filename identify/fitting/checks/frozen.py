@@ -30,12 +30,18 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             if signal.name.startswith("position_") or signal.name not in recording.columns:
                 continue
             stretch = _stretch(recording.columns[signal.name])
-            if stretch is None:
+            if stretch is None or _unmoved(evidence, recording, stretch):
                 continue
             run = run_as_given(evidence.given, recording) if run is None else run
             if run is not None and np.ptp(run[stretch, k]) > _MOVES * np.ptp(run[:, k]):
                 found.append(_said(recording, signal.name, stretch))
     return tuple(found)
+
+
+def _unmoved(evidence: Evidence, recording: Recording, rows: slice) -> bool:
+    """Tell whether no input has changed before its last row: what the plant as given does there is its beginning."""
+    drives = (recording.columns[signal.name][: rows.stop - 1] for signal in evidence.given.inputs)
+    return all(np.ptp(drive) == 0.0 for drive in drives)
 
 
 def _stretch(values: Array) -> slice | None:

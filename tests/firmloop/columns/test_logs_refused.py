@@ -100,3 +100,12 @@ def test_a_reading_of_the_input_that_failed_is_no_physics(wrong, tmp_path, capsy
     columns["voltage_V"][700] = wrong
     said = refused("diagnose", written(tmp_path / "log", (table, time, columns)), capsys)
     assert f"voltage_V of log.csv reads {wrong:.6g} at " in said and "delete the row" in said
+
+
+def test_a_plant_that_waits_for_its_input_does_not_stand_still(tmp_path, capsys):
+    table, time, columns = motor(seeded(9))
+    waits = {name: np.concatenate([np.full(300, values[0]), values])[: len(time)] for name, values in columns.items()}
+    waits["speed_rad_s"][:300] = 50.0  # a level of which the plant as given, which begins at rest, knows nothing
+    waits["voltage_V"][:300] = 6.0
+    says, _ = identified(written(tmp_path / "log", (table, time, waits)), capsys)
+    assert not [one for one in says if "stands at" in one], says
