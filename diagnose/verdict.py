@@ -130,7 +130,8 @@ def withheld(finding: Finding) -> Finding:
 def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candidate, ...]]:
     """Return the verdict, and the explanations that stand beside the best one."""
     if not search.best.fitted.terms:
-        missing = outweighs(shape, search.best.noises, 0.0) or rivals_noise(search)
+        # What a sensor in wide steps leaves may be as large as those.
+        missing = outweighs(shape, search.best.noises, 0.0) or (not directs(search) and rivals_noise(search))
         return ("unknown_physics" if missing else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained):

@@ -71,6 +71,17 @@ def test_a_second_way_for_the_heat_is_said_to_be_missing(slow: float, verdict: s
     assert any("times the sensors' noise" in line for line in said["says"]) == (verdict == "unknown_physics")
 
 
+def test_steps_of_a_sensor_wider_than_noise_may_be_are_all_that_is_missing(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
+    quick = np.zeros(len(drive))
+    for k in range(1, len(drive)):
+        quick[k] = quick[k - 1] + 0.01 / 1.2 * (drive[k - 1] - quick[k - 1])
+    readings = np.round((22.0 + 2.2 * quick + 0.01 * rng.standard_normal(len(drive))) / 2.0) * 2.0
+    said = said_of(recorded(tmp_path, DUCT, drive, readings))
+    assert (said["verdict"], [each["name"] for each in said["effects"]]) == ("explained", ["sensor_quantization"])
+
+
 def test_iron_that_saturates_is_found_in_equations_that_name_no_balance(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     drive = np.repeat(rng.uniform(-20.0, 20.0, 60), 20)
