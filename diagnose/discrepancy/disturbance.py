@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, nominal_plant, tracker
 from firmloop.diagnose.finding import Disturbance
 from firmloop.diagnose.model.sensor_noise import sensor_noises
-from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, SLOW_NOISE, WALKS
+from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, RIVALS_DRIVE, WALKS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import oversized
 from firmloop.identify.plants.attach import with_effects
@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 
 
 def rivals_noise(search: Search) -> bool:
-    """Tell whether what the plant alone leaves is more than noise may be, and more than a small disturbance makes.
+    """Tell whether what the plant alone leaves is more than noise may be, and no disturbance smaller than the drive.
 
-    Where a balance is known: a push that is next to nothing beside the drive may lead a position far away.
+    Where a balance is known: a push that is little beside the drive may lead a position far away.
     """
     problem, alone = search.problem, search.nominal
     if not oversized(alone.noises):
@@ -38,7 +38,7 @@ def rivals_noise(search: Search) -> bool:
     noise = sensor_noises(residuals, problem.floors)
     found = disturbances(nominal_plant(search, alone), problem.train, residuals, noise)
     shares = [each.share for each in found.values() if each.share is not None]
-    return not shares or max(shares) > SLOW_NOISE
+    return not shares or max(shares) > RIVALS_DRIVE
 
 
 def disturbances(
