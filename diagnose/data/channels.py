@@ -1,4 +1,4 @@
-"""Refuse channels that no plant could have produced: one wild row, a sensor that dies half-way, nothing at all."""
+"""Refuse channels that no plant could have produced: a sensor that dies half-way, nothing at all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.checks import check_rows
-from firmloop.diagnose.policy import DEAD_SHARE, MOTION_MEANWHILE, WILD_SHARE, WILD_SPANS
+from firmloop.diagnose.policy import DEAD_SHARE, MOTION_MEANWHILE
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.own_values import own_start
 from firmloop.identify.plants.plant import Plant
@@ -23,31 +23,7 @@ def check_sound(plant: Plant, recordings: Sequence[Recording]) -> None:
     """Raise IdentifyError at the first channel that is not sound, with its rows and the way out."""
     for recording in recordings:
         check_rows(plant, recording)
-        values = measured(plant, recording)
-        for signal, column in zip(plant.outputs, values.T, strict=True):
-            _check_wild(recording, signal.name, column)
-        _check_dead(plant, recording, values)
-
-
-def _check_wild(recording: Recording, name: str, column: Array) -> None:
-    """Look for the few rows that lie further outside of all others than those reach, each way and back in one row."""
-    low, high = np.quantile(column, [WILD_SHARE, 1.0 - WILD_SHARE])
-    span = float(high - low)
-    wild = np.flatnonzero((column > high + WILD_SPANS * span) | (column < low - WILD_SPANS * span))
-    alone = [
-        int(k)
-        for k in wild
-        if span > 0.0
-        and 0 < k < len(column) - 1
-        and all(low - span <= column[j] <= high + span for j in (k - 1, k + 1))
-    ]
-    if alone:
-        row = alone[0]
-        more = f" (and {len(alone) - 1} more rows)" if len(alone) > 1 else ""
-        raise IdentifyError(
-            f"{recording.source}: column {name} is {column[row]:.6g} at {recording.time[row]:.6g} s{more}, far outside "
-            "of the rows before and after; it is no motion: delete those rows, or fill them from their neighbours"
-        )
+        _check_dead(plant, recording, measured(plant, recording))
 
 
 def _check_dead(plant: Plant, recording: Recording, values: Array) -> None:
