@@ -143,7 +143,7 @@ def tracker(
 def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:
     """Smooth the nominal plant with a random-walk disturbance in every balance that the outputs can tell.
 
-    `noise` (r,) is the rms of each output. None where the equations do not allow a smoother.
+    `noise` (r,) is the rms of each output. None where the equations do not allow a smoother, or it diverges.
     """
     balances = [each for each in plant.balances if each.state >= 0][: len(plant.outputs)]
     course = course_of(plant, recording)
@@ -155,7 +155,10 @@ def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent
     outputs = measured(plant, recording)[:rows]
     start = np.zeros(len(made.step))
     start[:states] = np.linalg.lstsq(made.reading[:, :states], outputs[0], rcond=None)[0]
-    here = made.smoothed(outputs, drive @ made.push.T, start)
+    with np.errstate(over="ignore", invalid="ignore"):  # of bodies that hardly tell them apart it may diverge
+        here = made.smoothed(outputs, drive @ made.push.T, start)
+    if not np.all(np.isfinite(here)):
+        return None
     kinds = tuple(balance.kind for balance in balances)
     disturbances = tuple(here[:, states + k] for k in range(len(balances)))
     return Latent(course.time[:rows], here[:, :states], disturbances, kinds)
