@@ -56,9 +56,9 @@ def _rpm(columns: Columns) -> None:
     ("role", "change", "words"),
     [
         ("train", _zero, ["speed_rad_s is 0 in every row"]),
-        ("train", _wild, ["current_A", "900", "1.234 s"]),
+        ("train", _wild, ["current_A of train.csv reads 900 at 1.234 s"]),
         ("train", _dead, ["speed_rad_s stands at 0", "2.5 s"]),
-        ("test", _stuck, ["test.csv", "speed_rad_s", "stands at"]),
+        ("test", _stuck, ["speed_rad_s of test.csv stands at"]),
         ("test", _swapped, ["test.csv", "swapped"]),
         ("test", _rpm, ["test.csv", "rpm"]),
     ],
