@@ -56,8 +56,8 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     `shape` is what the best explanation leaves.
     """
     seen = replace(search, problem=replace(search.problem, test=()))  # what is unseen takes part in no choice
-    verdict, candidates = _verdict(seen, shape)
     read = directs(search)
+    verdict, candidates = _verdict(seen, shape, read)
     if read and verdict == "no_mismatch":
         verdict = "explained"
     shown = search.best if verdict in ("explained", "ambiguous") else search.nominal
@@ -73,7 +73,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     test = _ratios(search, shown, None, noise, True) if search.problem.test else None
     effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))
     untestable = {**checks.untestable, **_unseen_here(search, shown)}
-    location = None if verdict == "no_mismatch" else _location(search, noises, shape)
+    location = None if verdict == "no_mismatch" else _location(search, noises, shape, read)
     shifts = _shifts(search, shown)
     white = (
         whiteness(_innovations(search.nominal.fitted.residuals, noises), WHITENESS_LAGS),
@@ -127,11 +127,11 @@ def withheld(finding: Finding) -> Finding:
     return replace(finding, says=(*finding.says, said))
 
 
-def _verdict(search: Search, shape: Shape | None) -> tuple[Verdict, tuple[Candidate, ...]]:
-    """Return the verdict, and the explanations that stand beside the best one."""
+def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tuple[Verdict, tuple[Candidate, ...]]:
+    """Return the verdict, and the explanations that stand beside the best one; `read` is what needs no search."""
     if not search.best.fitted.terms:
         # What a sensor in wide steps leaves may be as large as those.
-        missing = outweighs(shape, search.best.noises, 0.0) or (not directs(search) and rivals_noise(search))
+        missing = outweighs(shape, search.best.noises, 0.0) or (not read and rivals_noise(search))
         return ("unknown_physics" if missing else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained):
@@ -318,11 +318,11 @@ def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:
     return tuple((float(at), float(term)) for at, term in shape.points)
 
 
-def _location(search: Search, noises: Sequence[Noise], shape: Shape | None) -> Location:
+def _location(search: Search, noises: Sequence[Noise], shape: Shape | None, read: Sequence[Direct]) -> Location:
     output, spans, size = worst_spans(search, noises)
     if shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
-    elif not search.best.fitted.terms and (read := directs(search)):
+    elif not search.best.fitted.terms and read:
         equation, coordinate = "sensor", find_effect(read[0].effect).term
     elif not search.best.fitted.terms:  # no law holds what is missing: it is known only when
         equation, coordinate = next((each.kind for each in search.problem.plant.balances), "actuator"), "time"

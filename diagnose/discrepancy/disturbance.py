@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 def rivals_noise(search: Search) -> bool:
-    """Tell whether what the plant alone leaves is more than noise may be, and no disturbance smaller than the drive.
+    """Tell whether what the plant alone leaves is more than noise may be, and than a disturbance below half the drive.
 
     Where a balance is known: a push that is little beside the drive may lead a position far away.
     """

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmloop.identify.recordings.recording import make_recording, write_recording
 from tests.diagnose.cases import said_of
 
 DUCT = """schema = 1
@@ -40,33 +41,28 @@ L_H = 0.3
 """
 
 
-def recorded(folder: Path, text: str, *columns: np.ndarray) -> Path:
-    """Write a project and its recording of two columns, with a clock of 10 ms for whatever time they take."""
-    names = [line.split('"')[1] for line in text.splitlines() if line.startswith(("input", "outputs"))][:2]
-    names = names if len(names) == 2 else ["voltage_V", "current_A"]
-    time = np.arange(len(columns[0])) * 0.01
-    np.savetxt(
-        folder / "train.csv",
-        np.column_stack([time, *columns]),
-        delimiter=",",
-        header=",".join(["time_s", *names]),
-        comments="",
-        fmt="%.7g",
-    )
+def recorded(folder: Path, text: str, **columns: np.ndarray) -> Path:
+    """Write a project and its recording, with a clock of 10 ms for whatever time it takes."""
+    time = np.arange(len(next(iter(columns.values())))) * 0.01
+    write_recording(make_recording(time, columns, "train.csv", ""), folder / "train.csv")
     (folder / "project.toml").write_text(text, encoding="utf-8")
     return folder / "project.toml"
+
+
+def warmed(drive: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """Return what a lag of gain 1 makes of a drive, row by row."""
+    level = np.zeros(len(drive))
+    for k in range(1, len(drive)):
+        level[k] = level[k - 1] + 0.01 / time_constant_s * (drive[k - 1] - level[k - 1])
+    return level
 
 
 @pytest.mark.parametrize(("slow", "verdict"), [(0.0, "no_mismatch"), (0.5, "unknown_physics")])
 def test_a_second_way_for_the_heat_is_said_to_be_missing(slow: float, verdict: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
-    quick, late = np.zeros(len(drive)), np.zeros(len(drive))
-    for k in range(1, len(drive)):
-        quick[k] = quick[k - 1] + 0.01 / 1.2 * (drive[k - 1] - quick[k - 1])
-        late[k] = late[k - 1] + 0.01 / 15.0 * (drive[k - 1] - late[k - 1])
-    readings = 22.0 + 2.2 * quick + slow * late + 0.01 * rng.standard_normal(len(drive))
-    said = said_of(recorded(tmp_path, DUCT, drive, readings))
+    readings = 22.0 + 2.2 * warmed(drive, 1.2) + slow * warmed(drive, 15.0) + 0.01 * rng.standard_normal(len(drive))
+    said = said_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=readings))
     assert said["verdict"] == verdict
     assert any("times the sensors' noise" in line for line in said["says"]) == (verdict == "unknown_physics")
 
@@ -74,11 +70,8 @@ def test_a_second_way_for_the_heat_is_said_to_be_missing(slow: float, verdict: s
 def test_steps_of_a_sensor_wider_than_noise_may_be_are_all_that_is_missing(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
-    quick = np.zeros(len(drive))
-    for k in range(1, len(drive)):
-        quick[k] = quick[k - 1] + 0.01 / 1.2 * (drive[k - 1] - quick[k - 1])
-    readings = np.round((22.0 + 2.2 * quick + 0.01 * rng.standard_normal(len(drive))) / 2.0) * 2.0
-    said = said_of(recorded(tmp_path, DUCT, drive, readings))
+    readings = np.round((22.0 + 2.2 * warmed(drive, 1.2) + 0.01 * rng.standard_normal(len(drive))) / 2.0) * 2.0
+    said = said_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=readings))
     assert (said["verdict"], [each["name"] for each in said["effects"]]) == ("explained", ["sensor_quantization"])
 
 
@@ -92,5 +85,5 @@ def test_iron_that_saturates_is_found_in_equations_that_name_no_balance(tmp_path
             i += 0.0005 * (drive[k - 1] - 3.0 * i) * (1.0 + (i / 4.0) ** 2) / 0.3
         current[k] = i
     readings = current + 0.02 * rng.standard_normal(len(drive))
-    said = said_of(recorded(tmp_path, COIL, drive, readings))
+    said = said_of(recorded(tmp_path, COIL, voltage_V=drive, current_A=readings))
     assert [each["name"] for each in said["effects"]] == ["inductance_saturation"]

@@ -31,10 +31,11 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     drive = " or ".join(each.name for each in evidence.given.inputs)
     found = []
     for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
-        correlation, _ = alike(*(np.concatenate([pair[k] for pair in pairs]) for k in (0, 1)))
+        real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+        correlation, _ = alike(real, model)
         alone = [alike(*pair)[0] for pair in pairs]
         against = [recording for recording, each in zip(evidence.recordings, alone, strict=True) if each < _ALONE]
-        if _has_no_sign(pairs):
+        if _has_no_sign(real, model) and correlation < _FOLLOWS:
             found.append(
                 f"{signal.name} of {_sources(evidence.recordings)} is never negative, though the plant goes both ways "
                 f'as given: a reading without a sign; write [[plant.effects]] with name = "sensor_rectified" and '
@@ -58,14 +59,13 @@ def _sources(recordings: Sequence[Recording]) -> str:
     return ", ".join(dict.fromkeys(recording.source for recording in recordings))
 
 
-def _has_no_sign(pairs: Sequence[tuple[Array, Array]]) -> bool:
-    """Tell whether a reading is a magnitude: never negative, where the plant goes both ways."""
-    real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+def _has_no_sign(real: Array, model: Array) -> bool:
+    """Tell whether a reading is like a magnitude: never negative, where the plant goes both ways."""
     if np.min(real) < -_SIGNLESS * np.max(real):
         return False
     top = _SIGNLESS * float(np.max(np.abs(model)))
     both = bool(np.min(model) < -top and np.max(model) > top)
-    return both and alike(real, np.abs(model))[0] > _FOLLOWS > alike(real, model)[0]
+    return both and alike(real, np.abs(model))[0] > _FOLLOWS
 
 
 CHECK = Check("sign", look, ("scale", "motor_constants", "rest", "drift", "structure", "excitation"), False)

@@ -26,11 +26,10 @@ Pairs = list[tuple[str, object]]
 
 @dataclass(frozen=True, slots=True)
 class ObjectRows:
-    """A header and the text of each row, what a row is counted as, and how many lines stand before the first."""
+    """A header and the text of each row, and what a row is counted as."""
 
     lines: list[str]
     place: str
-    before: int
 
 
 def begins_json(lines: list[str]) -> int | None:
@@ -51,7 +50,7 @@ def rows_of_json(text: str, begin: int) -> ObjectRows | Misread:
         return whole
     place = "line" if whole is None else "sample"
     rows = _rows(enumerate(lines, begin + 1), place) if whole is None else _rows(enumerate(whole, 1), place)
-    return rows if isinstance(rows, Misread) else ObjectRows(rows, place, begin)
+    return rows if isinstance(rows, Misread) else ObjectRows(rows, place)
 
 
 def _is_whole(lines: list[str]) -> bool:

@@ -30,13 +30,17 @@ def seeded(seed: int) -> np.random.Generator:
     return np.random.default_rng([7, seed])
 
 
+def logged(file, time, columns):
+    """Write a recording of these columns."""
+    values = np.column_stack([time, *columns.values()])
+    np.savetxt(file, values, delimiter=",", header=",".join(["time_s", *columns]), comments="", fmt="%.9g")
+
+
 def written(folder, made, *more: str, effects: str = ""):
     """Write a project and its recording; `more` are lines of [plant.parameters]."""
     table, time, columns = made
     folder.mkdir()
-    names = ["time_s", *columns]
-    values = np.column_stack([time, *columns.values()])
-    np.savetxt(folder / "log.csv", values, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+    logged(folder / "log.csv", time, columns)
     parameters = [
         f"{name} = {{ value = {given['value']!r}, free = {str(given['free']).lower()} }}"
         if isinstance(given, dict)

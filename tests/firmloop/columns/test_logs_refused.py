@@ -9,7 +9,7 @@ import pytest
 
 from bench.host.identify_faults import motor
 from firmloop.cli import main
-from tests.firmloop.columns.test_identify_says import identified, seeded, written
+from tests.firmloop.columns.test_identify_says import identified, logged, seeded, written
 from tests.identify.fitting.test_three_phases import ROWS, VALUES, H
 from tests.identify.fitting.test_three_phases import log as of_axes
 from tests.identify.simulation.test_bridge_columns import INPUTS, STEP
@@ -27,8 +27,7 @@ def refused(verb, folder, capsys) -> str:
 
 
 def machine(folder, inputs, outputs, columns, step):
-    values = np.column_stack([step * np.arange(len(columns["speed_rad_s"])), *columns.values()])
-    np.savetxt(folder / "log.csv", values, delimiter=",", header=",".join(["time_s", *columns]), comments="")
+    logged(folder / "log.csv", step * np.arange(len(columns["speed_rad_s"])), columns)
     parameters = "".join(f"{name} = {{ value = {value!r}, free = true }}\n" for name, value in VALUES.items())
     (folder / "project.toml").write_text(
         f'schema = 1\nname = "drive"\n[recordings]\ntrain = ["log.csv"]\n[plant]\nkind = "pmsm"\n'

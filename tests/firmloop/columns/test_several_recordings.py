@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from bench.host.identify_faults import changed, heater, motor
-from tests.firmloop.columns.test_identify_says import identified, seeded, written
+from tests.firmloop.columns.test_identify_says import identified, logged, seeded, written
 
 
 def beside(folder, made, name="other.csv", line=""):
     """Write a second recording beside the first, and list both."""
     _, time, columns = made
-    values = np.column_stack([time, *columns.values()])
-    header = ",".join(["time_s", *columns])
-    np.savetxt(folder / name, values, delimiter=",", header=header, comments="", fmt="%.9g")
+    logged(folder / name, time, columns)
     text = (folder / "project.toml").read_text()
     listed = text.replace('train = ["log.csv"]', f'train = ["log.csv", "{name}"]\n{line}', 1)
     (folder / "project.toml").write_text(listed)
