@@ -171,7 +171,7 @@ def _hint(search: Search, candidate: Candidate, shows: bool) -> float:
     best = search.best.fitted
     rows = sum(part.size for part in best.residuals)
     more = max(len(candidate.fitted.coordinates) - len(best.coordinates), 1)
-    return float(scipy.stats.chi2.ppf(HINT_OF_CHANCE, more)) - more * math.log(rows)
+    return float(scipy.special.chdtri(more, 1.0 - HINT_OF_CHANCE)) - more * math.log(rows)
 
 
 def _shows(search: Search) -> bool:

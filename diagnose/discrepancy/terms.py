@@ -23,6 +23,7 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linear_filter import filtered
 from firmloop.identify.simulation.linear_response import disturbed
 from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.identify.simulation.simulate import course_of
@@ -230,5 +231,5 @@ def _relaxing(travel: Array, step: float) -> Array:
     """Return how far springs behind dampers are stretched (n, b): each forgets its way over a time (Maxwell's)."""
     steps = np.diff(travel, prepend=travel[0])
     return np.stack(
-        [scipy.signal.lfilter([1.0], [1.0, -np.exp(-step / time)], steps) for time in SPRING_MEMORIES_S], axis=1
+        [filtered(np.ones(1), np.array([1.0, -np.exp(-step / time)]), steps) for time in SPRING_MEMORIES_S], axis=1
     )

@@ -206,9 +206,10 @@ def _drawn(search: Search, groups: Sequence[Array], drop: float) -> float:
 def _bound(sizes: Sequence[int], drop: float, count: int) -> float:
     """Return Bonferroni's bound on the chance that some set of `count` groups takes at least `drop`."""
     if count == 1:
-        return float(np.sum(scipy.stats.chi2.sf(drop, sizes)))
+        return float(np.sum(scipy.special.chdtrc(sizes, drop)))
     lots = math.lgamma(len(sizes) + 1) - math.lgamma(count + 1) - math.lgamma(max(len(sizes) - count, 0) + 1)
-    return float(np.exp(min(lots + scipy.stats.chi2.logsf(drop, count * max(sizes)), 0.0)))
+    single = float(scipy.special.chdtrc(count * max(sizes), drop))
+    return math.exp(min(lots + math.log(single), 0.0)) if single > 0.0 else 0.0
 
 
 def _seed(problem: Problem) -> int:

@@ -79,6 +79,12 @@ class Project:
     rounds: str = "nearest"  # what fixed point does with the places that it drops
 
     @property
+    def formats(self) -> tuple[str, ...]:
+        """The number formats that may be taken, the narrowest first."""
+        arithmetic = self.arithmetic or "float32"
+        return ("fixed16", "fixed32") if arithmetic == "fixed" else (arithmetic,)
+
+    @property
     def controller_inputs(self) -> tuple[Signal, ...]:
         """Every signal that the controller does not put out, in file order (contract, section 7)."""
         outputs = self.controller.outputs if self.controller else ()

@@ -57,16 +57,10 @@ def generate(project: Project, designed: Design, command: str) -> Generated:
     """Turn the law into exact arithmetic and that into C."""
     assert project.arithmetic is not None, "require() has seen to it"
     with located(project):
-        program = lower_within(designed.law, formats_of(project), project.allowed, project.rounds)
+        program = lower_within(designed.law, project.formats, project.allowed, project.rounds)
         bundle = emit(program, command)
         still = zero_input(program)
         ranges = {**proof(program, designed.law.reasons), "zero_input": still.as_dict() if still else None}
         inputs, settings, trace = golden(program)
         extra = package(Delivery(program, bundle, command, inputs, settings, trace.outputs, trace.status))
         return Generated(program, bundle, manifest(program, bundle), extra, ranges, check_proof(ranges), still)
-
-
-def formats_of(project: Project) -> tuple[str, ...]:
-    """Return the number formats that may be taken, the narrowest first."""
-    arithmetic = project.arithmetic or "float32"
-    return ("fixed16", "fixed32") if arithmetic == "fixed" else (arithmetic,)

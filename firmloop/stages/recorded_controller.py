@@ -14,7 +14,6 @@ from firmloop.project.project_text import settled
 from firmloop.quantize.program import QuantizeError
 from firmloop.quantize.twins.qp import optimum
 from firmloop.quantize.word_length import lower_within
-from firmloop.stages.making import formats_of
 from firmloop.stages.plant import plant_of
 from firmloop.verify.replay import Controller
 
@@ -44,7 +43,7 @@ def controller_of(project: Project) -> Controller | None:
     if designed is None or not _plain(designed.law):
         return None
     try:
-        program = lower_within(designed.law, formats_of(project), project.allowed, project.rounds)
+        program = lower_within(designed.law, project.formats, project.allowed, project.rounds)
         wires = reference_and_measurement(designed.law.inputs)
     except (QuantizeError, DesignError):
         return None

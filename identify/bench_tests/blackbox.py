@@ -226,7 +226,7 @@ def check_answer(records: Sequence[Record], model: SampledModel) -> None:
     (chi-squared).
     """
     order, rows = len(model.a), sum(len(record.output) for record in records)
-    enough = float(scipy.stats.chi2.ppf(CERTAIN, 2 * order + 1)) / rows
+    enough = float(scipy.special.chdtri(2 * order + 1, 1.0 - CERTAIN)) / rows
     explained = _explained(_plain(model), records)
     if not explained > enough:
         explained = _explained(fit_oe(records, order, model.late), records)

@@ -10,14 +10,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.stats
+import scipy
 
 from firmloop.identify.bench_tests.blackbox import Record, fit_oe, miss, prefiltered
 
 MOST = 200  # samples of delay that are tried
 COARSE = 8  # samples between the delays that are tried first
 SHARE = 10  # of the rows at most are delay
-CERTAIN = float(scipy.stats.chi2.ppf(0.999, 1))  # least gain of a delay in twice the logarithm of the likelihood
+CERTAIN = float(scipy.special.chdtri(1, 0.001))  # least gain of a delay in twice the logarithm of the likelihood
 _PAST = (0, 1, 2, 4, 8, 16, 32)  # samples
 WRONG = 1.5  # times the mean square error by which means that are left in spoil a fit
 

@@ -166,7 +166,7 @@ def averaged(values: Sequence[float]) -> Measured:
 
 
 def _widened(deviation: float, freedom: int) -> float:
-    return deviation * float(scipy.stats.t.ppf(0.975, freedom)) / NORMAL_95
+    return deviation * float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
 
 def _doubted(one: Measured, more: float) -> Measured:

@@ -35,5 +35,5 @@ def repeated(values: Sequence[float]) -> Repeated:
     if not np.all(np.isfinite(values)):
         return Repeated(float(np.mean(values)), math.nan, math.nan, count)
     deviation = float(np.std(values, ddof=1))
-    half = float(scipy.stats.t.ppf(0.975, count - 1)) * deviation / math.sqrt(count)
+    half = float(scipy.special.stdtrit(count - 1, 0.975)) * deviation / math.sqrt(count)
     return Repeated(float(np.mean(values)), half, deviation, count)

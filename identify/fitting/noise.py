@@ -10,6 +10,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from firmloop.identify.simulation.linear_filter import filtered
+
 Array = NDArray[np.float64]
 
 ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
@@ -31,9 +33,7 @@ class Noise:
         """Return values (q, ...) along the first axis in units of the innovation; the first rows start from rest."""
         if len(self.coefficients) == 0:
             return np.asarray(values / self.scale)
-        kernel = np.concatenate([[1.0], self.coefficients]) / self.scale
-        # A denominator of two makes SciPy filter all columns at once; with one it convolves them one by one.
-        return np.asarray(scipy.signal.lfilter(kernel, [1.0, 0.0], values, axis=0))
+        return filtered(np.concatenate([[1.0], self.coefficients]) / self.scale, np.ones(1), values)
 
     def unlikely(self, rows: int) -> float:
         """Return -2 log likelihood of `rows` rows that it was fitted to, but for a constant, and its price by BIC."""
@@ -42,7 +42,7 @@ class Noise:
 
     def color(self, innovations: Array) -> Array:
         """Return the noise (q, ...) along the first axis that innovations in the output's unit make, from rest."""
-        return np.asarray(scipy.signal.lfilter([1.0], np.concatenate([[1.0], self.coefficients]), innovations, axis=0))
+        return filtered(np.ones(1), np.concatenate([[1.0], self.coefficients]), innovations)
 
 
 def white(scale: float) -> Noise:

@@ -60,10 +60,10 @@ def residual_tests(residual: Array, drive: Array) -> ResidualTests:
         return ResidualTests(lags, 1.0, 1.0, 1.0, 0)
     own = np.array([float(e[k:] @ e[: rows - k]) / power for k in range(1, lags + 1)])
     q = rows * (rows + 2) * float(np.sum(own**2 / (rows - np.arange(1, lags + 1))))
-    whiteness = float(scipy.stats.chi2.sf(q, lags))
+    whiteness = float(scipy.special.chdtrc(lags, q))
     spread = float(residual.std(ddof=1)) / math.sqrt(rows)
     long_run = spread * math.sqrt(max(1.0 + 2.0 * float(np.sum(own)), 0.1))
-    bias = float(2 * scipy.stats.norm.sf(abs(float(residual.mean())) / long_run))
+    bias = float(2 * scipy.special.ndtr(-abs(float(residual.mean())) / long_run))
     independence, worst = _independence(e, u, lags)
     return ResidualTests(lags, whiteness, independence, bias, worst)
 
@@ -90,5 +90,5 @@ def _independence(e: Array, u: Array, lags: int) -> tuple[float, int]:
     variance = max(variance, 0.05 * own[0][0] * own[0][1]) / rows
     cross = np.array([float(e[k:] @ u[: rows - k]) / rows for k in range(lags + 1)]) / math.sqrt(variance)
     worst = int(np.argmax(np.abs(cross)))
-    single = float(2 * scipy.stats.norm.sf(abs(cross[worst])))
+    single = float(2 * scipy.special.ndtr(-abs(cross[worst])))
     return 1.0 - (1.0 - single) ** (lags + 1), worst

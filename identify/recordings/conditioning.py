@@ -238,7 +238,9 @@ def find_lag(time: Array, measured: Array, simulated: Array, longest: float) -> 
     reach = min(int(np.ceil(longest / step)) + 1, (len(grid) - 3) // 4)
     template = early[reach : len(grid) - reach]
     template = template - template.mean()
-    product = scipy.signal.correlate(late, template, mode="valid", method="fft")
+    rows = scipy.fft.next_fast_len(len(late), real=True)
+    spectrum = scipy.fft.rfft(late, rows) * np.conj(scipy.fft.rfft(template, rows))
+    product = scipy.fft.irfft(spectrum, rows)[: len(late) - len(template) + 1]  # as far as nothing wraps around
     sums, energies = (np.cumsum(np.concatenate([[0.0], late**power])) for power in (1, 2))
     size = len(template)
     spread = energies[size:] - energies[:-size] - (sums[size:] - sums[:-size]) ** 2 / size

@@ -14,6 +14,7 @@ from firmloop.identify.plants.per_recording import without_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.engine import effect_simulator
+from firmloop.identify.simulation.linear_filter import filtered
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import course_of, rest_start
 from firmloop.identify.simulation.superset import efforts
@@ -32,7 +33,7 @@ class Response:
         """Return what torques `push` (n, b) do to the outputs (rows, r, b)."""
         full = np.zeros((rows, push.shape[1]))
         full[: len(push)] = push
-        return np.stack([scipy.signal.lfilter(row, self.bottom, full, axis=0) for row in self.top], axis=1)
+        return np.stack([filtered(row, self.bottom, full) for row in self.top], axis=1)
 
 
 def response(plant: Plant, values: Mapping[str, float], recording: Recording, number: int = 0) -> Response:
@@ -47,8 +48,9 @@ def response(plant: Plant, values: Mapping[str, float], recording: Recording, nu
     whole[:states, :states] = bare.a
     whole[balance.state, states] = float(balance.per(constants))
     moved = scipy.linalg.expm(whole * course_of(plant, recording).step)
-    outputs, none = bare.c, np.zeros((len(bare.c), 1))
-    return Response(*scipy.signal.ss2tf(moved[:states, :states], moved[:states, states:], outputs, none))
+    a, b = moved[:states, :states], moved[:states, states:]
+    bottom = np.asarray(np.poly(a), dtype=np.float64)  # det(z - a); det(z - a + b c) - det(z - a) = c adj(z - a) b
+    return Response(np.stack([np.poly(a - b * row) - bottom for row in bare.c]), bottom)
 
 
 def disturbed(plant: Plant, values: Mapping[str, float], recording: Recording, push: Array, number: int = 0) -> Array:

@@ -71,6 +71,11 @@ def test_only_what_draws_loads_matplotlib(project: Path, tmp_path: Path, command
     assert status == 0 and not names & {"matplotlib", "pandas", "nfoursid", "h5py", "control", "numba", "pyarrow", "z3"}
 
 
+def test_a_diagnosis_loads_no_statistics_but_special_functions(project: Path, tmp_path: Path) -> None:
+    status, _, names = loaded(["diagnose", str(project), "--out", str(tmp_path / "out")])
+    assert status in (0, 1) and not names & {"scipy.signal", "scipy.stats", "scipy.optimize", "pandas", "numba", "z3"}
+
+
 def test_a_command_is_called_as_its_file() -> None:
     assert len(command_names()) >= 18
     for name in command_names():

@@ -155,7 +155,7 @@ def _spread(
     except IdentifyError:  # some draw has no continuous model: neither has its spread a meaning
         return None
     integrates = any(np.isinf(gain_at_rest(one)) for one in drawn)
-    factor = float(scipy.stats.t.ppf(0.975, DRAWS - 1))
+    factor = float(scipy.special.stdtrit(DRAWS - 1, 0.975))
     poles = np.array([poles_of(one) for one in drawn])
     return {
         "gain": None if integrates else factor * float(np.std([gain_at_rest(one) for one in drawn], ddof=1)),

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
@@ -23,6 +22,7 @@ from firmloop.identify.recordings.guess import (
 )
 from firmloop.identify.recordings.recording import Recording, read_raw, read_recording
 from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.simulation.linear_filter import filtered
 
 Array = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ def _lagging(drive: Array, values: Array) -> float:
     away, shares = values - np.mean(values), [0.0]
     for rows in np.geomspace(1.0, max(len(drive) / _LONGEST_LAG, 2.0), _LAGS):
         stays = float(np.exp(-1.0 / rows))
-        shown = scipy.signal.lfilter([0.0, 1.0 - stays], [1.0, -stays], drive - drive[0])
+        shown = filtered(np.array([0.0, 1.0 - stays]), np.array([1.0, -stays]), drive - drive[0])
         shown = shown - np.mean(shown)
         size = float(np.linalg.norm(shown) * np.linalg.norm(away))
         shares.append((float(shown @ away) / size) ** 2 if size > 0.0 else 0.0)
