@@ -259,6 +259,7 @@ FAR_BETTER_POWER = 0.5  # of the power that the fit from where it is given leave
 CLOSE_POWER = 0.01  # of the outputs' power: where a fit leaves less, no other start is tried
 MET_POWER = 0.1  # of the outputs' power may be left where a fit tells what the parameters are
 CLOCK_GAP_STEPS = 3.0  # usual steps from which a gap between rows may be a jump of the clock
+USUAL_GAPS = 0.98  # of all gaps between rows; longer ones are not the logger's usual steps
 CLOSED_GAP_POWER = 0.8  # of the power that is left with the gap, if the motion knows nothing of it
 APART_POWER = 5.0  # times the power that separate fits leave, from which recordings are of different machines
 OTHER_MACHINE = 1.3  # and factor between their parameters
