@@ -112,7 +112,8 @@ def spoiled(finding: Finding) -> Finding:
     said = (
         "Something is missing, but no effect of the library makes every simulation better: "
         f"{' + '.join(each.name for each in finding.effects)} came nearest, but simulates a recording worse than the "
-        "plain refit, or what was left out of the fit no nearer; the written project therefore is the refit."
+        "plain refit, or what was left out of the fit no nearer, or by less than it still misses; the written project "
+        "therefore is the refit."
     )
     others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
     return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))

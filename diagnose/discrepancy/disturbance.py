@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, nominal_plant, tracker
 from firmloop.diagnose.finding import Disturbance
+from firmloop.diagnose.model.candidate import rms_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
-from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, RIVALS_DRIVE, WALKS
+from firmloop.diagnose.policy import COLORED_SENSOR, MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, RIVALS_DRIVE, WALKS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import oversized
 from firmloop.identify.plants.attach import with_effects
@@ -29,13 +30,14 @@ Array = NDArray[np.float64]
 def rivals_noise(search: Search) -> bool:
     """Tell whether what the plant alone leaves is more than noise may be, and than a disturbance below half the drive.
 
-    Where a balance is known: a push that is little beside the drive may lead a position far away.
+    More than noise may be in its slow part, or far more than a sensor's own. Where a balance is known: a push that is
+    little beside the drive may lead a position far away.
     """
     problem, alone = search.problem, search.nominal
-    if not oversized(alone.noises):
-        return False
     residuals = alone.fitted.residuals
     noise = sensor_noises(residuals, problem.floors)
+    if not oversized(alone.noises) and not np.any(rms_of(residuals) > COLORED_SENSOR * np.array(noise)):
+        return False
     found = disturbances(nominal_plant(search, alone), problem.train, residuals, noise)
     shares = [each.share for each in found.values() if each.share is not None]
     return not shares or max(shares) > RIVALS_DRIVE

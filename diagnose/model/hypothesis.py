@@ -20,13 +20,14 @@ from firmloop.diagnose.policy import (
     ROUGH_DIFFERENCE_STEP,
     SLOW_NOISE,
 )
+from firmloop.identify.fitting.own_values import usual_start
 from firmloop.identify.plants.attach import EffectUse, all_uses, label_of, parameters_of, site_of, values_of
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.per_recording import named_effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import measured, rest_start
+from firmloop.identify.simulation.simulate import measured
 from firmloop.identify.simulation.superset import Superset, inertia_parameter, scales_of, superset
 
 Array = NDArray[np.float64]
@@ -254,9 +255,9 @@ def first_point(problem: Problem, recordings: Sequence[Recording]) -> Point:
 
 
 def full_start(problem: Problem, recording: Recording) -> Array:
-    """Return the start at rest in the superset's states."""
+    """Return the usual start in the superset's states: at rest, or of what moves by itself as its readings begin."""
     start = np.zeros(len(problem.engine.states))
-    start[: len(problem.plant.states)] = rest_start(problem.plant, recording)
+    start[: len(problem.plant.states)] = usual_start(problem.plant, recording)
     return start
 
 

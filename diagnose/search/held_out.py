@@ -16,7 +16,7 @@ from firmloop.diagnose.model.candidate import (
     clearly_nearer,
     residual_sizes,
 )
-from firmloop.diagnose.model.fit import Fitted, ended, strength, with_other_answer
+from firmloop.diagnose.model.fit import Fitted, ended, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
@@ -102,8 +102,11 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
         here = slim
     fitted = here.search.best.fitted
     none = all(strength(fitted, each) <= NORMAL_95 for each in fitted.terms) and not _shows(here)
-    # What explains motion that is no noise brings simulations nearer; of what may be noise innovations may tell more.
+    # What explains motion that is no noise brings simulations nearer, by as much as it leaves if that is none; of what
+    # may be noise innovations may tell more.
     most = 1.0 / (SAME_RMS if oversized(found.nominal.noises) else NEARER_RMS)
+    if oversized(noises_of(found.problem, fitted.residuals)):
+        most = CLOSER_RMS
     if none or not here.safe or here.ratio >= most:
         return None, here.left.figures
     return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.left.figures

@@ -15,6 +15,7 @@ from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import course_of, rest_start, simulator
 
 Array = NDArray[np.float64]
@@ -79,25 +80,38 @@ def by_itself(plant: Plant, recording: Recording) -> bool:
     return not np.any(np.ptp(course_of(plant, recording).drive, axis=0))
 
 
-def _as_read(plant: Plant, recording: Recording, start: Array) -> Array:
-    """Return the initial state (n,) as its own readings begin; from rest, a search may end in another turn."""
-    found, few = start.copy(), max(len(recording.time) // _BEGINNING, _FEWEST)
-    for index, state in enumerate(plant.states):
-        place = state.name.replace("speed", "position").removesuffix("_s")
-        if state.name in recording.columns:
-            found[index] = recording.columns[state.name][0]
-        elif state.name.startswith("speed_") and place in recording.columns:
-            found[index] = np.polyfit(recording.time[:few], recording.columns[place][:few], 1)[0]
+def usual_start(plant: Plant, recording: Recording) -> Array:
+    """Return the initial state (n,) at rest; of what moves by itself as its own readings begin.
+
+    From rest, a search for that may end in another turn. A state that is read begins there, one that is the
+    rate of such a state as quickly as its readings begin to move.
+    """
+    found = rest_start(plant, recording)
+    if not by_itself(plant, recording):
+        return found
+    line, few = linearize(plant), max(len(recording.time) // _BEGINNING, _FEWEST)
+    read = {int(np.argmax(row)): k for k, row in enumerate(line.c) if _picks_one(row)}
+    columns = {state: recording.columns.get(plant.outputs[k].name) for state, k in read.items()}
+    for index in range(len(line.a)):
+        reading = columns.get(index)
+        begins = next((columns.get(k) for k in read if _picks_one(line.a[k]) and line.a[k, index]), None)
+        if reading is not None:
+            found[index] = reading[0]
+        elif begins is not None:
+            found[index] = np.polyfit(recording.time[:few], begins[:few], 1)[0]
     return found
+
+
+def _picks_one(row: Array) -> bool:
+    """Tell whether a row takes one state as it is."""
+    return np.count_nonzero(row) == 1 and float(np.max(row)) == 1.0
 
 
 def fit_start(plant: Plant, recording: Recording, constants: Array, conditioning: Conditioning) -> Array:
     """Estimate the initial state (n,) of a recording for the plant as it is, whatever the windows of `conditioning`."""
     (made,) = experiments(plant, recording, replace(conditioning, window_s=0.0))
     engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
-    begin, weights = rest_start(plant, recording), 1.0 / np.where(spread > 0.0, spread, 1.0)
-    if by_itself(plant, recording):  # From rest, what only coasts may end in another turn.
-        begin = _as_read(plant, recording, begin)
+    begin, weights = usual_start(plant, recording), 1.0 / np.where(spread > 0.0, spread, 1.0)
     found = best_start(made, engine, constants, begin, weights)
     if len(spread) == 1:
         return found

@@ -9,6 +9,7 @@ import numpy as np
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, unexplained
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linearize import linearize
 
 _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "thousands of seconds": 1e3, "hours": 3600.0}
 _ALIKE = 0.9  # correlation of every output with the plant as given, on the right clock
@@ -21,7 +22,11 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     plain = unexplained(evidence, recording)
     if plain is None:
         return ()
-    tried = {unit: unexplained(evidence, _converted(recording, factor)) for unit, factor in _UNITS.items()}
+    swings = float(np.max(np.abs(np.linalg.eigvals(linearize(evidence.given).a).imag), initial=0.0))  # rad/s
+    step = float(np.median(np.diff(recording.time)))
+    # What swings more than once between two rows nobody has recorded, and to simulate it takes hours.
+    units = {unit: factor for unit, factor in _UNITS.items() if swings * step * factor < np.pi}
+    tried = {unit: unexplained(evidence, _converted(recording, factor)) for unit, factor in units.items()}
     known = {unit: shares for unit, shares in tried.items() if shares is not None}
     if not known:
         return ()

@@ -1,0 +1,52 @@
+"""What moves by itself begins where its readings say; the checks of a free swing do not simulate it for hours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from firmloop.identify.fitting.checks import clock_unit
+from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.own_values import usual_start
+from firmloop.identify.plants.ode import make_ode
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording, make_recording
+from firmloop.identify.simulation.simulate import simulate
+
+PENDULUM = make_ode(
+    {
+        "kind": "ode",
+        "states": ["theta", "rate"],
+        "inputs": ["torque_N_m"],
+        "outputs": {"swing_rad": "theta"},
+        "derivatives": {"theta": "rate", "rate": "(torque_N_m - 0.3*sin(theta) - b_N_m_s_rad*rate)/0.01"},
+        "parameters": {"b_N_m_s_rad": 3e-4},
+    }
+)
+
+
+def swinging(drive: float) -> Recording:
+    """Return ten seconds of a swing from 1.2 rad at -2 rad/s, with a drive at one moment."""
+    time = np.arange(0.0, 10.0, 0.01)
+    torque = np.where(np.isclose(time, 5.0), drive, 0.0)
+    blank = make_recording(time, {"torque_N_m": torque, "swing_rad": np.zeros_like(time)}, "swing.csv", "")
+    moved = simulate(PENDULUM, blank, np.array([1.2, -2.0]))[:, 0]
+    return make_recording(time, {"torque_N_m": torque, "swing_rad": moved}, "swing.csv", "")
+
+
+def test_a_free_swing_begins_as_its_readings_do_whatever_its_states_are_called() -> None:
+    assert usual_start(PENDULUM, swinging(0.0)) == pytest.approx([1.2, -2.0], abs=1.5)
+    assert np.all(usual_start(PENDULUM, swinging(0.1)) == 0.0)
+
+
+def test_a_clock_on_which_rows_would_miss_whole_swings_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[float] = []
+
+    def share(evidence: Evidence, recording: Recording) -> list[float]:
+        tried.append(float(recording.time[-1]))
+        return [1.0]
+
+    monkeypatch.setattr(clock_unit, "unexplained", share)
+    evidence = Evidence(PENDULUM, (swinging(0.0),), NONE, None)
+    assert clock_unit.look(evidence) == ()
+    assert max(tried) == pytest.approx(9.99)  # rows 0.6 s apart hide half a swing of 1.15 s and more
