@@ -212,6 +212,7 @@ MOST_WEIGHED_ROWS = 4000  # of all recordings, by which it is weighed how quickl
 QUICK_WALK = 0.3  # of the noise, that a step of a disturbance does to an output: it shows within a few rows
 WALKS = tuple(float(walk) for walk in np.geomspace(1.0, 1e-4, 7))  # the same, as may be likeliest
 COLORED_SENSOR = 10.0  # times a sensor's white noise; coloured noise of 140 nulls leaves at most 7 times that
+MOST_DIGITS = 9  # of a value that is printed beside its interval
 RIVALS_DRIVE = 0.5  # of the drive's rms, from which a disturbance is no noise
 MOTION_MISSED = 0.05  # of what an output moves: noise of a sensor is rarely more
 STILL_MISSING = 1.2  # residual over sensor noise, from which it is said how much is missing: estimates differ by less

@@ -29,6 +29,7 @@ from firmloop.diagnose.policy import (
     HARDLY_MEANT,
     HINT_OF_CHANCE,
     MINOR_SHARE,
+    MOST_DIGITS,
     SHOWN_RMS,
     SOFT_EVIDENCE,
     STEPS_OF_A_FIT,
@@ -293,7 +294,9 @@ def _with_interval(each: Estimate) -> str:
     if each.interval is None:
         return f"{each.value:.4g}{unit}"
     half = 0.5 * (each.interval[1] - each.interval[0])
-    return f"{each.value:.4g} ± {half:.2g}{unit}"
+    told = math.log10(abs(each.value) / half) if half > 0.0 and each.value != 0.0 else 0.0
+    digits = min(max(4, math.ceil(told) + 2), MOST_DIGITS)  # a gain of 1.0003 that is known to 3e-5 is not 1
+    return f"{each.value:.{digits}g} ± {half:.2g}{unit}"
 
 
 def _alternatives(search: Search, shown: Candidate, candidates: Sequence[Candidate]) -> tuple[Alternative, ...]:

@@ -104,8 +104,11 @@ def make_recording(time: Array, columns: Mapping[str, Array], source: str, sha25
     return Recording(_read_only(time), MappingProxyType(frozen), signals, source, sha256)
 
 
-def column(recording: Recording, name: str) -> Array:
-    """Return one column, or raise IdentifyError that lists those there are, with the line for one in another unit."""
+def column(recording: Recording, name: str, otherwise: str = "") -> Array:
+    """Return one column, or raise IdentifyError that lists those there are, with the line for one in another unit.
+
+    `otherwise` is what else there is to do than to map a foreign name.
+    """
     if name not in recording.columns:
         if holds := recording.words.get(name):
             raise IdentifyError(
@@ -116,7 +119,7 @@ def column(recording: Recording, name: str) -> Array:
         aside = f"; without numbers: {without[:200]}" if without else ""
         raise IdentifyError(
             f"{recording.source}: column {name} is missing; it has {', '.join(recording.columns) or 'only time_s'} "
-            f"(map a foreign name in [recordings.rename]){aside}",
+            f"(map a foreign name in [recordings.rename]{otherwise}){aside}",
             f"[recordings.rename]\n{lines[0]}" if lines else "",
         )
     return recording.columns[name]

@@ -129,7 +129,8 @@ def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
 
 def course_of(plant: Plant, recording: Recording) -> Course:
     """Take the plant's inputs and the time stamps out of a recording."""
-    drive = np.column_stack([column(recording, signal.name) for signal in plant.inputs])
+    undriven = "; where nothing drives the plant, as in a free decay, write the column with zeros"
+    drive = np.column_stack([column(recording, signal.name, undriven) for signal in plant.inputs])
     time = evened(recording.time)
     distances = np.diff(time)
     step = float(np.median(distances))
