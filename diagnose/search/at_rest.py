@@ -30,7 +30,7 @@ def rested(found: Search) -> Search:
     begun = {frozenset(each.fitted.terms): _begins(found.problem, each) for each in (*reversed(tied), best)}
     if not any(np.all(away < AT_REST) for away in begun.values()):
         return found
-    behind = TIE * len(found.problem.train)
+    behind = TIE * (len(found.problem.train) - 0.5)  # one recording that begins so may have; two leave nothing open
     moving = {terms for terms, away in begun.items() if np.all(away > IN_MOTION)}
 
     def put_back(candidate: Candidate) -> Candidate:
