@@ -122,7 +122,7 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     short = shortened(plant, train, TRIAL_ROWS)
     try:
         begun = _trial(plant, short)
-        best = begun if begun.power < CLOSE_POWER * len(begun.slopes) else _best_trial(plant, short, begun)
+        best = _best_trial(plant, short, begun)
     except IdentifyError:
         return  # preflight will say it better
     found = best if best.power < FAR_BETTER_POWER * begun.power else begun
@@ -298,9 +298,9 @@ class _Trial:
 
 def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Trial:
     """Return the best of the fit from where the plant is given and those from a tenth and ten times each parameter."""
-    best = begun
+    best, off = begun, begun.power >= CLOSE_POWER * len(begun.slopes)  # else there is next to nothing to gain
     for index, parameter in enumerate(plant.parameters):
-        for factor in (0.1, 10.0) if parameter.free and parameter.value > 0.0 else ():
+        for factor in (0.1, 10.0) if off and parameter.free and parameter.value > 0.0 else ():
             value = parameter.value * factor
             if parameter.low <= value <= parameter.high:
                 moved = list(plant.parameters)

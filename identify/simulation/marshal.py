@@ -24,7 +24,7 @@ from firmloop.identify.simulation.segments import Segments
 Array = NDArray[np.float64]
 
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-Wl,-Bsymbolic")
-_DRIVER = ("memo.h", "problem.h", "stick.c", "propagate.c", "glide.c", "pace.c", "segments.c")
+_DRIVER = ("memo.h", "problem.h", "fastest.h", "stick.c", "propagate.c", "glide.c", "pace.c", "segments.c")
 _LOOKS = {1: "v->i", 2: "v->effort"}  # as in driver/problem.h
 _TURN, _TOUCH = 4, 8  # the same
 _MOST_FLANKS = 1 << 3  # as bits, the same; more of them are no part of what is exact

@@ -2,7 +2,7 @@
 
 CasADi writes the plant's equations and their derivatives as C; `driver/` holds the loop over the rows and two
 integrators. A plant whose equations are linear in state and input (all kinds without further effects) is moved by
-matrix exponentials, anything else by Runge-Kutta of order four. One library per set of equations is built and kept;
+matrix exponentials, anything else by Runge-Kutta of order five. One library per set of equations is built and kept;
 values of parameters are arguments, so that a fit builds nothing.
 """
 
@@ -34,9 +34,6 @@ Array = NDArray[np.float64]
 
 # -ffp-contract=off: the same sums on every machine, so that a fit can be repeated to the last digit.
 _FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-Wl,-Bsymbolic")
-# Whose steps must follow how fast the equations change where the plant is: at rest they tell nothing of that.
-_QUICKER_MOVING = ("ode", "pmsm")
-_LONGEST_SUBSTEP = 0.25  # over the fastest eigenvalue's magnitude; a decay is then right to 3e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +45,7 @@ class Simulator:
     outputs: int
     constants: int
     delay: int  # index among the constants, -1 for none
-    stiffness: ca.Function | None  # drate/dx, only where Runge-Kutta needs its substep from it
+    linear: bool
 
     @property
     def sticking(self) -> Sequence[int]:
@@ -63,19 +60,21 @@ class Simulator:
         self, course: Course, constants: Array, start: Array, which: Sequence[int]
     ) -> tuple[Array, Array]:
         """Also return dy/d(constants[which], start): (q, r, len(which) + number of states)."""
-        return self._call(course, constants, start, which, True)
+        return self._call(course, constants, start, which, True)[:2]
 
     def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
-        """Return `start`: in a plant that is linear any guess leads to the best start."""
-        return start
+        """Return where the plant is on average (n,); `start` where it is linear: there any guess leads to the best."""
+        return start if self.linear else self._call(course, constants, start, (), False)[2]
 
     def _call(
         self, course: Course, constants: Array, start: Array, which: Sequence[int], from_start: bool
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, Array]:
+        """Return outputs, slopes, and the mean of the states (n,) over the rows."""
         rows = course.end - course.first
         directions = len(which) + (self.states if from_start else 0)
         outputs = np.empty((rows, self.outputs))
         slopes = np.empty((rows, self.outputs, directions))
+        usual = np.zeros(self.states)
         chosen = np.asarray(which, dtype=np.int32)
         fixed = np.ascontiguousarray(constants)
         begin = np.ascontiguousarray(start)
@@ -87,26 +86,20 @@ class Simulator:
             fixed.ctypes.data,
             begin.ctypes.data,
             float(fixed[self.delay]) if self.delay >= 0 else 0.0,
-            self._step(course, fixed),
+            course.step,
             course.longest,
             len(which),
             chosen.ctypes.data,
             int(from_start),
             outputs.ctypes.data,
             slopes.ctypes.data,
+            usual.ctypes.data,
         )
         if done < 0:
             raise MemoryError("the simulator ran out of memory")
         outputs[done:] = math.nan
         slopes[done:] = math.nan
-        return outputs, slopes
-
-    def _step(self, course: Course, constants: Array) -> float:
-        if self.stiffness is None:
-            return course.step
-        rest = np.asarray(self.stiffness(np.zeros(self.states), 0.0, constants))
-        fastest = float(np.max(np.abs(np.linalg.eigvals(rest)))) if np.all(np.isfinite(rest)) else 0.0
-        return min(course.step, _LONGEST_SUBSTEP / fastest) if fastest > 0.0 else course.step
+        return outputs, slopes, usual
 
 
 def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
@@ -203,10 +196,6 @@ def simulator(plant: Plant, hold: str = "zero_order") -> Engine:
     """Return the compiled equations of a plant; built once per set of equations, whatever the parameter values."""
     if plant.effects or plant.varying or hold != "zero_order" or not plant.states or plant.input_at_rest is not None:
         return effect_simulator(plant)
-    if plant.kind in _QUICKER_MOVING:
-        engine = effect_simulator(plant)
-        if engine.equations is not None:
-            return engine
     names = [parameter.name for parameter in plant.parameters]
     delay = names.index(plant.delay) if plant.delay is not None else -1
     return _compiled(plant.rate.serialize(), plant.reading.serialize(), delay)
@@ -230,8 +219,9 @@ def _compiled(rate_text: str, reading_text: str, delay: int) -> Simulator:
         matrix = ca.densify(ca.horzcat(driven, still))
         functions.append(_dense("equations_linear", [p], [matrix, ca.jacobian(ca.vec(matrix), p)]))
     else:
-        slopes = [ca.jacobian(moved, x), ca.jacobian(moved, p)]
-        functions.append(_dense("equations_rate_slopes", [x, u, p], [moved, *slopes]))
+        by_state = ca.jacobian(moved, x)
+        functions.append(_dense("equations_rate_by_state", [x, u, p], [by_state]))
+        functions.append(_dense("equations_rate_slopes", [x, u, p], [moved, by_state, ca.jacobian(moved, p)]))
     sizes = {
         "N_STATE": states,
         "N_INPUT": inputs,
@@ -242,9 +232,8 @@ def _compiled(rate_text: str, reading_text: str, delay: int) -> Simulator:
     library = ctypes.CDLL(str(_build(functions, sizes, "exact.c" if linear else "runge_kutta.c")))
     whole, real, array = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
     library.run_rows.restype = whole
-    library.run_rows.argtypes = [whole, whole, *[array] * 4, *[real] * 3, whole, array, whole, array, array]
-    stiffness = None if linear else ca.Function("stiffness", [x, u, p], [ca.densify(ca.jacobian(moved, x))])
-    return Simulator(library, states, sizes["N_OUTPUT"], constants, delay, stiffness)
+    library.run_rows.argtypes = [whole, whole, *[array] * 4, *[real] * 3, whole, array, whole, array, array, array]
+    return Simulator(library, states, sizes["N_OUTPUT"], constants, delay, linear)
 
 
 def _dense(name: str, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> ca.Function:
@@ -274,7 +263,8 @@ def _build(functions: Sequence[ca.Function], sizes: Mapping[str, int], integrato
         )
     header.append("#endif")
     folder = files("firmloop.identify.simulation").joinpath("integrator")
-    driver = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("advance.h", "rows.c", integrator)}
+    names = ("advance.h", "fastest.h", "rows.c", integrator)
+    driver = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
     everything = "\n".join(['#include "plant.c"', f'#include "{integrator}"', '#include "rows.c"', ""])
     texts = {
         "equations.c": generator.dump(),

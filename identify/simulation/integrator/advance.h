@@ -24,7 +24,7 @@ typedef struct {
     int directions;       /**< constants differentiated for; 0 together with start 0: no sensitivities */
     const int *direction; /**< their indices */
     int start;            /**< 1: also differentiate for the N_STATE initial states */
-    double step;          /**< s; typical row distance (exact) or longest substep (runge_kutta) */
+    double step;          /**< s; typical row distance */
     double ladder_step;   /**< s; shortest tabulated length */
     int levels;           /**< tabulated lengths, each twice the one before */
     double *ladder;       /**< their propagators */

@@ -40,7 +40,7 @@ static int coarsest(run_t *run, double length) {
         for (int j = 0; j < n * n; ++j) {
             by_x[j] = isfinite(by_x[j]) ? by_x[j] : 0.0;
         }
-        rate = 4.0 * fastest(n, by_x); /* nothing of it is in A */
+        rate = 4.0 * fastest(n, by_x, SQUARED); /* nothing of it is in A */
     }
     look_round(run);
     memcpy(now, run->first, (size_t)n * sizeof(double));

@@ -14,6 +14,7 @@
 #define FINEST 1e-3    /* norm(A) h of the shortest tabulated length */
 #define BRIEF 0.03     /* norm(A) h up to which the classical formula is right to 1e-9 */
 #define MOST_EVENTS 64 /* in one segment; more is chatter */
+#define SQUARED 3      /* times, for how fast something can change: within some 2 times */
 #define BOUNCE 0.125   /* of how fast a flank's force changes: no step may miss that bodies touch */
 #define SHARPEST 10    /* level of the step in which bodies come to touch, or part */
 

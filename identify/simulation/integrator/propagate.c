@@ -4,6 +4,8 @@
  */
 #include "problem.h"
 
+#include "fastest.h"
+
 /* What A is now: which coordinates stick, and which flanks touch. */
 static int mode(const run_t *run) {
     int found = run->pressed << MOST_STUCK;
@@ -30,46 +32,6 @@ static void loosen(const run_t *run, const double *x, double *n_out) {
             n_out[f->target] -= f->per * dot(SIZE(k), &k->flanks[j * SIZE(k)], x);
         }
     }
-}
-
-static void multiply(int n, const double *a, const double *b, double *out) {
-    memset(out, 0, (size_t)(n * n) * sizeof *out);
-    for (int i = 0; i < n; ++i) {
-        for (int j = 0; j < n; ++j) {
-            const double f = a[i * n + j];
-            if (f != 0.0) {
-                for (int l = 0; l < n; ++l) {
-                    out[i * n + l] += f * b[j * n + l];
-                }
-            }
-        }
-    }
-}
-
-/* How fast dx/dt = M x can change, 1/s: the largest sum of a row of M^8, to the power 1/8, bounds and nearly is the
- * largest eigenvalue's magnitude, whatever units the states are in. M is destroyed. */
-static double fastest(int n, double *m) {
-    double squared[MOST * MOST], scale = 1.0, most = 0.0;
-    for (int turn = 0; turn <= 3; ++turn) {
-        most = 0.0;
-        for (int i = 0; i < n; ++i) {
-            double sum = 0.0;
-            for (int j = 0; j < n; ++j) {
-                sum += fabs(m[i * n + j]);
-            }
-            most = fmax(most, sum);
-        }
-        if (!(most > 0.0) || !isfinite(most)) {
-            return 0.0;
-        }
-        scale *= pow(most, ldexp(1.0, -turn));
-        for (int i = 0; i < n * n; ++i) {
-            m[i] /= most;
-        }
-        multiply(n, m, m, squared);
-        memcpy(m, squared, (size_t)(n * n) * sizeof *m);
-    }
-    return scale;
 }
 
 /* Per level, from `length` on by halves: exp(Ah) - 1, h phi1, h phi2 and the three weights of the formula, n x n each.

@@ -49,11 +49,11 @@ static void read_row(const course_t *course, const motion_t *motion, double *y, 
  * on their way. Returns the rows that came out finite (all of them when it went well), or -1 when memory ran out.
  *
  * time (end), input (end x N_INPUT), p (N_CONSTANT), x (N_STATE), y (end - first x N_OUTPUT),
- * dy (end - first x N_OUTPUT x (directions + N_STATE if start)).
+ * dy (end - first x N_OUTPUT x (directions + N_STATE if start)), usual (N_STATE): the mean of x over the rows.
  */
 int run_rows(int first, int end, const double *time, const double *input, const double *p, const double *x,
              double delay, double step, double longest, int directions, const int *direction, int start, double *y,
-             double *dy) {
+             double *dy, double *usual) {
     course_t course = {.p = p, .directions = directions, .direction = direction, .start = start, .step = step};
     motion_t motion = {{0.0}, {0.0}, {0.0}};
     int waiting = 0; /* the next row whose input has not acted yet */
@@ -78,6 +78,9 @@ int run_rows(int first, int end, const double *time, const double *input, const 
                 finish(&course);
                 return done;
             }
+        }
+        for (int i = 0; i < N_STATE; ++i) {
+            usual[i] += (motion.x[i] - usual[i]) / (done + 1);
         }
         if (row + 1 == end) {
             break;

@@ -182,7 +182,7 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
     for (int level = 0; level < run->levels; ++level) {
         run->lengths[level] = ldexp(k->step, -level);
     }
-    run->brief = reach > 0.0 ? BRIEF / (k->asked & TOUCH ? fastest(n, whole) : reach) : 0.0;
+    run->brief = reach > 0.0 ? BRIEF / (k->asked & TOUCH ? fastest(n, whole, SQUARED) : reach) : 0.0;
     run->moving = k->settling;
     for (int j = 0; j < k->terms; ++j) {
         run->moving |= k->term[j].rate[2] != 0.0 || (is_memory(k->term[j].code) && k->term[j].position >= 0);

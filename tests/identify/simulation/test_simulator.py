@@ -143,7 +143,7 @@ def test_agrees_with_scipy_on_uneven_rows(case: str) -> None:
     recording = uneven(40, step, plant.inputs[0].name)
     ours, theirs = simulate(plant, recording, np.array(start)), by_scipy(truth, recording, np.array(start))
     scale = np.max(np.abs(theirs), axis=0)
-    tolerance = 1e-4 if case.startswith("nonlinear") else 1e-7
+    tolerance = 2e-6 if case.startswith("nonlinear") else 1e-7
     np.testing.assert_allclose(ours / scale, theirs / scale, atol=tolerance)
 
 
@@ -154,7 +154,7 @@ def test_sensitivities_agree_with_finite_differences(case: str) -> None:
     engine, course, constants = simulator(plant), course_of(plant, recording), constants_of(plant)
     which = [k for k, p in enumerate(plant.parameters) if p.value != 0.0]
     # Runge-Kutta's substeps move with the delay, which costs the derivative its own truncation error.
-    tolerance = 2e-3 if case.startswith("nonlinear") else 2e-4
+    tolerance = 5e-4 if case.startswith("nonlinear") else 2e-4
     outputs, slopes = engine.run_with_slopes(course, constants, start, which)
     np.testing.assert_allclose(outputs, engine.run(course, constants, start), rtol=1e-12, atol=1e-12)
     for place, k in enumerate(which):
