@@ -13,7 +13,7 @@
 #define MOST N_STATE
 #include "fastest.h"
 
-#define MOST_SUBSTEPS 4096.0
+#define MOST_SUBSTEPS 512.0 /* of a row: a search that has gone as far astray as that is held up for nothing */
 #define ROUNDED 1e-6 /* of a row: what is longer by that is no longer */
 #define LONGEST 0.2  /* substep times how fast the equations change: a decay is then right to 1e-7 */
 #define SLOPES 6
