@@ -33,7 +33,8 @@ LONGEST, LONGEST_SEARCHED = 50_000, 5_000  # samples of a step: a search takes a
 MOST_WORK = 5_000_000  # samples of a step times the states of plant and law, past inputs included
 BLOCK = 500  # samples run at one go: what builds a run of n samples takes n log n, and takes it once for a block
 SLOWEST = 1 - 1e-9  # a pole above it counts as one at rest
-ON_CIRCLE = 1e-9  # a pole this close to the unit circle is not called stable
+AT_REST = 1e-9  # an open loop's pole this close to z = 1 counts as an integrator
+ON_CIRCLE = 1e-12  # a pole this close to the unit circle is not called stable: rounding may have put it there
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,7 @@ def margins(law: Law, linear: Linear) -> Margins:
     loop = response(grid)
 
     gains = [1 / abs(response(np.array([w]))[0]) for w in _phase_crossings(response, grid, loop)]
-    if np.all(np.abs(opened - 1) > ON_CIRCLE):
+    if np.all(np.abs(opened - 1) > AT_REST):
         at_rest = response(np.zeros(1))[0].real
         gains += [-1 / at_rest] if at_rest < 0 else []
     crossovers = _roots(lambda w: abs(response(np.array([w]))[0]) - 1, grid, np.abs(loop) - 1)

@@ -22,6 +22,7 @@ import numpy.typing as npt
 import scipy
 
 from firmloop.design.discretize.exact_roots import exact_roots
+from firmloop.design.discretize.unit_circle import PRINTED, listed
 from firmloop.design.law import DesignError
 
 Array = npt.NDArray[np.float64]
@@ -30,7 +31,6 @@ Roots = npt.NDArray[np.complex128]
 FAR = 1e3  # times better
 DOUBTFUL = 1e-9  # of a root's size
 OUTSIDE = 1e-6  # beyond the boundary, as a share of 1 or of a root in s: less is what several integrators scatter
-ON_CIRCLE = 1e-9  # a pole this close to the unit circle is as good as on it
 TOLD = 0.1  # of a pole's distance from the boundary: coefficients that move it farther do not say what was meant
 CROWDED = (
     "a polynomial of this order holds poles that crowd so badly that the last digit of its coefficients moves them by "
@@ -59,13 +59,14 @@ def from_z(numerator: Sequence[float], denominator: Sequence[float]) -> Rational
     poles = _roots_of_z(below)
     moved = displacement(below, 1 + poles)
     excess = np.abs(1 + poles) - 1
-    outside = [1 + pole for pole in poles[excess > np.minimum(OUTSIDE, np.maximum(ON_CIRCLE, 2 * moved))]]
+    outside = [1 + pole for pole in poles[excess > _untold(moved)]]
     if outside:
         raise DesignError(
-            f"controller.denominator is unstable: its poles at z = {_listed(outside)} lie outside the unit circle; "
+            f"controller.denominator is unstable: its poles at z = {listed(outside)} lie outside the unit circle; "
             f"correct the coefficients, or check domain and sample time{_advice(moved, np.abs(excess))}"
         )
-    return _finite(Rational(_roots_of_z(above), poles, _ratio(above, below)))
+    held = np.where(excess > 0.0, (1 + poles) / np.abs(1 + poles) - 1, poles)  # rounding alone has put it outside
+    return _finite(Rational(_roots_of_z(above), held, _ratio(above, below)))
 
 
 def from_s(
@@ -79,12 +80,14 @@ def from_s(
             "differentiate without a filter; add a pole far above the frequencies of interest"
         )
     zeros, poles, gain = _roots(above), _sharpened(_exact(below), _roots(below)), _ratio(above, below)
-    outside = [pole for pole in poles if pole.real > OUTSIDE * abs(pole)]
+    size, moved = np.abs(poles), displacement(below, poles)
+    outside = list(poles[poles.real > size * _untold(moved / np.where(size > 0.0, size, 1.0))])
     if outside:
         raise DesignError(
             f"controller.denominator is unstable: its poles at s = {_listed(outside)} rad/s lie right of the imaginary "
-            f"axis; correct the coefficients{_advice(displacement(below, poles), np.abs(poles.real))}"
+            f"axis; correct the coefficients{_advice(moved, np.abs(poles.real))}"
         )
+    poles = np.where(poles.real > 0.0, 1j * poles.imag, poles)
     with np.errstate(all="ignore"):
         match method:
             case "tustin":
@@ -257,6 +260,11 @@ def _roots(coefficients: Array) -> Roots:
             "denominator are too far apart for their roots; scale them"
         )
     return np.roots(scaled).astype(np.complex128)
+
+
+def _untold(moved: Array) -> Array:
+    """Return how far beyond the boundary a root may lie, by what rounding moves it, before it is called unstable."""
+    return np.minimum(OUTSIDE, np.maximum(PRINTED, 2 * moved))
 
 
 def _advice(moved: Array, room: Array) -> str:

@@ -10,6 +10,7 @@ method, z = (1 + s)/(1 - s), and Routh's array.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import zip_longest
 
@@ -19,13 +20,33 @@ import scipy.sparse.csgraph
 
 Array = npt.NDArray[np.float64]
 
+SEEN = 1e-4  # beyond the circle: less is not seen in the six digits of a pole
 PLAIN = 2  # order up to which nothing is cheaper than to be exact
+PRINTED = 1e-12  # beyond the circle: a pole by itself is told by coefficients to as many digits as anybody prints
 MOST_EXACT = 24  # order of a block that takes a second; above it, eigenvalues have to do
 
 
 def within(a: Array, radius: float) -> bool:
     """Tell whether every pole of `a` (n, n) is nearer to 0 than `radius`."""
     return all(_block_within(block, radius) for block in blocks(a))
+
+
+def unstable(a: Array, scatter: float) -> bool:
+    """Tell whether a pole of `a` lies farther outside the unit circle than coefficients may leave one that is on it.
+
+    That is `scatter` where several poles meet, and for others what rounding does to them.
+    """
+    return not all(_block_within(block, 1.0 + min(scatter, max(PRINTED, _doubt(block)))) for block in blocks(a))
+
+
+def listed(outside: Sequence[complex]) -> str:
+    """Print the first poles in z, with the distance from the circle where their own digits do not show it."""
+    texts = []
+    for pole in outside[:4]:
+        beyond = abs(pole) - 1.0
+        text = f"{pole.real:.6g}" if pole.imag == 0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
+        texts.append(f"{text} (|z| = 1 + {beyond:.2g})" if 0.0 < beyond < SEEN else text)
+    return ", ".join(texts) + (", ..." if len(outside) > 4 else "")
 
 
 def poles(a: Array) -> npt.NDArray[np.complex128]:
@@ -50,12 +71,21 @@ def _block_within(block: Array, radius: float) -> bool:
     if order > PLAIN:
         values, vectors = np.linalg.eig(block)
         size = float(np.max(np.abs(values)))
-        doubt = order * np.finfo(np.float64).eps * float(np.linalg.norm(block)) * float(np.linalg.cond(vectors))
+        doubt = _scattered(block, vectors)
         if size + doubt < radius:
             return True
         if size - 2 * order * doubt > radius:
             return False
     return _hurwitz(_left_half(_characteristic(block, Fraction(radius))))
+
+
+def _doubt(block: Array) -> float:
+    return _scattered(block, np.linalg.eig(block)[1]) if len(block) > 1 else 0.0
+
+
+def _scattered(block: Array, vectors: npt.NDArray[np.inexact]) -> float:
+    """Return how far rounding may carry an eigenvalue."""
+    return len(block) * np.finfo(np.float64).eps * float(np.linalg.norm(block)) * float(np.linalg.cond(vectors))
 
 
 def _characteristic(block: Array, radius: Fraction) -> list[int]:

@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from firmloop.design.discretize.unit_circle import poles, within
+from firmloop.design.discretize.unit_circle import PRINTED, listed, poles, unstable, within
 from firmloop.design.law import DesignError
 from firmloop.identify.signal import Signal
 
@@ -83,12 +83,12 @@ def forgets(a: Array, what: str) -> bool:
     """
     if within(a, 1 - ON_CIRCLE):
         return True
-    if within(a, 1 + OUTSIDE):
+    if not unstable(a, OUTSIDE):
         return False
     found = poles(a)
-    outside = [pole for pole in found if abs(pole) > 1 + OUTSIDE] or [found[0]]
+    outside = [pole for pole in found if abs(pole) > 1 + PRINTED] or [found[0]]
     raise DesignError(
-        f"{what} is unstable: its poles at z = {_listed(outside)} lie outside the unit circle; correct the "
+        f"{what} is unstable: its poles at z = {listed(outside)} lie outside the unit circle; correct the "
         "coefficients, or check domain and sample time"
     )
 
@@ -113,8 +113,3 @@ def widened(name: str, unit: str, low: float, high: float, share: float = WIDER)
     """Return the range with `share` more on both sides, so that rounding cannot leave it."""
     wider = share * max(abs(low), abs(high)) or WIDER  # a state that never moves still needs a range
     return Signal(name, unit, low - wider, high + wider)
-
-
-def _listed(roots: list[np.complex128]) -> str:
-    texts = [f"{pole.real:.6g}" if pole.imag == 0 else f"{pole.real:.6g}{pole.imag:+.6g}j" for pole in roots]
-    return ", ".join(texts[:4]) + (", ..." if len(texts) > 4 else "")

@@ -35,6 +35,7 @@ ROUNDS = 6  # of filtering by the last denominator
 PULLED = 1.03  # times the mean square error of another model: more is no chance
 CERTAIN = 0.999  # probability with which noise would not let itself be explained so far
 INTEGRATES = 0.1  # of a recording: a pole that decays or grows by less over it is one that integrates
+ROUNDED = 1e-12  # beyond the unit circle: no more than rounding
 EVEN = 1e-3  # share of a period by which samples may be early or late
 
 
@@ -251,7 +252,7 @@ def _plain(model: SampledModel) -> SampledModel:
 
 def unstable(model: SampledModel) -> bool:
     """Tell whether a pole lies outside of the unit circle."""
-    return bool(np.max(np.abs(np.linalg.eigvals(model.a))) >= 1.0 + 1e-9)
+    return bool(np.max(np.abs(np.linalg.eigvals(model.a))) >= 1.0 + ROUNDED)
 
 
 def continuous(model: SampledModel, period: float) -> Continuous:
@@ -265,8 +266,8 @@ def continuous(model: SampledModel, period: float) -> Continuous:
     poles = np.linalg.eigvals(model.a)
     if unstable(model):
         raise IdentifyError(
-            f"model: the fit is unstable (a pole at {np.max(np.abs(poles)):.4g} in z); where the plant is, record it "
-            "in a closed loop and fit a plant with physics; otherwise take a drift of the output out with "
+            f"model: the fit is unstable (a pole at {_size(np.max(np.abs(poles)))} in z); where the plant is, record "
+            "it in a closed loop and fit a plant with physics; otherwise take a drift of the output out with "
             "recordings.conditioning.detrend, or try another structure or a lower order"
         )
     bad = [pole for pole in poles if abs(pole.imag) < 1e-9 and pole.real <= 1e-6]
@@ -281,6 +282,11 @@ def continuous(model: SampledModel, period: float) -> Continuous:
     block[:order, :order], block[:order, order], block[order, order] = model.a, model.b, 1.0
     logarithm = np.real(scipy.linalg.logm(block)) / period
     return Continuous(logarithm[:order, :order], logarithm[:order, order], model.c, model.late * period)
+
+
+def _size(beyond: float) -> str:
+    """Print the size of a pole outside the unit circle so that it is seen to be there."""
+    return f"{beyond:.4g}" if beyond >= 1.001 else f"1 + {beyond - 1.0:.2g}"
 
 
 def _companion(below: NDArray[np.floating], above: NDArray[np.floating], late: int) -> SampledModel:

@@ -96,6 +96,13 @@ def test_poles(numerator, denominator, samples, period, gains):
     assert np.abs(found).max() == pytest.approx(np.abs(expected).max(), rel=1e-4)
 
 
+@pytest.mark.parametrize("growth", [-2e-6, 2e-6])
+def test_a_loop_that_grows_or_decays_in_days_is_called_by_its_sign(growth: float) -> None:
+    """An oscillator of 10 rad/s that a gain of 1e-9 leaves alone: its poles are 1e-9 off the circle."""
+    found = margins(pid(0.001, kp=1e-9, ki=0.0), linear([100.0], [1.0, -growth, 100.0], 0.0))
+    assert found.stable == (growth < 0.0)
+
+
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_the_gain_margin_is_where_the_loop_turns_unstable(factor):
     plant, period = linear([1.0], [1.0, 3.0, 3.0, 1.0], 0.17), 0.1

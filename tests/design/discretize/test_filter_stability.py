@@ -10,7 +10,7 @@ import scipy.signal
 
 from firmloop.design.design import Design
 from firmloop.design.discretize.exact_roots import exact_roots
-from firmloop.design.discretize.unit_circle import poles, within
+from firmloop.design.discretize.unit_circle import poles, unstable, within
 from firmloop.design.kinds import design
 from firmloop.design.law import DesignError
 from firmloop.identify.signal import Signal
@@ -103,6 +103,35 @@ def test_sections_are_the_filter_that_its_polynomial_is() -> None:
 def test_wrong_sections_are_refused(table: dict[str, object], words: str) -> None:
     with pytest.raises(DesignError, match=words):
         made(table)
+
+
+def turning(size: float) -> list[list[float]]:
+    """Return a matrix that turns by 0.01 rad a sample, with poles of that size."""
+    return [[size * np.cos(0.01), size * np.sin(0.01)], [-size * np.sin(0.01), size * np.cos(0.01)]]
+
+
+@pytest.mark.parametrize(
+    ("held", "grows", "words"),
+    [
+        ({"domain": "s", "denominator": [1.0, 0.0, 100.0]}, {"denominator": [1.0, -2e-6, 100.0]}, r"s = 1e-06\+10j"),
+        ({"domain": "s", "denominator": [1.0, 0.0, 0.0]}, {"denominator": [1.0, -1e-9, 0.0]}, "s = 1e-09"),
+        ({"denominator": [1.0, -1.9999, 1.0]}, {"denominator": [1.0, -1.9999, 1.000000002]}, r"\(\|z\| = 1 \+ 1e-09\)"),
+        ({"denominator": [1.0, -1.0]}, {"denominator": [1.0, -1.000000001]}, r"z = 1 \(\|z\| = 1 \+ 1e-09\)"),
+        ({"sections": [[0, 0, 1, 1.0, -1.9999, 1.0]]}, {"sections": [[0, 0, 1, 1.0, -1.9999, 1.0 + 2e-9]]}, "1e-09"),
+    ],
+)
+def test_a_pole_barely_outside_is_told_from_one_on_the_boundary(
+    held: dict[str, object], grows: dict[str, object], words: str
+) -> None:
+    table = held if "sections" in held else {"numerator": [1.0], **held}
+    assert any(np.isinf(signal.high) for signal in made(table).law.state)
+    with pytest.raises(DesignError, match=words):
+        made({**table, **grows})
+
+
+def test_a_matrix_that_grows_by_a_billionth_a_sample_is_unstable() -> None:
+    assert unstable(np.array(turning(1 + 1e-9)), 1e-6) and not unstable(np.array(turning(1.0)), 1e-6)
+    assert not unstable(np.array([[2.0, -1.0], [1.0, 0.0]]), 1e-6)  # two poles at 1
 
 
 def test_integrators_in_decimals_stay_integrators() -> None:

@@ -89,7 +89,7 @@ def test_too_short_and_too_poor_recordings_are_refused():
         check_records([steady], 3, 0)
 
 
-@pytest.mark.parametrize(("pole", "words"), [(1.01, "unstable"), (-0.5, "no continuous plant")])
+@pytest.mark.parametrize(("pole", "words"), [(1.01, "unstable"), (1 + 1e-9, r"1 \+ 1e-09 in z"), (-0.5, "no")])
 def test_a_model_that_no_plant_has_is_refused(pole, words):
     with pytest.raises(IdentifyError, match=words):
         continuous(SampledModel(np.array([[pole]]), np.ones(1), np.ones(1), 0), PERIOD)
