@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
@@ -10,14 +11,24 @@ from threadpoolctl import threadpool_limits
 from firmloop.diagnose.controller.replay import Cut, cut
 from firmloop.diagnose.controller.report import with_controller
 from firmloop.diagnose.data.conditioned import as_conditioned
+from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.diagnose.sentences import with_doubt
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.checks.early import early_outputs
+from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.fit import estimate
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import Recording
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.fitting import check_logs, identify
 from firmloop.stages.plant import located, recorded_plant_of
 from firmloop.stages.progress import Report
 from firmloop.stages.recorded_controller import controller_of
+
+_MUCH = 1.5  # times the sensors' noise, left beside the best explanation
 
 
 def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
@@ -39,9 +50,24 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
         (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
             made = diagnose(plant, train, test, report)
+            _check_early(plant, train, made.finding)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
         told = (*data.notes, *notes)
         said = (*made.finding.says, *(f"Note: {note}." for note in told))
         finding = replace(made.finding, notes=(*made.finding.notes, *told), says=said)
         return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed
+
+
+def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding) -> None:
+    """Refuse outputs that move before their input, where to shift them leaves less than the best explanation does.
+
+    No physics does so; what was named instead would be chased in vain. It is asked only where much is left.
+    """
+    if (finding.train.after or finding.train.refit or 0.0) < _MUCH:
+        return
+    fitted = estimate(plant, train, (), NONE)
+    left = {name: min(of.values()) for name, of in finding.simulation_rms.get("train", {}).items()}
+    said = early_outputs(Evidence(plant, tuple(train), NONE, fitted), left)
+    if said:
+        raise IdentifyError(said)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.fitting.experiment import conditioned, delayed
+from firmloop.identify.fitting.experiment import Experiment, conditioned, delayed, not_simulated
 from firmloop.identify.fitting.least_squares import scaled_step
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, weighted
 
@@ -26,14 +26,18 @@ def lag_slopes(problem: FitProblem, point: FitPoint) -> list[Array]:
             found.append(np.zeros((*made.target.shape, 0)))
             continue
         outputs = problem.engine.run(made.course, point.constants, start)
-        here = conditioned(made, delayed(made, outputs))
-        step = _STEP * made.course.step
-        columns = [
-            (here - conditioned(made, delayed(replace(made, lags={**made.lags, name: late + step}), outputs))) / step
-            for name, late in made.lags.items()
-        ]
+        columns = [_lag_slope(made, outputs, name) for name in made.lags]
         found.append(np.stack(columns, axis=2) * problem.weights[:, None])
     return found
+
+
+def _lag_slope(made: Experiment, outputs: Array, name: str) -> Array:
+    """Return by how much the residuals (q, r) rise for a second more of lag; rows without a value have none."""
+    late, step = made.lags[name], _STEP * made.course.step
+    later = late + step
+    rise = delayed(made, outputs) - delayed(replace(made, lags={**made.lags, name: later}), outputs)
+    rise[not_simulated(made, late) | not_simulated(made, later)] = 0.0
+    return conditioned(made, rise) / step
 
 
 def lag_steps(problem: FitProblem, point: FitPoint, recordings: Sequence[Sequence[int]]) -> list[Array]:

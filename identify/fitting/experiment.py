@@ -86,15 +86,26 @@ def plainly_conditioned(made: Experiment) -> Experiment:
 
 
 def delayed(made: Experiment, outputs: Array) -> Array:
-    """Show simulated values (n, r, ...) by the late clock of each output."""
+    """Show simulated values (n, r, ...), or slopes of them, by the late clock of each output.
+
+    Of rows that lie before the simulation's begin or behind its end nothing is known: there they are as measured.
+    """
     if not made.lags:
         return outputs
-    late = outputs.copy()
+    late, time = outputs.copy(), rows_time(made)
     for index, name in enumerate(made.names):
         if made.lags.get(name):
-            moments = rows_time(made) - made.lags[name]
-            late[:, index] = interpolate(rows_time(made), outputs[:, index], moments)
+            moments = time - made.lags[name]
+            late[:, index] = interpolate(time, outputs[:, index], moments)
+            unknown = not_simulated(made, made.lags[name])
+            late[unknown, index] = made.measured[unknown, index] if outputs.ndim == made.measured.ndim else 0.0
     return late
+
+
+def not_simulated(made: Experiment, late: float) -> NDArray[np.bool_]:
+    """Tell the rows (n,) for which a simulation that is shown `late` s later has no value."""
+    moments, time = rows_time(made) - late, rows_time(made)
+    return np.asarray((moments < time[0]) | (moments > time[-1]))
 
 
 def aligned(parts: Sequence[Experiment], runs: Sequence[Array]) -> tuple[Experiment, ...]:

@@ -1,0 +1,123 @@
+"""An output that moves before its input does: no plant can, so that columns or clocks are shifted in the log.
+
+The lag of each output behind the simulation of the fit is the peak of their cross-correlation. A fit has taken part of
+a lead for quickness, so that fit and lag are found in turns; each pair leaves less than half of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.fit import Fit, estimate
+from firmloop.identify.recordings.conditioning import find_lag, interpolate
+from firmloop.identify.recordings.recording import Recording
+
+_LONGEST = 0.1  # of a recording, that a lead is looked for
+_EARLY = -0.75  # rows, from which a lead is worth a fit
+_ALIGNED = 0.25  # rows: more than that is half of what is left, or more
+_TURNS = 8
+_SMALLER = 0.6  # of what the fit leaves of an output: so little is left once it is shifted
+
+
+def look(evidence: Evidence) -> tuple[str, ...]:
+    """Say so where an output comes early, and much less than the fit has left is left of it in time."""
+    assert evidence.fit is not None
+    said = early_outputs(evidence, evidence.fit.noise)
+    return (said,) if said else ()
+
+
+def early_outputs(evidence: Evidence, left: Mapping[str, float]) -> str:
+    """Shift the outputs that come early until they come in time; tell them if much less than `left` of each is left.
+
+    `left` is an rms by output, in its unit. Blank where none comes early.
+    """
+    before = evidence.fit
+    assert before is not None
+    if evidence.conditioning.align or evidence.conditioning.window_s > 0.0 or not before.plant.states:
+        return ""
+    if all(lag > _EARLY for lag in _lags(before, evidence.recordings).values()):
+        return ""
+    after, early = _in_time(evidence, before)
+    if not early or any(after.noise[name] > _SMALLER * left[name] for name in early):
+        return ""
+    return _told(evidence, before, after, early)
+
+
+def _in_time(evidence: Evidence, before: Fit) -> tuple[Fit, Mapping[str, int]]:
+    """Return the fit to outputs that come in time, and the rows by which each was early; none where nothing settles."""
+    rows = dict.fromkeys(before.noise, 0)
+    fit, seen = before, list(evidence.recordings)
+    for _ in range(_TURNS):
+        lags = _lags(fit, seen)
+        shifted = {name: max(count - _whole(lags[name]), 0) for name, count in rows.items()}
+        if shifted == rows:
+            return fit, {name: count for name, count in rows.items() if count}
+        rows, seen = shifted, [_shifted(recording, shifted) for recording in evidence.recordings]
+        try:
+            fit = estimate(evidence.given, seen, (), evidence.conditioning)
+        except IdentifyError:
+            break
+    return before, {}
+
+
+def _told(evidence: Evidence, before: Fit, after: Fit, early: Mapping[str, int]) -> str:
+    drive = " or ".join(each.name for each in before.plant.inputs)
+    step = _step(evidence.recordings[0])
+    unit = {signal.name: signal.unit for signal in before.plant.outputs}
+    sources = ", ".join(dict.fromkeys(each.source for each in evidence.recordings))
+    said = [
+        f"{name} of {sources} moves {rows} row{'s' if rows > 1 else ''} ({rows * step:.4g} s) before {drive} does"
+        for name, rows in early.items()
+    ]
+    worst = min(early, key=lambda name: after.noise[name] / before.noise[name])
+    longest = 1.5 * max(early.values()) * step
+    names = ", ".join(f'"{name}"' for name in early)
+    return (
+        f"{' and '.join(said)}, which no plant can: a column is shifted in the log. Once they come in time, "
+        f"{after.noise[worst]:.3g} instead of {before.noise[worst]:.3g} {unit[worst]} rms is left of {worst}: move "
+        f"the column down by as many rows in the file, or let identify do so with align = [{names}] and "
+        f"align_max_lag_s = {longest:.3g} in [recordings.conditioning]"
+    )
+
+
+def _lags(fit: Fit, recordings: Sequence[Recording]) -> dict[str, float]:
+    """Return how many rows each output comes behind its simulation, the median of the recordings."""
+    found: dict[str, float] = {}
+    for k, name in enumerate(fit.noise):
+        each = [
+            find_lag(one.time, one.columns[name], score.simulated[:, k], _LONGEST * float(np.ptp(one.time)))
+            / _step(one)
+            for one, score in zip(recordings, fit.train, strict=True)
+        ]
+        found[name] = float(np.median(each))
+    return found
+
+
+def _whole(lag: float) -> int:
+    """Return a lag in whole rows, away from zero."""
+    return int(np.copysign(np.ceil(max(abs(lag) - _ALIGNED, 0.0)), lag))
+
+
+def _step(recording: Recording) -> float:
+    return float(np.median(np.diff(recording.time)))
+
+
+def _shifted(recording: Recording, rows: Mapping[str, int]) -> Recording:
+    """Let each output come as many rows later, and drop the rows before the first that is left of all."""
+    time, step = recording.time, _step(recording)
+    first = int(np.searchsorted(time, time[0] + max(rows.values()) * step * (1.0 - 1e-9)))
+    columns = {
+        name: (interpolate(time, column, time - rows[name] * step) if rows.get(name) else column)[first:]
+        for name, column in recording.columns.items()
+    }
+    return replace(recording, time=time[first:], columns=MappingProxyType(columns))
+
+
+CHECK = Check("early", look, ("rest", "drift", "structure", "excitation"), True)

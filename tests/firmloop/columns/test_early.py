@@ -1,0 +1,59 @@
+"""Outputs that a log has shifted before their input are told, with the rows, and what is said mends them."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.host.identify_faults import MOTOR, heater, motor, swing
+from firmloop.cli import main
+from tests.firmloop.columns.test_identify_says import identified, seeded, written
+
+
+def early(made, rows: int, *names: str):
+    """Let the outputs come so many rows before the plant has them."""
+    table, time, columns = made
+    last = len(time) - rows
+    return table, time[:last], {n: v[rows:] if n in names else v[:last] for n, v in columns.items()}
+
+
+CASES = {
+    "one row": (lambda: motor(seeded(13), rows=1000), 1, ("speed_rad_s", "current_A")),
+    "speed and current": (lambda: motor(seeded(11), rows=600), 3, ("speed_rad_s", "current_A")),
+    "a second-order lag": (lambda: swing(seeded(14), rows=800), 12, ("level",)),
+}
+
+
+@pytest.mark.parametrize("name", ["one row", *(pytest.param(n, marks=pytest.mark.slow) for n in [*CASES][1:])])
+def test_outputs_that_come_early_are_told_with_their_rows(name, tmp_path, capsys):
+    make, rows, names = CASES[name]
+    says, _ = identified(written(tmp_path / "log", early(make(), rows, *names)), capsys)
+    told = [f"{n} of log.csv moves {rows} row" for n in names]
+    assert len(says) == 1 and all(each in says[0] for each in told), says
+    assert says[0].count(" moves ") == len(names)
+
+
+def test_the_key_that_is_said_aligns_a_speed_that_comes_early(tmp_path, capsys):
+    folder = written(tmp_path / "log", early(motor(seeded(12), rows=1000), 5, "speed_rad_s"))
+    says, _ = identified(folder, capsys)
+    keys = says[0].partition("do so with ")[2].partition(" in [recordings")[0].replace(" and ", "\n")
+    project = folder / "project.toml"
+    project.write_text(project.read_text().replace("[plant]", f"[recordings.conditioning]\n{keys}\n[plant]", 1))
+    says, found = identified(folder, capsys)
+    assert says == []
+    assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.01)
+    assert found["J_kg_m2"] == pytest.approx(MOTOR["J_kg_m2"], rel=0.03)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_blames_no_physics_for_an_output_that_comes_early(tmp_path, capsys):
+    made = early(heater(seeded(15), rows=100, step=16.0), 12, "temperature_C")
+    folder = written(tmp_path / "log", made)
+    assert main(["diagnose", str(folder / "project.toml"), "--out", str(folder / "out")]) == 2
+    assert "temperature_C of log.csv moves" in capsys.readouterr().err
+
+
+def test_a_delay_that_is_given_too_long_is_no_output_that_comes_early(tmp_path, capsys):
+    table, time, columns = heater(seeded(16))
+    longer = {**table["parameters"], "delay_s": {"value": 60.0, "free": True}}
+    says, found = identified(written(tmp_path / "log", ({**table, "parameters": longer}, time, columns)), capsys)
+    assert says == [] and found["delay_s"] == pytest.approx(14.0, abs=2.0)
