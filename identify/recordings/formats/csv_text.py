@@ -13,10 +13,12 @@ from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
-from firmloop.identify.recordings.text.cells import grouped, is_number
+from firmloop.identify.recordings.text.cells import bare, double_quoted, grouped, is_number
+from firmloop.identify.recordings.text.chatter import listed_lines, without_chatter
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, find_dialect, first_name
 from firmloop.identify.recordings.text.exports import read_export
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
+from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
 
@@ -65,13 +67,13 @@ def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
     numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)
     if not len(numbers):
         return Misread("", "is empty", "write one header line (time_s, then the signals) and one line per sample")
-    names = tuple(name.strip().strip('"') for name in first_name(lines[numbers[0] - 1]).split(","))
+    names = tuple(map(bare, first_name(lines[numbers[0] - 1]).split(",")))
     rows = [line for line in lines[numbers[0] :] if line]
     plain = _parsed(names, rows, numbers[1:], PLAIN) if rows else None
     if isinstance(plain, RawTable) and not all(map(is_number, names)):
-        return replace(plain, notes=encoding)
+        return replace(plain, notes=(*encoding, *plain.notes))
     whole = [line.rstrip("\r") for line in text.split("\n")]
-    found = read_export(whole) or _in_dialect(whole)
+    found = read_teleplot(whole) or read_export(whole) or _in_dialect(whole)
     if isinstance(found, RawTable):
         return replace(found, notes=(*encoding, *found.notes))
     if found is not None:
@@ -125,6 +127,7 @@ def _is_text(line: bytes) -> bool:
 
 def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
+    lines, quotes = double_quoted(lines)
     lines, stamps = with_seconds(lines)
     thousands = without_thousands(lines)
     if isinstance(thousands, Misread):
@@ -148,7 +151,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
         table.place,
         table.places,
         tuple(found.units[k] for k in kept) if found.units else (),
-        (*found.notes, *filter(None, (stamps, marks, aside))),
+        (*found.notes, *table.notes, *filter(None, (quotes, stamps, marks, aside))),
         left,
     )
 
@@ -163,11 +166,22 @@ def _parsed(
         even = [row[:-1] if row.endswith(mark) and row.count(mark) == width else row for row in rows]
         if even != rows and not all(map(str.__ne__, even, rows)):
             return _parsed(names, even, numbers, dialect)
-        return _culprit(names, rows, numbers, dialect, str(error))
+        return _without_chatter(names, rows, numbers, dialect) or _culprit(names, rows, numbers, dialect, str(error))
     if values.shape[1] != len(names):
         says = f"{values.shape[1]} values below {len(names)} names"
         return _culprit(names, rows, numbers, dialect, says)
     return RawTable(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers)
+
+
+def _without_chatter(
+    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect
+) -> RawTable | Misread | None:
+    """Parse the rows between which a board has said something; None where it has not."""
+    kept, left, told = without_chatter(names, rows, numbers, dialect.delimiter)
+    if not told:
+        return None
+    found = _parsed(names, kept, left, dialect)
+    return replace(found, notes=(*found.notes, told)) if isinstance(found, RawTable) else found
 
 
 def _culprit(
@@ -180,11 +194,16 @@ def _culprit(
         return Misread(f"line {numbers[0] - 1}", wrong, "give the header one name for each column; keep the rows")
     for number, row in zip(numbers, rows, strict=True):
         cells = row.split(dialect.delimiter)
-        if tuple(cell.strip().strip('"') for cell in cells) == names:
+        if tuple(map(bare, cells)) == names:
             remedy = "split the file there, or delete the line where the clock goes on"
             return Misread(f"line {number}", "is the header again: the logger started anew", remedy)
         if len(cells) != len(names):
             wrong = f"has {len(cells)} values where the header names {len(names)} columns"
+            others = [
+                int(n) for n, r in zip(numbers, rows, strict=True) if n > number and _width(r, dialect) != len(names)
+            ]
+            if others:
+                wrong += f", and {len(others)} more are not whole (line {listed_lines(others)})"
             split = len(cells) > len(names) == len(cells) - len(_THOUSAND.findall(row))
             remedy = "write numbers without a comma for thousands" if split else "complete the row or delete it"
             return Misread(f"line {number}", wrong, remedy)
@@ -204,6 +223,10 @@ def _culprit(
                     )
                 return Misread(f"line {number}, column {name}", wrong, remedy)
     return Misread("", f"cannot be parsed: {says}", "write plain decimal numbers separated by commas")
+
+
+def _width(row: str, dialect: Dialect) -> int:
+    return len(row.split(dialect.delimiter))
 
 
 def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:

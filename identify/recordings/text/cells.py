@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
+
+_INSIDE = re.compile(r"\d'\d")  # a mark of thousands
 
 
 def quoted_cells(line: str, delimiter: str) -> list[str]:
@@ -28,3 +31,17 @@ def is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def bare(cell: str) -> str:
+    """Return a cell without the blanks and the quotes around it."""
+    text = cell.strip().strip('"').strip()
+    return text[1:-1].strip() if len(text) > 1 and text[0] == text[-1] == "'" else text
+
+
+def double_quoted(lines: list[str]) -> tuple[list[str], str]:
+    """Write single quotes as double ones where most lines have a number in them; return what to tell, blank else."""
+    quoted = sum("'" in line and not _INSIDE.search(line) for line in lines)
+    if 2 * quoted <= len(lines) or any('"' in line for line in lines):
+        return lines, ""
+    return [line.replace("'", '"') for line in lines], "has values in single quotes"

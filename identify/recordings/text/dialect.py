@@ -12,7 +12,7 @@ from itertools import islice, product
 
 from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
-from firmloop.identify.recordings.text.cells import grouped, is_number, quoted_cells
+from firmloop.identify.recordings.text.cells import bare, grouped, is_number, quoted_cells
 from firmloop.identify.units import carried_unit
 
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
@@ -170,7 +170,7 @@ def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...])
 
 def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
     """Return the names of a line that has one for each column, else nothing."""
-    cells = [cell.strip() for cell in _cells(first_name(line), table)]
+    cells = [bare(cell) for cell in _cells(first_name(line), table)]
     if len(cells) == width + 1 and cells[-1].lower() == "comment":  # LabVIEW leaves this column empty
         cells = cells[:-1]
     if any(cells[width:]) or len(cells) < width or any(is_number(cell.replace(",", ".")) for cell in cells):
