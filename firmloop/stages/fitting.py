@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.checks import first_causes, refuse, told
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate, judge
@@ -26,18 +27,31 @@ def check_logs(verb: str, plant: Plant, data: Data, conditioning: Conditioning) 
     refuse(Evidence(plant, recordings, conditioning, None), verb)
 
 
+def _refuse_causes(evidence: Evidence) -> None:
+    """Refuse what a fit fails of in the words of the check that sees why; do nothing where none does."""
+    remarks = told(evidence)
+    if first_causes(remarks):
+        raise IdentifyError("; ".join(one.says for one in remarks)) from None
+
+
 def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     assert project.recordings is not None, "require() has seen to it"
     with located(project), threadpool_limits(1):  # small matrices: a second thread would only wait for the first
         plant, conditioning = recorded_plant_of(project), conditioning_of(project)
         check_logs("identify", plant, data, conditioning)
-        fitted = estimate(plant, data.train, data.test, conditioning, report)
+        try:
+            fitted = estimate(plant, data.train, data.test, conditioning, report)
+        except IdentifyError:
+            _refuse_causes(Evidence(plant, data.train, conditioning, None))
+            raise
         report(0.95, "checking units, signs, levels and residuals")
         remarks = told(Evidence(plant, data.train, conditioning, fitted))
         if not first_causes(remarks):
             judge(fitted, data.train, conditioning)
-    seen = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
+    failed = any(one.check == "spikes" for one in remarks)  # such a reading is no limit that a signal runs into
+    limits = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
+    seen = () if failed else limits
     own = () if first_causes(remarks) else fitted.warnings
     said = (*data.notes, *(one.says for one in remarks), *own, *filter(None, seen))
     return replace(fitted, warnings=tuple(dict.fromkeys(said)))

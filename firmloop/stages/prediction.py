@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.checks.spikes import failed_readings
+from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.own_values import fit_start, own_start, own_value
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, column, make_recording
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.fmu_plant import Fmu, FmuPlant
@@ -34,7 +37,15 @@ def predicted(project: Project, recording: Recording, start: Start) -> Recording
         begun = start(project, plant, recording)
         simulated = simulate(plant, recording, begun)
     made = _with_outputs(project, recording, [signal.name for signal in plant.outputs], simulated)
-    return made if begun is None else replace(made, notes=_own(plant, begun))
+    own = () if begun is None else _own(plant, begun)
+    return replace(made, notes=(*own, *_failed_inputs(plant, recording)))
+
+
+def _failed_inputs(plant: Plant, recording: Recording) -> tuple[str, ...]:
+    """Tell readings of an input that failed: what is predicted from there on follows from them."""
+    inputs = [signal.name for signal in plant.inputs]
+    said = failed_readings(Evidence(plant, (recording,), NONE, None))
+    return tuple(f"{each}; all that is predicted behind it follows from it" for name, each in said if name in inputs)
 
 
 def predicted_by(fmu: Fmu, project: Project, recording: Recording) -> tuple[Recording, tuple[str, ...]]:

@@ -25,10 +25,26 @@ _SHARE = 0.1  # of a leap of many spans, for which an output that any of the ste
 _ENOUGH = 3.0  # times as fast is an answer however far an input leaps: its span may be noise alone
 
 
+# What loggers and converters write where they have no reading: more than 1 % of the rows may hold one.
+PLACEHOLDERS = (
+    *(sign * each for each in (127.0, 999.0, 9999.0, 99999.0, 999999.0, 1e30) for sign in (1.0, -1.0)),
+    *(-(2.0**bits) for bits in (15, 23, 31)),
+    *(2.0**bits - 1.0 for bits in (15, 16, 23, 24, 31, 32)),
+)
+_FARTHER = 2.0  # times what all others span, that a placeholder lies beyond them
+_FEWEST_GOOD = 0.1  # of the rows that hold readings
+_ALONE = 100.0  # spans beyond the others, from which a leap of an input needs no output to say that it has failed
+
+
 def look(evidence: Evidence) -> tuple[str, ...]:
     """Ask every output and every input of every recording."""
+    return tuple(says for _, says in failed_readings(evidence))
+
+
+def failed_readings(evidence: Evidence) -> tuple[tuple[str, str], ...]:
+    """Return the signal, and the sentence, of readings that failed."""
     return tuple(
-        _said(recording, name, rows)
+        (name, _said(recording, name, rows))
         for recording in evidence.recordings
         for name in recording.columns
         if len(rows := _failed(recording, name, evidence))
@@ -44,7 +60,8 @@ def _failed(recording: Recording, name: str, evidence: Evidence) -> Rows:
     )
     if name not in inputs and name not in outputs:
         return _NONE
-    rows = _leaps(values, [*inputs.values()] if name in outputs else [])
+    known = _placeholders(values)
+    rows = known if len(known) else _leaps(values, [*inputs.values()] if name in outputs else [])
     if not len(rows):
         return _NONE
     others = np.delete(values, rows)
@@ -55,8 +72,22 @@ def _failed(recording: Recording, name: str, evidence: Evidence) -> Rows:
         return _NONE  # it is the one push of a test
     late = _dead_time(evidence) / float(np.mean(np.diff(recording.time)))
     beyond = float(np.max(np.abs(values[rows] - np.median(others))) / np.ptp(others))
+    if not outputs:
+        return rows if len(known) or beyond > _ALONE else _NONE
     more = min(max(_MORE, _SHARE * beyond), _ENOUGH)
     return _NONE if any(_answered(output, rows, late, more) for output in outputs.values()) else rows
+
+
+def _placeholders(values: Array) -> Rows:
+    """Return the rows that hold a number which stands for none, far from all others."""
+    for known in np.intersect1d(PLACEHOLDERS, values):
+        rows = np.flatnonzero(values == known)
+        others = np.delete(values, rows)
+        if len(others) < _FEWEST_GOOD * len(values):
+            continue
+        if np.min(np.abs(others - known)) > _FARTHER * np.ptp(others) > 0.0:
+            return rows
+    return _NONE
 
 
 def _dead_time(evidence: Evidence) -> float:
