@@ -43,6 +43,10 @@ class Browser:
         self._call("Page.navigate", url=url)
         self.wait("document.readyState === 'complete'")
 
+    def colours(self, scheme: str) -> None:
+        """Ask pages for their colours by day, `light`, or by night, `dark`."""
+        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
     def ask(self, expression: str) -> object:
         """Return what an expression of the page is."""
         told = self._call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.links.accessibility import SERIOUS, judged, missing
+from bench.links.chromium import browsing
 from firmloop.identify.plants.plant import Parameter
 from firmloop.presentation import words
 from firmloop.presentation.figures import (
@@ -255,6 +257,16 @@ def test_many_dots_are_one_short_path() -> None:
     assert text.count("<use") < 40 and len(text) < 30_000
     (path,) = [d for d in re.findall(r' d="([^"]*)"', text) if "h0" in d]
     assert path.count("h0") == 1200
+
+
+@pytest.mark.skipif(missing() != "", reason=missing() or "all is there")
+def test_axe_has_no_serious_finding_in_the_report_and_one_in_a_page_that_is_wrong(page: str, tmp_path: Path) -> None:
+    wrong = '<html lang="en"><title>x</title><main><h1>x</h1><input></main></html>'
+    with browsing() as browser:
+        for name, text, rules in (("report", page, []), ("wrong", wrong, ["label"])):
+            (tmp_path / name).with_suffix(".html").write_text(text)
+            for _, found in judged(browser, (tmp_path / f"{name}.html").as_uri()):
+                assert [each.rule for each in found if each.impact in SERIOUS] == rules, found
 
 
 def test_long_recordings_stay_small() -> None:

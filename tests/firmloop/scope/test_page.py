@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.links.accessibility import SERIOUS, judged, missing
 from bench.links.chromium import Browser, browsing, chromium
 from bench.links.scope import SIGNALS, Running, scoping
 from firmloop.identify.recordings.recording import read_recording
@@ -176,6 +177,12 @@ def test_zoom_and_scales_follow_the_wheel(scope: Running, browser: Browser) -> N
     after = browser.ask("panes.visible[0].range")
     assert after[1] - after[0] == pytest.approx(0.8 * (before[1] - before[0]))
     browser.ask("panes.panes.forEach((pane) => { pane.held = null; }), setPaused(false)")
+
+
+@pytest.mark.skipif(missing() != "", reason=missing() or "all is there")
+def test_the_page_has_no_serious_finding_of_axe(scope: Running, browser: Browser) -> None:
+    for _, found in judged(browser, scope.url, "store.length > 500"):
+        assert [each for each in found if each.impact in SERIOUS] == []
 
 
 def test_the_page_is_a_picture_at_every_size(scope: Running, browser: Browser) -> None:
