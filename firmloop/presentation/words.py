@@ -117,7 +117,21 @@ def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
     rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
-    return table(rows) + note + _about_the_rate(loop) + _about_points(loop)
+    return table(rows) + note + _about_the_rate(loop) + about_reach(loop) + _about_points(loop)
+
+
+def about_reach(loop: Loop) -> list[str]:
+    """Say so where the reference's range is wider than what the actuator can hold."""
+    found = loop.beyond
+    if found is None:
+        return []
+    asked, drive = found.reference, found.output
+    return [
+        f"  note: {asked.name} may be {asked.low:.4g} to {in_unit(f'{asked.high:.4g}', asked.unit)}, and {drive.name} "
+        f"from {drive.low:.4g} to {in_unit(f'{drive.high:.4g}', drive.unit)} holds the plant at {found.low:.4g} to "
+        f"{in_unit(f'{found.high:.4g}', asked.unit)} at rest: what is asked beyond that is never reached; narrow "
+        f"signals.{asked.name}, or check the plant's gain and its level of rest"
+    ]
 
 
 def _about_the_rate(loop: Loop) -> list[str]:

@@ -27,6 +27,7 @@ from firmloop.project.project import Project
 from firmloop.quantize.twins.qp import optimum
 from firmloop.stages.bode import Bode, bode
 from firmloop.stages.plant import located
+from firmloop.stages.reachable import Beyond, beyond_reach
 
 MOVED = 1e-9  # of a step
 NO_METRICS = StepMetrics(*[math.nan] * 8)  # of a loop that runs away
@@ -43,6 +44,7 @@ class Loop:
     to_rest: float  # s that a step takes to rest, which may be more than `step` follows
     points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
     bode: Bode | None = None
+    beyond: Beyond | None = None  # a reference that the actuator cannot hold the plant at
 
 
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
@@ -74,7 +76,8 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         metrics = step_metrics(step) if found.stable else NO_METRICS
         to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
         followed = bode(law, plant, found.crossover_rad_s)
-        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed)
+        beyond = beyond_reach(law, plant, linear)
+        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
 
 
 def _moves(step: Trajectory) -> bool:
