@@ -66,7 +66,10 @@ def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding) -> 
     """
     if (finding.train.after or finding.train.refit or 0.0) < _MUCH:
         return
-    fitted = estimate(plant, train, (), NONE)
+    try:
+        fitted = estimate(plant, train, (), NONE)
+    except IdentifyError:
+        return  # what identify cannot fit has no lag that could be told
     left = {name: min(of.values()) for name, of in finding.simulation_rms.get("train", {}).items()}
     said = early_outputs(Evidence(plant, tuple(train), NONE, fitted), left)
     if said:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from bench.host.identify_faults import MOTOR, heater, motor, swing
 from firmloop.cli import main
+from firmloop.identify.error import IdentifyError
+from firmloop.stages import diagnosing
 from tests.firmloop.columns.test_identify_says import identified, seeded, written
 
 
@@ -50,6 +54,15 @@ def test_a_diagnosis_blames_no_physics_for_an_output_that_comes_early(tmp_path, 
     folder = written(tmp_path / "log", made)
     assert main(["diagnose", str(folder / "project.toml"), "--out", str(folder / "out")]) == 2
     assert "temperature_C of log.csv moves" in capsys.readouterr().err
+
+
+def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monkeypatch):
+    def refusing(*_: object) -> None:
+        raise IdentifyError("parameters far off")
+
+    monkeypatch.setattr(diagnosing, "estimate", refusing)
+    finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0), simulation_rms={})
+    diagnosing._check_early(None, (), finding)
 
 
 def test_a_delay_that_is_given_too_long_is_no_output_that_comes_early(tmp_path, capsys):
