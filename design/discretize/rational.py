@@ -65,7 +65,8 @@ def from_z(numerator: Sequence[float], denominator: Sequence[float]) -> Rational
             f"controller.denominator is unstable: its poles at z = {listed(outside)} lie outside the unit circle; "
             f"correct the coefficients, or check domain and sample time{_advice(moved, np.abs(excess))}"
         )
-    held = np.where(excess > 0.0, (1 + poles) / np.abs(1 + poles) - 1, poles)  # rounding alone has put it outside
+    # Rounding alone has put it outside.
+    held = np.where(excess > 0.0, (1 + poles) / np.maximum(np.abs(1 + poles), 1.0) - 1, poles)
     return _finite(Rational(_roots_of_z(above), held, _ratio(above, below)))
 
 

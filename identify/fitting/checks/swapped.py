@@ -56,6 +56,6 @@ def _with_exchanged(recording: Recording, one: str, other: str) -> Recording:
 CHECK = Check(
     "swapped",
     look,
-    ("clock_unit", "sign", "scale", "motor_constants", "rest", "drift", "structure", "excitation"),
+    ("clock_unit", "sign", "scale", "motor_constants", "early", "rest", "drift", "structure", "excitation"),
     False,
 )

@@ -1,9 +1,9 @@
 """Conceal what limits a spindle in logs of its drive, and let `firmloop diagnose` find it.
 
-    python -m bench.diagnose.synchronous_faults [NAME ...] [--seeds FIRST LAST]
+    python -m bench.diagnose.synchronous.faults [NAME ...] [--seeds FIRST LAST]
 
 Each case is a project as a user writes it, without the effect, its free parameters up to a tenth off, and two logs of
-80 ms at 20 kHz: steps and random switching, by `synchronous_truth.py`, with noise of 0.02 A rms on the currents,
+80 ms at 20 kHz: steps and random switching, by `truth.py`, with noise of 0.02 A rms on the currents,
 0.5 rad/s and 1 mrad. Even seeds log currents along the axes of the drive, odd ones those of two phases. `nothing`
 conceals nothing.
 """
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.diagnose.synchronous_truth import COLUMNS, SPINDLE, STEP, Machine
+from bench.diagnose.synchronous.truth import COLUMNS, SPINDLE, STEP, Machine
 from firmloop.cli import main as firmloop
 
 Array = NDArray[np.float64]
