@@ -22,7 +22,7 @@ import numpy.typing as npt
 import scipy
 
 from firmloop.design.discretize.exact_roots import exact_roots
-from firmloop.design.discretize.unit_circle import PRINTED, listed
+from firmloop.design.discretize.unit_circle import PRINTED, listed, written
 from firmloop.design.law import DesignError
 
 Array = npt.NDArray[np.float64]
@@ -274,8 +274,7 @@ def _advice(moved: Array, room: Array) -> str:
 
 
 def _listed(roots: Sequence[np.complex128]) -> str:
-    texts = [f"{root.real:.6g}" if root.imag == 0 else f"{root.real:.6g}{root.imag:+.6g}j" for root in roots]
-    return ", ".join(texts[:4]) + (", ..." if len(texts) > 4 else "")
+    return ", ".join(map(written, roots[:4])) + (", ..." if len(roots) > 4 else "")
 
 
 def _finite(rational: Rational) -> Rational:

@@ -39,13 +39,17 @@ def unstable(a: Array, scatter: float) -> bool:
     return not all(_block_within(block, 1.0 + min(scatter, max(PRINTED, _doubt(block)))) for block in blocks(a))
 
 
+def written(root: complex) -> str:
+    """Print a root in six digits."""
+    return f"{root.real:.6g}" if root.imag == 0 else f"{root.real:.6g}{root.imag:+.6g}j"
+
+
 def listed(outside: Sequence[complex]) -> str:
     """Print the first poles in z, with the distance from the circle where their own digits do not show it."""
     texts = []
     for pole in outside[:4]:
         beyond = abs(pole) - 1.0
-        text = f"{pole.real:.6g}" if pole.imag == 0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
-        texts.append(f"{text} (|z| = 1 + {beyond:.2g})" if 0.0 < beyond < SEEN else text)
+        texts.append(written(pole) + (f" (|z| = 1 + {beyond:.2g})" if 0.0 < beyond < SEEN else ""))
     return ", ".join(texts) + (", ..." if len(outside) > 4 else "")
 
 

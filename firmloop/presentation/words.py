@@ -117,10 +117,10 @@ def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
     rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
-    return table(rows) + note + _about_the_rate(loop) + about_reach(loop) + _about_points(loop)
+    return table(rows) + note + _about_the_rate(loop) + _about_reach(loop) + _about_points(loop)
 
 
-def about_reach(loop: Loop) -> list[str]:
+def _about_reach(loop: Loop) -> list[str]:
     """Say so where the reference's range is wider than what the actuator can hold."""
     found = loop.beyond
     if found is None:
