@@ -220,14 +220,16 @@ def test_recordings_cannot_be_changed(tmp_path: Path) -> None:
         recording.time[0] = 1.0
 
 
-def test_large_csv_is_read_in_well_under_a_second(tmp_path: Path) -> None:
+def test_a_large_csv_is_read_in_a_few_times_what_numpy_takes(tmp_path: Path) -> None:
     rows = 24_841
     values = np.column_stack([np.arange(rows) * 1e-3, np.random.default_rng(0).normal(size=(rows, 4))])
     path = tmp_path / "r.csv"
     np.savetxt(path, values, delimiter=",", header="time_s,a_V,b_V,c_V,d_V", comments="")
-    begin = time.process_time()
-    assert len(read_recording(path, {}).time) == rows
-    assert time.process_time() - begin < 1.0
+    cpu = [time.process_time()]
+    for read in (lambda: read_recording(path, {}).time, lambda: np.loadtxt(path, delimiter=",", skiprows=1)):
+        assert len(read()) == rows
+        cpu.append(time.process_time())
+    assert cpu[1] - cpu[0] < 8.0 * (cpu[2] - cpu[1])
 
 
 def test_parquet_without_pyarrow_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

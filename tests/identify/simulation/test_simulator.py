@@ -255,13 +255,16 @@ def test_two_runs_agree_in_every_bit() -> None:
     np.testing.assert_array_equal(simulate(plant, recording, None), simulate(plant, recording, None))
 
 
-def test_long_recordings_simulate_in_milliseconds() -> None:
+def test_a_long_recording_simulates_in_a_tenth_of_one_call_of_the_plant_a_row() -> None:
     rows = 10_000
     time = np.arange(rows) * 1e-3
     recording = make_recording(time, {"voltage_V": np.sign(np.sin(time * 9.0)) * 10.0}, "r", "")
     plant = motor("speed_rad_s", "current_A")
     engine, course, constants = simulator(plant), course_of(plant, recording), constants_of(plant)
-    begin = clock.process_time()
-    for _ in range(10):
-        engine.run_with_slopes(course, constants, np.zeros(2), range(6))
-    assert (clock.process_time() - begin) / 10 < 0.1
+    states, inputs, values = (np.zeros(plant.rate.numel_in(k)) for k in range(3))
+    cpu = [clock.process_time()]
+    engine.run_with_slopes(course, constants, np.zeros(2), range(6))
+    cpu.append(clock.process_time())
+    for _ in range(rows):
+        plant.rate(states, inputs, values)
+    assert 10.0 * (cpu[1] - cpu[0]) < clock.process_time() - cpu[1]
