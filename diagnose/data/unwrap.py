@@ -17,7 +17,6 @@ from firmloop.diagnose.policy import (
     FARTHEST_LEAP,
     FEWEST_LEAPS,
     FEWEST_LEVELS,
-    FEWEST_WRAPS,
     GIVEN_DEVIATION,
     LASTING_LEAP,
     LEAP,
@@ -35,16 +34,12 @@ from firmloop.diagnose.policy import (
     SEEN_SHARES,
     TELLING_WRAP,
     WHOLE_RANGE,
-    WRAP_BACK,
-    WRAP_CALM,
-    WRAP_EDGE,
-    WRAP_JUMP,
-    WRAPS_UNLIKE,
 )
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effects import effect_seen_by
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.recordings.wrapping import JUMP, UNLIKE, wrapping
 from firmloop.identify.simulation.simulate import measured, simulate
 
 Array = NDArray[np.float64]
@@ -60,7 +55,7 @@ def unwrapped(
         if len(np.unique(np.concatenate(columns))) < FEWEST_LEVELS:
             continue
         undo: Callable[[Plant, Recording, str, float], Recording] = _unrolled
-        wrap = _wrap(columns)
+        wrap = wrapping(columns)
         if wrap is None:
             expected = [_expected(plant, recording, signal.name) for recording in train]
             undo, wrap = _unfolded, _folded(columns, expected)
@@ -95,31 +90,6 @@ def turns_between(before: Recording, after: Recording, output: str, reach: float
 def shifted(recording: Recording, output: str, change: Array) -> Recording:
     """Return the recording with `change` (n,) added to an output."""
     return with_column(recording, output, recording.columns[output] + change)
-
-
-def _wrap(columns: Sequence[Array]) -> tuple[float, float, float] | None:
-    """Return the range, the lowest reading, and the deviation of the first; None where nothing wraps."""
-    low, high = min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
-    reach = high - low
-    sizes = []
-    for column in columns:
-        steps = np.diff(column)
-        if float(np.median(np.abs(steps))) > WRAP_CALM * reach:
-            return None
-        for row in np.flatnonzero(np.abs(steps) > WRAP_JUMP * reach):
-            begin, end, side = column[row], column[row + 1], float(np.sign(steps[row]))
-            if max(begin, end) < high - WRAP_EDGE * reach or min(begin, end) > low + WRAP_EDGE * reach:
-                return None
-            around = [
-                steps[k] for k in (row - 1, row + 1) if 0 <= k < len(steps) and abs(steps[k]) <= WRAP_JUMP * reach
-            ]
-            if any(side * step > WRAP_BACK * reach for step in around):
-                return None  # a wrap goes against the motion around it
-            sizes.append(abs(float(steps[row])) - side * float(np.mean(around)) if around else reach)
-    usual = np.array(sizes)
-    if len(usual) < FEWEST_WRAPS or float(np.std(usual)) > WRAPS_UNLIKE * reach:
-        return None
-    return float(np.mean(usual)), low, float(np.std(usual, ddof=1)) / np.sqrt(len(usual))
 
 
 def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float, float, float] | None:
@@ -170,7 +140,7 @@ def _leaping(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[tuple
         for share in SEEN_SHARES:
             reach = share * whole
             away = gain * aims - leaps
-            turned = np.abs(away) > WRAP_JUMP * reach
+            turned = np.abs(away) > JUMP * reach
             if np.count_nonzero(turned) >= FEWEST_LEAPS:
                 spread = float(np.std((away - reach * np.round(away / reach))[turned])) / reach
                 best = min(best or (np.inf, 0.0, 0.0), (spread, gain, reach))
@@ -215,7 +185,7 @@ def _refined(
         parts = np.array([np.sum(part, axis=0) for part in np.array_split(scores, RANGE_BATCHES)])
         by_batches = np.std((parts @ covariance)[:, -1], ddof=1) * np.sqrt(RANGE_BATCHES)
         spread = max(float(np.sqrt(covariance[-1, -1])), float(by_batches))
-    return (reach + change, spread) if abs(change) < WRAPS_UNLIKE * reach else (reach, spread)
+    return (reach + change, spread) if abs(change) < UNLIKE * reach else (reach, spread)
 
 
 def _all_of(plant: Plant, recordings: Sequence[Recording], free: Sequence[str], logs: Array) -> Array | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
@@ -76,6 +77,29 @@ def mistaken(problem: Problem, best: Fitted) -> list[tuple[LibraryTerm, LibraryT
             elif come not in best.terms and gone.effect.name in come.effect.confusable_with:
                 found.append((len(names), gone, come))
     return [(gone, come) for _, gone, come in sorted(found, key=lambda each: each[0])]
+
+
+def tied(rounds: Sequence[Sequence[Candidate]], best: Fitted) -> list[tuple[LibraryTerm, LibraryTerm]]:
+    """Return each term of the best with what explained as much in its place, beside other terms, when it was found."""
+    found: list[tuple[LibraryTerm, LibraryTerm]] = []
+    for candidates in rounds:
+        for one, other in permutations(candidates, 2):
+            mine, theirs = set(one.fitted.terms), set(other.fitted.terms)
+            if abs(one.score - other.score) < TIE and len(mine - theirs) == len(theirs - mine) == 1:
+                gone, come = (mine - theirs).pop(), (theirs - mine).pop()
+                if gone in best.terms and come not in best.terms and (gone, come) not in found:
+                    found.append((gone, come))
+    return found
+
+
+def retied(problem: Problem, best: Candidate, rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, ...]:
+    """Fit beside the best what tied with one of its effects, as far as that has not been tried there."""
+    known = [set(each.fitted.terms) for candidates in rounds for each in candidates]
+    return tuple(
+        _translated(problem, best, gone, come)
+        for gone, come in tied(rounds, best.fitted)
+        if {*best.fitted.terms, come} - {gone} not in known
+    )
 
 
 def amounting(problem: Problem, best: Candidate, gain: float) -> Candidate:

@@ -59,7 +59,7 @@ from firmloop.diagnose.policy import (
     TIE,
     WORTH_A_REFIT,
 )
-from firmloop.diagnose.search.exchange import amounting, merged, parted, swapped
+from firmloop.diagnose.search.exchange import amounting, merged, parted, retied, swapped
 from firmloop.diagnose.search.found import Progress, Search, candidates_of
 from firmloop.diagnose.search.from_given import from_given, from_means, runaways
 from firmloop.diagnose.search.harmless import as_identified
@@ -162,18 +162,15 @@ def settled(found: Search) -> Search:
 
 
 def levelled(found: Search) -> Search:
-    """Polish the candidates that are near the best as that was: they may be as good."""
+    """Polish the candidates near the best as that was, with what had tied with a part of it: they may be as good."""
     problem, best = found.problem, found.best
     near: dict[frozenset[LibraryTerm], Candidate] = {}
     for each in candidates_of(found):
         if each.score - best.score < LEVELLED_WITHIN and len(near) < LEVELLED:
             near.setdefault(frozenset(each.fitted.terms), each)
-    polished = sorted((_unwhitened(problem, each) for each in near.values()), key=lambda each: each.score)
-    if not polished:
-        return found
-    if polished[0].score >= best.score:
-        return replace(found, rounds=(*found.rounds, tuple(polished)))
-    return replace(found, best=polished[0], rounds=(*found.rounds, (best, *polished)))
+    every = sorted((best, *(_unwhitened(problem, each) for each in near.values())), key=lambda each: each.score)
+    every += retied(problem, every[0], (*found.rounds, every))
+    return replace(found, best=min(every, key=lambda each: each.score), rounds=(*found.rounds, tuple(every)))
 
 
 def _settled(problem: Problem, best: Candidate, gains: Sequence[float]) -> tuple[Candidate, tuple[Candidate, ...]]:

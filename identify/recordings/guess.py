@@ -34,7 +34,10 @@ _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
 )
 # A unit that says by itself which quantity it is of, where the name does not.
 _BY_UNIT = ("current_A", "speed_rad_s", "temperature_C", "torque_N_m", "force_N")
-_REFERENCES = frozenset("ref reference setpoint sp target desired soll sollwert".split())
+_REFERENCES = frozenset(
+    "ref reference setpoint sp target desired demanded demand requested wanted goal commanded soll sollwert".split()
+)
+_COMMANDS = frozenset(["cmd", "command"])  # of what is read from a plant a command is a reference, too
 _DRIVES = frozenset(
     "u input in cmd command duty pwm drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan "
     "power control actuator q1 q2 stell stellgrad spannung tension".split()
@@ -116,9 +119,10 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         if time is None or name != time.foreign
     ]
     aims = [_quantity(name, unit) for name, unit in pairs]
-    wishes = ["" if _words(name) & _REFERENCES else aim for (name, _), aim in zip(pairs, aims, strict=True)]
+    asked = [_asks(name, aim) for (name, _), aim in zip(pairs, aims, strict=True)]
+    wishes = ["" if asks else aim for asks, aim in zip(asked, aims, strict=True)]
     made: list[Guessed] = []
-    for (foreign, unit), wish, aim in zip(pairs, wishes, aims, strict=True):
+    for (foreign, unit), wish, aim, asks in zip(pairs, wishes, aims, asked, strict=True):
         words = _words(foreign)
         own = foreign if ending_of(foreign) and re.fullmatch(r"[A-Za-z]\w*", foreign, re.ASCII) else ""
         twins = [other for (other, _), same in zip(pairs, wishes, strict=True) if wish and same == wish]
@@ -127,9 +131,7 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         name = (own or _slug(foreign, unit, [each.name for each in made])) if plain else wish
         leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
         leaning = leaning or _BY_QUANTITY.get(wish, 1 if unit in _SHARES else 0)
-        made.append(
-            Guessed(foreign, name, unit, not plain, bool(words & _REFERENCES), leaning - aside, -leaning - aside, aim)
-        )
+        made.append(Guessed(foreign, name, unit, not plain, asks, leaning - aside, -leaning - aside, aim))
     return tuple(made)
 
 
@@ -192,6 +194,12 @@ def _quantity(foreign: str, unit: str) -> str:
         if fits:
             return fits[0]
     return next((name for name in _BY_UNIT if unit and _converts(unit, unit_of(name))), "")
+
+
+def _asks(foreign: str, quantity: str) -> bool:
+    """Tell whether a column holds what was asked for of a quantity."""
+    words = _words(foreign)
+    return bool(words & _REFERENCES) or (_BY_QUANTITY.get(quantity) == -1 and bool(words & _COMMANDS))
 
 
 def _words(name: str) -> frozenset[str]:

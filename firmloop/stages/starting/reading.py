@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.columns import Column, RowClock
 from firmloop.identify.recordings.guess import (
     Guessed,
@@ -22,6 +24,7 @@ from firmloop.identify.recordings.guess import (
 )
 from firmloop.identify.recordings.recording import Recording, read_raw, read_recording
 from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
 
 Array = NDArray[np.float64]
@@ -63,20 +66,26 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     columns = guess_columns(first, time)
     still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
     moving = tuple(each for each in columns if each not in still and not each.reference)
-    if len(moving) < 2:
-        held = ", ".join(each.foreign for each in moving) or "none"
+    asked = sorted((each for each in columns if each not in still and each.reference), key=lambda each: each.commands)
+    if not moving or len(moving) + len(asked) < 2:
+        held = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
         raise IdentifyError(
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
         )
     pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
-    if pushed.drives <= 0:  # nothing is named as a drive: what an inner loop is asked for moves the plant
-        pushed = next((each for each in columns if each.commands and each not in still), pushed)
+    # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
+    if asked and pushed.drives <= 0 and (asked[-1].commands or pushed.reads > 0):
+        pushed = asked[-1]
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
     outputs = _outputs(drive, others, first)
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
     rename, clock = rename_of(used), None if period is None else RowClock(period)
     recordings, rename, clock = _read(paths, rename, clock)
+    turning = {each.foreign: each for each in outputs if wraps_at_a_turn(recordings, each.name)}
+    if turning:
+        wraps = {foreign: replace(each.column, wraps=_turn(each.unit)) for foreign, each in turning.items()}
+        recordings, rename, clock = _read(paths, {**rename, **wraps}, clock)
     named = [each.foreign for each in used]
     asides = [_aside(each, each in still) for each in columns if each.foreign not in named]
     return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
@@ -113,6 +122,11 @@ def _outputs(drive: Guessed, others: tuple[Guessed, ...], table: RawTable) -> tu
     values = {name: values for name, values in zip(table.names, table.columns, strict=True)}
     best = max(likely, key=lambda each: _lagging(values[drive.foreign], values[each.foreign]) if len(likely) > 1 else 0)
     return (placed or best.alone(others),)
+
+
+def _turn(unit: str) -> float:
+    """Return a turn as a file counts it whose unit is given, none for rad."""
+    return float(f"{math.tau / (conversion(unit, 'rad', '').factor if unit else 1.0):.10g}")
 
 
 def _lagging(drive: Array, values: Array) -> float:

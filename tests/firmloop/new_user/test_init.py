@@ -286,6 +286,24 @@ def test_a_supply_and_a_reference_are_no_ends_of_the_plant(bench: Callable[[str,
     assert (plant["input"], plant["outputs"]) == ("motor_cmd_V", ["speed_rad_s"])
 
 
+def test_what_an_inner_loop_is_asked_for_moves_the_plant_and_an_angle_within_a_turn_is_unrolled(
+    bench: Callable[[str, str], Path],
+) -> None:
+    asked, speed, angle = np.repeat([0.0, 900.0, -800.0, 1500.0, 0.0, -1200.0], 100), 0.0, 0.0
+    rows = []
+    for u in asked:
+        rows.append((angle, speed))
+        speed += 0.1 * (u - speed)
+        angle += 0.005 * speed
+    turned, moved = np.transpose(rows)
+    header = "time_s,commanded_deg_s,angle_deg,feedback_deg_s"
+    file = bench("a.csv", text(header, 0.005 * np.arange(600), asked, turned % 360.0, moved))
+    assert main(["init", "a.csv"]) == 0
+    made = tomllib.loads(file.with_suffix(".toml").read_text())
+    assert (made["plant"]["input"], made["plant"]["outputs"]) == ("commanded_deg_s", ["position_rad"])
+    assert made["recordings"]["rename"]["angle_deg"] == {"name": "position_rad", "unit": "deg", "wraps": 360.0}
+
+
 def test_names_of_a_file_stay_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     odd = {"u\n[plant]\nkind = 'x'": DRIVE, 'omega "1"': SPEED, "\nname = 'evil'": CURRENT, "t": TIME}
