@@ -36,22 +36,40 @@ def _refuse_causes(evidence: Evidence) -> None:
 
 def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
-    assert project.recordings is not None, "require() has seen to it"
     with located(project), threadpool_limits(1):  # small matrices: a second thread would only wait for the first
-        plant, conditioning = recorded_plant_of(project), conditioning_of(project)
-        check_logs("identify", plant, data, conditioning)
-        try:
-            fitted = estimate(plant, data.train, data.test, conditioning, report)
-        except IdentifyError:
-            _refuse_causes(Evidence(plant, data.train, conditioning, None))
-            raise
+        fitted, evidence = _fitted(project, data, report)
         report(0.95, "checking units, signs, levels and residuals")
-        remarks = told(Evidence(plant, data.train, conditioning, fitted))
+        remarks = told(evidence)
         if not first_causes(remarks):
-            judge(fitted, data.train, conditioning)
+            judge(fitted, data.train, evidence.conditioning)
     failed = any(one.check == "spikes" for one in remarks)  # such a reading is no limit that a signal runs into
     limits = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
     seen = () if failed else limits
     own = () if first_causes(remarks) else fitted.warnings
     said = (*data.notes, *(one.says for one in remarks), *own, *filter(None, seen))
     return replace(fitted, warnings=tuple(dict.fromkeys(said)))
+
+
+def fit_alone(project: Project, data: Data) -> Fit:
+    """Fit as `identify` does, without its remarks: by them kinds are not compared."""
+    with located(project), threadpool_limits(1):
+        fitted, evidence = _fitted(project, data, lambda share, doing: None)
+        try:
+            judge(fitted, data.train, evidence.conditioning)
+        except IdentifyError:
+            if not first_causes(told(evidence)):
+                raise
+    return fitted
+
+
+def _fitted(project: Project, data: Data, report: Report) -> tuple[Fit, Evidence]:
+    """Fit the plant, and return with the fit what the checks look at."""
+    assert project.recordings is not None, "require() has seen to it"
+    plant, conditioning = recorded_plant_of(project), conditioning_of(project)
+    check_logs("identify", plant, data, conditioning)
+    try:
+        fitted = estimate(plant, data.train, data.test, conditioning, report)
+    except IdentifyError:
+        _refuse_causes(Evidence(plant, data.train, conditioning, None))
+        raise
+    return fitted, Evidence(plant, data.train, conditioning, fitted)

@@ -107,7 +107,7 @@ def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> _Tried:
     first = replace(base, kind=kind, outputs=outputs, parameters=parameters)
     with scratch_folder(Path(tempfile.gettempdir()), ".firmloop_init") as folder:
         project = _read(first, folder)
-        found = fitting.identify(project, seen, lambda share, doing: None)
+        found = fitting.fit_alone(project, seen)
         first = _settled(first, found)
         making.design(_read(first, folder), found.plant)
     scores = [float(np.mean([each.scores[name].fit_percent for each in found.train])) for name in outputs]
