@@ -133,7 +133,8 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
     """Return the verdict, and the explanations that stand beside the best one; `read` is what needs no search."""
     if not search.best.fitted.terms:
         # What a sensor in wide steps leaves may be as large as those.
-        missing = outweighs(shape, search.best.noises, 0.0) or (not read and rivals_noise(search))
+        stepped = any(find_effect(each.effect).seen_by == "steps" for each in read)
+        missing = outweighs(shape, search.best.noises, 0.0) or (not stepped and rivals_noise(search))
         return ("unknown_physics" if missing else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained):

@@ -14,6 +14,7 @@ from firmloop.diagnose.data.quantization import Direct
 from firmloop.diagnose.data.viterbi import cheapest
 from firmloop.diagnose.policy import (
     AT_RIM,
+    CLOSER_RMS,
     FARTHEST_LEAP,
     FEWEST_LEAPS,
     FEWEST_LEVELS,
@@ -69,8 +70,10 @@ def unwrapped(
             turns_between(before, after, signal.name, wrap[0])
             for before, after in zip((*train, *test), moved, strict=True)
         ]
-        reach, deviation = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
-        if abs(reach - wrap[0]) > RANGE_DEVIATIONS * wrap[2] or deviation > wrap[2]:
+        reach, deviation, left = _refined(plant, moved[: len(train)], signal.name, turns[: len(train)], wrap[0])
+        off = abs(reach - wrap[0])
+        # A sensor that shows only a part of its turn jumps by less than a turn: simulations tell by how much.
+        if (off > RANGE_DEVIATIONS * wrap[2] or deviation > wrap[2]) and not (left < CLOSER_RMS and off > deviation):
             reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit, or the jumps tell more
         low = wrap[1]
         whole = [shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
@@ -156,15 +159,18 @@ def _leaping(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[tuple
 
 def _refined(
     plant: Plant, recordings: Sequence[Recording], name: str, turns: Sequence[Array], reach: float
-) -> tuple[float, float]:
-    """Fit the range beside the free parameters, by Gauss-Newton on the unrolled readings; with its deviation."""
+) -> tuple[float, float, float]:
+    """Fit the range beside the free parameters, by Gauss-Newton on the unrolled readings.
+
+    Return it, its deviation, and the residual rms over what a fit without it leaves.
+    """
     index = [signal.name for signal in plant.outputs].index(name)
     free = [p.name for p in plant.parameters if p.free and p.value > 0.0]
-    logs, change, spread = np.zeros(len(free)), 0.0, 0.0
+    logs, change, spread, ratio = np.zeros(len(free)), 0.0, 0.0, 1.0
     for _ in range(RANGE_REFINED):
         base = _all_of(plant, recordings, free, logs)
         if base is None:
-            return reach, spread
+            return reach, spread, 1.0
         columns = []
         for place in range(len(free)):
             near = _all_of(plant, recordings, free, logs + RANGE_DIFFERENCE_STEP * (np.arange(len(free)) == place))
@@ -185,7 +191,13 @@ def _refined(
         parts = np.array([np.sum(part, axis=0) for part in np.array_split(scores, RANGE_BATCHES)])
         by_batches = np.std((parts @ covariance)[:, -1], ddof=1) * np.sqrt(RANGE_BATCHES)
         spread = max(float(np.sqrt(covariance[-1, -1])), float(by_batches))
-    return (reach + change, spread) if abs(change) < UNLIKE * reach else (reach, spread)
+        given = ((seen - base) / sizes).ravel()
+        with_it, without = (
+            np.linalg.norm(given - each @ np.linalg.lstsq(each, given, rcond=1e-9)[0]) for each in (tall, tall[:, :-1])
+        )
+        ratio = float(with_it / max(without, 1e-300))
+    most = RANGE_NEAR_SPAN if ratio < CLOSER_RMS else UNLIKE
+    return (reach + change, spread, ratio) if abs(change) < most * reach else (reach, spread, 1.0)
 
 
 def _all_of(plant: Plant, recordings: Sequence[Recording], free: Sequence[str], logs: Array) -> Array | None:

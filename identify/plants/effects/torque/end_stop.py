@@ -1,13 +1,15 @@
-"""An elastic stop: -k (theta - theta0) beyond theta0, above it where theta0 >= 0 and below it where not."""
+"""A stop that never pulls: -k (theta - theta0) - c w beyond theta0, above it where theta0 >= 0, below it where not."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from firmloop.identify.plants.assembly import Assembly, ringing
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, signed, size
 
 _BEFORE, _DEEP = 0.05, 0.3  # of the whole way, or of the way to that side: where a stop may be before its end
+_LOSS = 0.6  # twice the share of critical damping
 _EARLIEST = 0.1  # of the way to that side: no stop comes before
 
 
@@ -16,21 +18,28 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
     return (
         signed(f"position_{site.travel}", site.travel),
         size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),
+        EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0),
     )
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
-    """Propose where a fit begins: somewhat before either end of the way, on that side of zero."""
+    """Propose where a fit begins: somewhat before either end of the way, on that side of zero, lossy and not."""
     high = scales.place_high - min(_BEFORE * scales.travel, _DEEP * abs(scales.place_high))
     low = scales.place_low + min(_BEFORE * scales.travel, _DEEP * abs(scales.place_low))
-    return tuple((place, k * scales.effort / scales.travel) for k in (10.0, 200.0) for place in (high, low))
+    return tuple(
+        (place, stiffness, loss * math.sqrt(stiffness * scales.inertia))
+        for stiffness in (10.0 * scales.effort / scales.travel, 200.0 * scales.effort / scales.travel)
+        for loss in (0.0, _LOSS)
+        for place in (high, low)
+    )
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     per = assembly.per[site.balance]
     rate = 4.0 * ringing(values[1], per)
-    assembly.add_flank(assembly.speed, "end_stop", values, per, rate, (assembly.position, -values[1]))
+    slopes = ((assembly.position, -values[1]), (assembly.speed, -values[2]))
+    assembly.add_flank(assembly.speed, "end_stop", values, per, rate, *slopes)
 
 
 def believable(values: Sequence[float], scales: Scales) -> bool:
@@ -43,7 +52,7 @@ EFFECT = Effect(
     name="end_stop",
     equation="torque",
     place="torque",
-    term="-k (theta - theta0) beyond theta0",
+    term="-k (theta - theta0) - c w beyond theta0",
     says="the travel ends at an elastic stop",
     parameters=parameters,
     starts=starts,
@@ -55,8 +64,9 @@ EFFECT = Effect(
     codes=(
         (
             "end_stop",
-            """    const double beyond = v->th - q[0];
-    return (q[0] >= 0.0 ? beyond > 0.0 : beyond < 0.0) ? -q[1] * beyond : 0.0;""",
+            """    const double side = q[0] >= 0.0 ? 1.0 : -1.0, pressed = side * (v->th - q[0]);
+    const double push = q[1] * pressed + q[2] * side * v->w;
+    return pressed > 0.0 && push > 0.0 ? -side * push : 0.0;""",
         ),
     ),
     switches=(1,),

@@ -147,6 +147,18 @@ CASES = {
         {"position_rad": -0.1, "stiffness_N_m_rad": 0.5},
         pushed(lambda x, t, s: -0.5 * (x[2] + 0.1) if x[2] < -0.1 else 0.0),
     ),
+    "end_stops": Case(
+        {"low_rad": -0.1, "high_rad": 0.6, "stiffness_N_m_rad": 0.5, "damping_N_m_s_rad": 2e-4},
+        pushed(
+            lambda x, t, s: (
+                max(-0.5 * (x[2] + 0.1) - 2e-4 * x[1], 0.0)
+                if x[2] < -0.1
+                else min(-0.5 * (x[2] - 0.6) - 2e-4 * x[1], 0.0)
+                if x[2] > 0.6
+                else 0.0
+            )
+        ),
+    ),
     "return_spring": Case({"stiffness_N_m_rad": 0.01}, pushed(lambda x, t, s: -0.01 * x[2])),
     "hardening_spring": Case({"cubic_N_m_rad3": 0.01}, pushed(lambda x, t, s: -0.01 * x[2] ** 3)),
     "flexible_coupling": Case(
@@ -295,7 +307,8 @@ def test_a_friction_as_steep_as_coulombs_is_coulombs(
     ("name", "parameters", "share"),
     [
         ("backlash", CASES["backlash"].parameters, 1e-9),
-        ("end_stop", CASES["end_stop"].parameters, 1e-9),
+        ("end_stop", {**CASES["end_stop"].parameters, "damping_N_m_s_rad": 2e-4}, 1e-9),
+        ("end_stops", CASES["end_stops"].parameters, 1e-9),
         ("inductance_saturation", {"current_A": 0.5}, 5e-2),
     ],
 )

@@ -39,6 +39,7 @@ VALUES = {
     "gravity_torque": {"amplitude_N_m": 0.6, "phase_rad": 0.3},
     "cogging_torque": {"amplitude_N_m": 0.3, "periods_per_rev": 5.0, "phase_rad": 0.1},
     "end_stop": {"position_rad": 3.0, "stiffness_N_m_rad": 60.0},
+    "end_stops": {"low_rad": -3.0, "high_rad": 3.0, "stiffness_N_m_rad": 60.0},
     "return_spring": {"stiffness_N_m_rad": 0.5},
     "hardening_spring": {"cubic_N_m_rad3": 0.02},
     "flexible_coupling": {"stiffness_N_m_rad": 30.0, "load_inertia_kg_m2": 0.02, "damping_N_m_s_rad": 0.05},
