@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,13 +18,14 @@ from firmloop.diagnose.search.improved import improved_plant
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.fit import fit as identified
 from firmloop.identify.fitting.noise import white
-from firmloop.identify.fitting.own_values import fit_start, own_start
+from firmloop.identify.fitting.own_values import fit_start, own_start, placed_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.simulate import constants_of, measured, simulate
 
 Array = NDArray[np.float64]
+Start = Callable[[Plant, Recording, Array], Array]
 
 
 def plain_refit(found: Search, plant: Plant, train: Sequence[Recording]) -> Plant:
@@ -47,19 +48,15 @@ def as_identified(plant: Plant, train: Sequence[Recording]) -> Plant | None:
         return None
 
 
-def simulation_rms(plant: Plant, recordings: Sequence[Recording], recorded: bool = False) -> Array:
-    """Return the rms (recordings, r) of measured - simulated, from the input alone and from rest; infinite if it fails.
+def simulation_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = own_start) -> Array:
+    """Return the rms (recordings, r) of measured - simulated, from the input alone; infinite if it fails.
 
-    As `firmloop simulate` does it; where the readings say, if `recorded`, as by its --fit-initial.
+    From rest, as `firmloop simulate` does it, unless it is to `begin` elsewhere.
     """
     found = np.full((len(recordings), len(plant.outputs)), np.inf)
     for k, recording in enumerate(recordings):
         try:
-            constants = constants_of(plant)
-            if recorded:
-                start = fit_start(plant, recording, constants, NONE)
-            else:
-                start = own_start(plant, recording, constants)
+            start = begin(plant, recording, constants_of(plant))
             left = measured(plant, recording) - simulate(plant, recording, start)
         except IdentifyError:
             continue
@@ -79,8 +76,15 @@ def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> boo
 
 
 def both_starts(plant: Plant, recordings: Sequence[Recording]) -> Array:
-    """Return the rms (2, recordings, r) from rest and from where the readings say: a recording may begin in motion."""
-    return np.stack([simulation_rms(plant, recordings, recorded) for recorded in (False, True)])
+    """Return the rms (2, recordings, r) from rest and from where the readings say: a recording may begin in motion.
+
+    At rest, too, a place is where all its readings say: the noise of the first alone is no property of a plant.
+    """
+    return np.stack([simulation_rms(plant, recordings, begin) for begin in (placed_start, _as_recorded)])
+
+
+def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
+    return fit_start(plant, recording, constants, NONE)
 
 
 def no_worse(plant: Plant, rms: Array, recordings: Sequence[Recording]) -> bool:

@@ -16,7 +16,7 @@ from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linearize import linearize
-from firmloop.identify.simulation.simulate import course_of, rest_start, simulator
+from firmloop.identify.simulation.simulate import course_of, measured, rest_start, seen_places, simulator
 
 Array = NDArray[np.float64]
 
@@ -136,11 +136,31 @@ def own_start(plant: Plant, recording: Recording, constants: Array) -> Array:
     if by_itself(plant, recording):
         return fit_start(plant, recording, constants, NONE)
     states = [one.state for one in plant.varying]
+    spread = np.std(measured(plant, recording), axis=0)
+    return _with_states(plant, recording, constants, start, states, 1.0 / np.where(spread > 0.0, spread, 1.0))
+
+
+def placed_start(plant: Plant, recording: Recording, constants: Array) -> Array:
+    """Return the initial state (n,) at rest, at the places that all their readings say, not the first of them alone.
+
+    Of two plants that begin at one reading, the noise of that reading would tell which of them comes nearer.
+    """
+    start = own_start(plant, recording, constants)
+    for state, column in seen_places(plant):
+        shown = [float(signal.name == column) for signal in plant.outputs]
+        if any(shown):
+            start = _with_states(plant, recording, constants, start, [state], np.array(shown))
+    return start
+
+
+def _with_states(
+    plant: Plant, recording: Recording, constants: Array, start: Array, states: Sequence[int], weights: Array
+) -> Array:
+    """Return an initial state (n,) with some of its states where the readings, by their weights (r,), say."""
     if not states:
         return start
     (made,) = experiments(plant, recording, NONE)
-    engine, spread = simulator(plant, recording.hold), np.std(made.target, axis=0)
-    weights = 1.0 / np.where(spread > 0.0, spread, 1.0)
+    engine = simulator(plant, recording.hold)
 
     def with_own(own: Array) -> Array:
         moved = start.copy()

@@ -149,10 +149,7 @@ def measured(plant: Plant, recording: Recording) -> Array:
 def rest_start(plant: Plant, recording: Recording) -> Array:
     """Return the initial state (n,) at rest, at the position of the first row where a position is recorded."""
     start = np.zeros(len(plant.states))
-    for index, signal in enumerate(plant.states):
-        if signal.name.startswith("position_") and signal.name in recording.columns:
-            start[index] = _undone(plant, signal.name, float(recording.columns[signal.name][0]))
-    for index, output in _seen_places(plant):
+    for index, output in seen_places(plant):
         if output in recording.columns:
             start[index] = _undone(plant, output, float(recording.columns[output][0]))
     return start
@@ -167,14 +164,15 @@ def _undone(plant: Plant, output: str, reading: float) -> float:
     return reading
 
 
-def _seen_places(plant: Plant) -> list[tuple[int, str]]:
-    """Positions and levels of an `ode` plant that an output shows as they are: (state, output)."""
+def seen_places(plant: Plant) -> list[tuple[int, str]]:
+    """Return positions, and levels of an `ode` plant, with the column that shows them as they are: (state, column)."""
+    named = [(k, signal.name) for k, signal in enumerate(plant.states) if signal.name.startswith("position_")]
     if plant.kind != "ode":
-        return []
+        return named
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     reading = ca.vertsplit(plant.reading(x, u, p))
     places = [b.state if b.kind == "flow" else b.position for b in plant.balances]
-    return [
+    return named + [
         (place, signal.name)
         for place in places
         for signal, shown in zip(plant.outputs, reading, strict=True)

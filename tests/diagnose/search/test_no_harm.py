@@ -6,14 +6,18 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
-from firmloop.diagnose.search.harmless import by_simulation_error, harmless
+from firmloop.diagnose.search.harmless import by_simulation_error, harmless, simulation_rms
 from firmloop.identify.fitting.noise import white
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.recording import make_recording
+from firmloop.identify.simulation.simulate import simulate
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
@@ -55,6 +59,21 @@ def test_a_plant_that_is_off_is_not_harmless(tmp_path: Path) -> None:
     off = replace(plant, parameters=tuple(replace(p, value=1.3 * p.value) for p in plant.parameters))
     assert harmless(plant, plant, train)
     assert not harmless(off, plant, train) or not harmless(plant, off, train)
+
+
+def test_the_noise_of_the_first_reading_tells_no_better_plant() -> None:
+    true, off, wrong = (
+        make_plant("rotary_stage", ("torque_N_m",), ["position_rad"], {"J_kg_m2": 0.01, "b_N_m_s_rad": friction})
+        for friction in (0.1, 0.1001, 0.101)
+    )
+    time, noise = np.arange(600) * 0.01, np.random.default_rng(5).normal(size=600) * 1e-3
+    driven = {"torque_N_m": 0.1 * (time < 1.0), "position_rad": 0.0 * time}
+    noise[0] = 1e-3  # by which all that begins there is too high, and the drift of the wrong plant too low
+    driven["position_rad"] = simulate(true, make_recording(time, driven, "bare.csv", ""), None)[:, 0] + noise
+    seen = [make_recording(time, driven, "log.csv", "")]
+    assert simulation_rms(true, seen) > 1.3 * simulation_rms(off, seen)
+    assert harmless(true, off, seen) and not harmless(off, true, seen)
+    assert not harmless(wrong, true, seen)
 
 
 def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
