@@ -42,11 +42,13 @@ from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
+from firmloop.identify.fitting.checks.electrical_scale import off_by, says
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effect import EffectParameter
 from firmloop.identify.plants.effects import find_effect
+from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -95,7 +97,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         untestable={name: why for name, why in untestable.items() if name not in {each.name for each in effects}},
         notes=(
             *checks.notes,
-            *_far_from_given(shifts, deviations(shown.fitted), verdict),
+            *_far_from_given(search.problem.plant, shifts, deviations(shown.fitted), verdict),
             *(
                 f"{each.output} is simulated without its steps, which its noise blurs"
                 for each in blurred(search, shown, read)
@@ -350,10 +352,13 @@ def _shifts(search: Search, shown: Candidate) -> tuple[Shift, ...]:
     )
 
 
-def _far_from_given(shifts: Sequence[Shift], spread: Mapping[str, float], verdict: Verdict) -> list[str]:
+def _far_from_given(plant: Plant, shifts: Sequence[Shift], spread: Mapping[str, float], verdict: Verdict) -> list[str]:
     """Say which nominal parameters the recordings determine well, and far from where the project has them."""
     if verdict == "unknown_physics":
         return []  # they may have moved to imitate what has no name
+    scale = off_by(plant, {each.name: each.after for each in shifts})
+    if scale is not None:
+        return [says(plant, *scale)]
     return [
         f"the recordings are met with {each.name} = {each.after:.3g} {each.unit}, {each.after / each.given:.2g} times "
         "what the project gives; check its value and unit"

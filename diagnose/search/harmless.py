@@ -64,10 +64,10 @@ def simulation_rms(plant: Plant, recordings: Sequence[Recording], begin: Start =
     return found
 
 
-def overall_rms(plant: Plant, recordings: Sequence[Recording]) -> Array:
+def overall_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = own_start) -> Array:
     """Return the rms (r,) of all recordings together; infinite where one fails."""
     weights = np.array([len(each.time) for each in recordings], dtype=np.float64)
-    return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings) ** 2 / weights.sum()))
+    return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings, begin) ** 2 / weights.sum()))
 
 
 def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:

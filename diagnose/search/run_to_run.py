@@ -8,6 +8,7 @@ import numpy as np
 
 from firmloop.diagnose.policy import CLOSER_RMS, SAME_RMS
 from firmloop.diagnose.search.harmless import overall_rms
+from firmloop.identify.fitting.own_values import placed_start
 from firmloop.identify.plants.per_recording import ways_to_differ, with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -21,9 +22,9 @@ def differing(plant: Plant, recordings: Sequence[Recording]) -> tuple[tuple[str,
     """
     if len(recordings) < 2 or plant.varying:
         return (), 1.0
-    together = overall_rms(plant, recordings)
+    together = overall_rms(plant, recordings, placed_start)
     ratios = {
-        names: overall_rms(with_varying(plant, names), recordings) / np.maximum(together, 1e-300)
+        names: overall_rms(with_varying(plant, names), recordings, placed_start) / np.maximum(together, 1e-300)
         for names in ways_to_differ(plant)
     }
     found = {

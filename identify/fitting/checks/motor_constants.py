@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.checks.scale import counts_of, scaled, unit_of_factor
+from firmloop.identify.fitting.checks.scale import ELECTRIC, counts_of, scaled, unit_of_factor
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.plants.kinds.dc_motor import GEAR
 from firmloop.identify.plants.plant import Parameter
@@ -15,7 +15,6 @@ from firmloop.identify.units import unit_of
 _MOST = 1.5  # times: iron losses and doubtful data sheets stay below
 _SURE = 3.0  # deviations
 _UNIT = 0.05  # natural logarithm
-_VOLTS = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
 _EXACT = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
 _ALIKE = 0.5  # of the logarithm of the ratio: what a doubtful nominal resistance may be off besides
 _WIDEST = 0.3  # relative deviation of a constant that is known
@@ -66,7 +65,7 @@ def _follows(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) ->
 def _of_the_voltage(ratio: float, name: str) -> str:
     """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it."""
     unit = unit_of_factor(ratio, _UNIT)
-    looks = unit if unit in _VOLTS else "in another unit, or a share of the supply (the duty of a PWM)"
+    looks = unit if unit in ELECTRIC else "in another unit, or a share of the supply (the duty of a PWM)"
     return f"{name} looks {looks}, for R_ohm is off alike; if so, {scaled(name, 1.0 / ratio)}"
 
 

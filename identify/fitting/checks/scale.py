@@ -28,6 +28,7 @@ FACTORS = {
     "in thousands of the unit": 1e-3,
     "in millionths of the unit": 1e6,
 }
+ELECTRIC = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
 
 
 def unit_of_factor(factor: float, near: float) -> str | None:
