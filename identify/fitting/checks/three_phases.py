@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _DRIVEN = ("voltage_d_V", "voltage_q_V", "speed_rad_s")
 _ROWS = 50  # at least, to judge by
+_SMALL = 0.5  # of the largest current
 _SURE = 0.1  # relative standard deviation of p^2
 _NEAR = 0.25  # of a factor: what two neighbouring whole numbers of pole pairs differ by, at most
 _MOST_PAIRS, _MOST_ROWS = 30, 20_000  # that phase currents are asked for
@@ -35,6 +36,7 @@ _CERTAIN = 5.0  # standard deviations
 _BETTER = 0.25  # of the squares that the given pole pairs leave
 _BACKWARDS = -1.3  # of the electrical turn: 0 to -1 of phases in their order, -1 to -2 of two that are swapped
 _TURNS = 2.0  # electrical ones that a log must see
+_EVERY = slice(None)
 _SUM = 0.05  # of the largest current
 _SLIP = 0.02
 _ANGLES = (("degrees", 180.0 / math.pi, "deg"), ("turns", 0.5 / math.pi, "turn"))
@@ -67,7 +69,10 @@ def _pairs(recording: Recording, pairs: float) -> str:
     if currents is None:
         seen = _pairs_of_phases(recording, voltages, pairs)
     else:
-        seen = _seen(recording.time, voltages, currents[0] + 1j * currents[1]).pairs
+        current = currents[0] + 1j * currents[1]
+        size = np.abs(current)
+        small = np.maximum(size[1:], size[:-1]) < _SMALL * np.max(size)  # iron saturates at the others
+        seen = _seen(recording.time, voltages, current, small).pairs
         seen = seen if seen is not None and abs(math.log(seen / pairs)) > math.log1p(_NEAR) else None
     if seen is None:
         return ""
@@ -144,8 +149,13 @@ class _Seen:
     down: str = ""
 
 
-def _seen(time: Array, read: Sequence[Array], current: NDArray[np.complex128]) -> _Seen:
-    """Return what voltages, speed and the current (d along the real axis) show."""
+def _seen(
+    time: Array,
+    read: Sequence[Array],
+    current: NDArray[np.complex128],
+    told: NDArray[np.bool_] | slice = _EVERY,
+) -> _Seen:
+    """Return what voltages, speed and the current (d along the real axis) show, in the rows that are `told`."""
     v_d, v_q, w = read
     h, i_d, i_q = np.diff(time), current.real, current.imag
     middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
@@ -153,6 +163,7 @@ def _seen(time: Array, read: Sequence[Array], current: NDArray[np.complex128]) -
     across = np.column_stack([v_q[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
     factors, doubts, over, upright, down = [], [], 0.0, True, ""
     for axis, regressors, change in (("d", along, np.diff(i_d)), ("q", across, np.diff(i_q))):
+        regressors, change = regressors[told], change[told]
         size = np.linalg.norm(regressors, axis=0)
         if np.any(size == 0.0):
             return _Seen(None, math.inf, False)

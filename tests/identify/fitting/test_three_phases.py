@@ -19,8 +19,8 @@ H, ROWS = 50e-6, 2000
 VALUES = {"R_ohm": R, "Ld_H": LD, "Lq_H": LQ, "flux_Wb": FLUX, "J_kg_m2": J, "b_N_m_s_rad": 1e-5}
 
 
-def log(pairs: int) -> dict[str, np.ndarray]:
-    """Return the columns of a drive that steps its voltages, by fine steps, with noise."""
+def log(pairs: int, knee: float = 1e6) -> dict[str, np.ndarray]:
+    """Return the columns of a drive that steps its voltages, by fine steps, with noise; `knee` halves an inductance."""
     random = np.random.default_rng(4)
     v = np.repeat(random.choice([-4.0, 1.0, 5.0, 7.0], size=(ROWS // 50, 2)) * (0.2, 1.0), 50, axis=0)
     x, rows = np.zeros(4), []
@@ -28,11 +28,12 @@ def log(pairs: int) -> dict[str, np.ndarray]:
         rows.append(x.copy())
         for _ in range(10):
             d, q, w, th = x
+            along, across = LD * knee * math.atan(d / knee), LQ * knee * math.atan(q / knee)
             x = x + H / 10 * np.array(
                 [
-                    (v_d - R * d + pairs * w * LQ * q) / LD,
-                    (v_q - R * q - pairs * w * (LD * d + FLUX)) / LQ,
-                    (1.5 * pairs * (FLUX + (LD - LQ) * d) * q - 1e-5 * w) / J,
+                    (v_d - R * d + pairs * w * across) / LD * (1.0 + (d / knee) ** 2),
+                    (v_q - R * q - pairs * w * (along + FLUX)) / LQ * (1.0 + (q / knee) ** 2),
+                    (1.5 * pairs * ((FLUX + along) * q - across * d) - 1e-5 * w) / J,
                     w,
                 ]
             )
@@ -110,3 +111,8 @@ def test_what_is_wrong_is_named(case: str) -> None:
     told = said(columns, 4)
     assert any(words in one for one in told), told
     assert all("\n" not in one and len(one) < 400 for one in told)
+
+
+def test_iron_that_saturates_is_no_other_number_of_pole_pairs() -> None:
+    """The more current flows, the faster it rises: what all of it fits are fewer pole pairs."""
+    assert said(log(4, knee=8.5), 4) == ()
