@@ -193,9 +193,10 @@ def _refined(
         spread = max(float(np.sqrt(covariance[-1, -1])), float(by_batches))
         given = ((seen - base) / sizes).ravel()
         with_it, without = (
-            np.linalg.norm(given - each @ np.linalg.lstsq(each, given, rcond=1e-9)[0]) for each in (tall, tall[:, :-1])
+            float(np.linalg.norm(given - each @ np.linalg.lstsq(each, given, rcond=1e-9)[0]))
+            for each in (tall, tall[:, :-1])
         )
-        ratio = float(with_it / max(without, 1e-300))
+        ratio = with_it / max(without, 1e-300)
     most = RANGE_NEAR_SPAN if ratio < CLOSER_RMS else UNLIKE
     return (reach + change, spread, ratio) if abs(change) < most * reach else (reach, spread, 1.0)
 
