@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -27,18 +27,20 @@ from firmloop.identify.fitting.noise import colored, flat, oversized
 from firmloop.identify.recordings.conditioning import NONE
 
 
-def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
+def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]) -> tuple[Fitted, ...]:
     """Try the terms that help most beside the parameters as given: a refit may have run far away to hide one.
 
-    Beside effects that were found, what has not run away stays.
+    Beside effects that were found, what has not run away stays. `table` are the terms as screened: a stop or a limit
+    that a refit never comes to leaves no trace there, and is tried as well.
     """
     sizes, found = flat(candidate.noises), candidate.fitted
-    told: set[str] = set()
+    told, folded = set[str](), set[str]()
     if found.terms:
         away = runaways(problem, found, LOST_PARAMETER)
         calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
     else:
-        told = {term.label for term in problem.terms if _folded(problem, term)}
+        folded = {term.label for term in problem.terms if _folded(problem, term)}
+        told = folded | {one.term.label for one in table if one.term.effect.limits and one.left == 0.0}
         calm = not told and not (colored(candidate.noises) and _ran_away(problem, candidate))
         begin = first_point(problem, problem.train)
     if calm:
@@ -51,7 +53,7 @@ def from_given(problem: Problem, candidate: Candidate) -> tuple[Fitted, ...]:
     tried = [
         fit(problem, problem.train, *extended(given, each.term, each.start), sizes, STEPS_FROM_GIVEN) for each in picked
     ]
-    return (*tried, *(from_unfolded(problem, term) for term in others if term.label in told))
+    return (*tried, *(from_unfolded(problem, term) for term in others if term.label in folded))
 
 
 def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:

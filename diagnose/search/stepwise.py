@@ -98,7 +98,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
         # Where noise alone is left, no term gains more than it promises; where not, a soaked one hides another.
         whole = not colored(best.noises)
         worth = max(WORTH_A_REFIT, 0.5 * MINOR_SHARE * sum(gains)) if whole else WORTH_A_REFIT
-        others = (*from_given(problem, best), *from_means(problem, best))
+        others = (*from_given(problem, best, table), *from_means(problem, best))
         candidates = tried_beside(problem, best, table, others, worth)
         if not candidates:
             break
