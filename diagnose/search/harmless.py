@@ -72,7 +72,7 @@ def overall_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = ow
 
 def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the plain refit does."""
-    return no_worse(plant, both_starts(refit, recordings), recordings)
+    return no_worse(both_starts(plant, recordings), both_starts(refit, recordings))
 
 
 def both_starts(plant: Plant, recordings: Sequence[Recording]) -> Array:
@@ -87,9 +87,9 @@ def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
     return fit_start(plant, recording, constants, NONE)
 
 
-def no_worse(plant: Plant, rms: Array, recordings: Sequence[Recording]) -> bool:
-    """Tell whether a plant simulates every output of every recording to no more than a rms (2, recordings, r)."""
-    return bool(np.all(both_starts(plant, recordings) <= SAME_RMS * rms))
+def no_worse(rms: Array, refit: Array) -> bool:
+    """Tell whether a plant's rms (2, recordings, r) is no more than the refit's, of any output of any recording."""
+    return bool(np.all(rms <= SAME_RMS * refit))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:

@@ -35,11 +35,15 @@ Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms wh
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A search whose best is a part of an explanation; `safe` where it may be written."""
+    """A search whose best is a part of an explanation; `safe` where it may be written.
+
+    `seen` is the rms over the refit's where readings begin all simulations of train.
+    """
 
     search: Search
     safe: bool
     left: LeftOut
+    seen: float
 
     @property
     def terms(self) -> tuple[LibraryTerm, ...]:
@@ -48,8 +52,8 @@ class _Part:
 
     @property
     def ratio(self) -> float:
-        """The rms over the refit's, squares averaged over outputs; 0 where nothing is told."""
-        return _ratio(self.left.figures)
+        """The rms over the refit's of what was left out, squares averaged over outputs; of train where none is told."""
+        return _ratio(self.left.figures) or self.seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +66,10 @@ class _Bench:
 
     def part(self, search: Search) -> _Part:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
-        plant = improved_plant(search, search.best)
-        safe = believable(search.best.fitted) and no_worse(plant, self.refit_rms, self.recordings)
-        return _Part(search, safe, self.left_out(search))
+        rms = both_starts(improved_plant(search, search.best), self.recordings)
+        safe = believable(search.best.fitted) and no_worse(rms, self.refit_rms)
+        seen = float(np.sqrt(np.mean((rms[1] / np.maximum(self.refit_rms[1], 1e-300)) ** 2)))
+        return _Part(search, safe, self.left_out(search), seen if np.isfinite(seen) else 0.0)
 
     def left_out(self, found: Search) -> LeftOut:
         """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
