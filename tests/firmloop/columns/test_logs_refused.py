@@ -54,6 +54,13 @@ def test_currents_along_the_axes_that_contradict_the_voltages(case, verb, tmp_pa
     assert words in refused(verb, folder, capsys)
 
 
+def test_a_supply_that_is_off_is_blamed_before_what_follows_it(tmp_path, capsys):
+    columns = {name: values for name, values in of_axes(4).items() if name in AXES}
+    volts = {name: 5.0 * columns[name] for name in AXES[:2]}
+    folder = machine(tmp_path, AXES[:2], AXES[2:], {**columns, **volts}, H)
+    assert "voltage_d_V and voltage_q_V look about 5 times too large" in refused("diagnose", folder, capsys)
+
+
 @VERBS
 @pytest.mark.parametrize("missing", ["supply_V", "angle_rad", "duty_b"])
 def test_a_column_of_the_bridges_that_is_missing(missing, verb, tmp_path, capsys):
