@@ -6,7 +6,7 @@ of the result from the intervals of the arguments: exact integers in fixed point
 interval, which `floating.py` then widens by one rounding. Comparisons return 0 or 1.
 
 Rounding is to nearest, halves up: floor(x / 2**s + 1/2). `asr`, and the operations whose names end in `_down`, round
-down: floor(x / 2**s).
+down: floor(x / 2**s), and so does `mul_add_short`.
 """
 
 from __future__ import annotations
@@ -206,6 +206,12 @@ OPERATIONS: dict[str, Operation] = {
         lambda first, a, b: first + ((a * b + (1 << 31)) >> 32),
         lambda first, a, b: tuple(x + shift_right(int(y), 32) for x, y in zip(first, _product(a, b), strict=True)),
         {"fixed": "fl_mul_add_i32({0}, {1}, {2})"},
+    ),
+    "mul_add_short": Operation(
+        "a value and the product of a number of 16 bits over 2**16, rounded down",
+        lambda first, x, b: first + ((x * b) >> 16),
+        lambda first, x, b: tuple(y + (int(z) >> 16) for y, z in zip(first, _product(x, b), strict=True)),
+        {"fixed": "fl_mul_add_short_i32({0}, {1}, {2})"},
     ),
     "mul_down": Operation(
         "64-bit product, rounded down",

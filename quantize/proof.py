@@ -24,6 +24,7 @@ ARGUMENTS = {
 }
 INTERVAL = "interval: the rule of the operation applied to the ranges of its operands"
 TRUTH = "a truth value"
+PRODUCTS = ("mul_shift", "mul_add", "mul_add_short", "mul_down", "wide", "mac")  # of 64 bits
 
 
 def proof(program: Program, why: Mapping[str, str]) -> Mapping[str, object]:
@@ -137,7 +138,7 @@ def _operation(op: Op) -> dict[str, object]:
         "function": op.function,
         "arguments": list(op.arguments),
         "word": value.number.bits,
-        "product_word": 64 if op.function in ("mul_shift", "mul_add", "mul_down", "wide", "mac") else None,
+        "product_word": 64 if op.function in PRODUCTS else None,
         "margin": round((2 ** (value.number.bits - 1) - 1) / size, 6) if fixed and size else None,
         "argument": TRUTH if truth else argument,
     }

@@ -43,7 +43,7 @@ TARGET = "qemu_mps2_an386"
 BARS: Mapping[tuple[str, str], tuple[int, int | None]] = {
     ("full pid", "float32"): (50, 250),
     ("full pid", "fixed32"): (55, 210),
-    ("full pid", "fixed16"): (55, 190),
+    ("full pid", "fixed16"): (53, 180),
     ("transfer_function", "float32"): (60, None),
     ("transfer_function", "fixed32"): (110, None),
     ("dense 40", "float32"): (7000, 9000),

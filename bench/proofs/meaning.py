@@ -18,7 +18,8 @@ WIDE = 64
 EFFORT = 12_000_000  # z3's own count of its work, the same on a busy machine: some 10 s
 TIMEOUT = 120_000  # ms, for what it does not count
 ROOM = 0.005  # of a state's range, that it provably keeps from its limits
-PRODUCTS = ("mul", "wide", "mac", "mul_add", "mul_shift", "mul_down")
+ADDED = ("mac", "mul_add", "mul_add_short")  # to their first argument
+PRODUCTS = ("mul", "wide", "mac", "mul_add", "mul_add_short", "mul_shift", "mul_down")
 CHOSEN = ("select", "copy")  # operations of floats that z3 sees through at once
 FLOATS = {"float32": z3.FPSort(8, 24), "float64": z3.FPSort(11, 53)}
 
@@ -146,7 +147,7 @@ class Meaning:
             self.assumed.append(self.on_grid(called, state))
         if op is not None and op.function in EVERY and op.function not in LARGE:
             given = {a: self.symbol(a, sample) for a in op.arguments if isinstance(a, str)}
-            factors = op.arguments[1 if op.function in ("mac", "mul_add") else 0 :] if op.function in PRODUCTS else ()
+            factors = op.arguments[int(op.function in ADDED) :] if op.function in PRODUCTS else ()
             if sum(isinstance(factor, str) for factor in factors) < 2:
                 self.assumed.append(called == self._made(op, given))
             elif op.function == "mul_shift":
@@ -246,6 +247,7 @@ class Meaning:
         found["fl_mac_i64"] = lambda acc, a, b: acc + a * b
         found["fl_high_i32"] = lambda acc, s: (acc >> s) + ((acc >> (s - 1)) & one)
         found["fl_mul_add_i32"] = lambda first, a, b: first + ((a * b + (one << 31)) >> 32)
+        found["fl_mul_add_short_i32"] = lambda first, x, b: first + ((x * b) >> 16)
         found["fl_mul_shift_i32"] = lambda a, b, s: (a * b + (one << (s - 1))) >> s
         for end in ("f32", "f64"):
             found[f"fl_lost_{end}"] = lambda a: z3.If(z3.Or(z3.fpIsNaN(a), z3.fpIsInf(a)), one, zero)

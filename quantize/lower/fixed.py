@@ -36,12 +36,10 @@ from firmloop.quantize.lower.places import (
     split,
     vanishes,
 )
-from firmloop.quantize.lower.products import FEW, factor_of, one_by_one
+from firmloop.quantize.lower.products import FEW, FEWEST_IN_SUM, factor_of, one_by_one
 from firmloop.quantize.lower.q_formats import WIDENED, fit
 from firmloop.quantize.lower.words import ROUNDINGS, Dropping, down, ends, literal_error, number, operand, up
 from firmloop.quantize.program import TOO_FAR, Number, QuantizeError, Value
-
-FEWEST_IN_SUM = 18  # of a weight in a sum: a gain is then right to 4e-6, else it gets a product of its own
 
 
 @dataclass(slots=True)
@@ -55,6 +53,7 @@ class FixedBuilder:
     rounding: Dropping = ROUNDINGS["nearest"]
     ops: Builder = field(default_factory=Builder)
     short: dict[str, Term] = field(default_factory=dict)  # the inputs themselves by the names they have when widened
+    wide: frozenset[str] = frozenset()  # such names that something asks for in any case: nothing is won without them
 
     def signal(self, low: float, high: float, q: int) -> Number:
         """Return the format of an input or output: `q`, or the finest that fits its word."""
@@ -98,6 +97,9 @@ class FixedBuilder:
 
     def widened(self, a: Term, q: int) -> Term:
         """Return a value at fraction `q`; where that is coarser, rounded down, or as a product if less than a unit."""
+        raw = self.short.get(a.name)
+        if raw is not None and raw.number.fraction <= q < a.number.fraction and a.name not in self.wide:
+            a = raw
         shift = q - a.number.fraction
         if shift == 0:
             return a
@@ -203,15 +205,24 @@ class FixedBuilder:
                 fits = max(a.high - b.low, b.high - a.low) <= WORD
                 if other == -weight and abs(weight) != 1 and a.number.fraction == b.number.fraction and fits:
                     wish, self.ops.wish = self.ops.wish, ("", "")
-                    pair = (a, b) if weight > 0 else (b, a)
-                    difference = self.ops.emit("sub", pair, number(a.number.fraction), a.error + b.error)
+                    found.append([self._difference(weight, a, b)])
                     self.ops.wish = wish
-                    found.append([(abs(weight), difference)])
                     left.pop(k)
                     break
             else:
                 rest.append([(weight, a)])
         return found + rest
+
+    def _difference(self, weight: Fraction, a: Term, b: Term) -> Part:
+        """Return weight (a - b), or that of b - a; of two short inputs as they are, which is widened then."""
+        q, known = a.number.fraction, self.ops.known
+        if weight < 0:
+            weight, a, b = -weight, b, a
+        if a.name in self.short and b.name in self.short and not {a.name, b.name} & self.wide:
+            a, b = self.short[a.name], self.short[b.name]
+        if ("sub", a.number, a.name, b.name) not in known and ("sub", a.number, b.name, a.name) in known:
+            weight, a, b = -weight, b, a
+        return weight, self.widened(self.ops.emit("sub", (a, b), a.number, a.error + b.error), q)
 
     def plain(self, whole: Sequence[Part], constant: Fraction, q: int, wish: tuple[str, str]) -> Term:
         """Return the sum of values taken as they are."""

@@ -20,6 +20,7 @@ from firmloop.quantize.lower.graph import FLOATING_ONLY, Node, needed, with_own_
 from firmloop.quantize.lower.held_state import from_any_state
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
+from firmloop.quantize.lower.products import better_wide
 from firmloop.quantize.lower.q_formats import Formats, choose_formats
 from firmloop.quantize.lower.reciprocals import with_reciprocals
 from firmloop.quantize.lower.sums import Sum, gather, is_linear
@@ -81,8 +82,14 @@ def _bare(law: Law, arithmetic: str, rounds: str) -> Program:
     found = replace(found, graph=with_own_constants(with_reciprocals(found.graph)))
     sums = gather(found.graph)
     formats = choose_formats(found.law, found.graph, sums, int(arithmetic[5:]))
-    builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds])
-    return replace(from_any_state(_Lowering(found, sums, arithmetic, formats, builder).program()), rounds=rounds)
+    wide: frozenset[str] = frozenset()
+    while True:  # until no more inputs are widened than were said to be
+        builder = FixedBuilder(int(arithmetic[5:]), ROUNDINGS[rounds], wide=wide)
+        program = _Lowering(found, sums, arithmetic, formats, builder).program()
+        asked = better_wide(program.body, builder.short)
+        if asked <= wide:
+            return replace(from_any_state(program), rounds=rounds)
+        wide |= asked
 
 
 class _Lowering:

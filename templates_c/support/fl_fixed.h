@@ -13,7 +13,8 @@
 #endif
 #endif
 
-/* Arm cores with these instructions multiply, round and add in one, which no compiler does by itself. */
+/* Arm cores with these instructions multiply, round and add in one, which no compiler does by itself; likewise with a
+ * number of 16 bits, which they need not widen. */
 #if defined(__ARM_FEATURE_SIMD32) && defined(__GNUC__)
 #define FL_SMMLAR
 #endif
@@ -98,6 +99,24 @@ static inline int32_t fl_mul_add_i32(int32_t first, int32_t a, int32_t b) {
     return fl_low_i32((((int64_t)first * 4294967296) | 0x80000000) + ((int64_t)a * b), 32U);
 #else
     return first + fl_mul_shift_i32(a, b, 32U);
+#endif
+}
+
+/* first + x * b / 2^16, the product rounded down; x is a number of 16 bits, the result fits 32 bits. With 0 a core has
+ * an instruction of its own. */
+static inline int32_t fl_mul_add_short_i32(int32_t first, int32_t x, int32_t b) {
+#if defined(FL_SMMLAR)
+    int32_t sum;
+    if (__builtin_constant_p(first) && first == 0) {
+        __asm__("smulwb %0, %1, %2" : "=r"(sum) : "r"(b), "r"(x));
+    } else {
+        __asm__("smlawb %0, %1, %2, %3" : "=r"(sum) : "r"(b), "r"(x), "r"(first));
+    }
+    return sum;
+#elif defined(__ARM_ARCH_ISA_THUMB) && (__ARM_ARCH_ISA_THUMB == 2)
+    return fl_low_i32(((int64_t)first * 4294967296) + ((int64_t)(x * 65536) * b), 32U);
+#else
+    return first + fl_low_i32((int64_t)(x * 65536) * b, 32U);
 #endif
 }
 

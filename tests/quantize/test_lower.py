@@ -8,6 +8,7 @@ import pytest
 
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
+from firmloop.design.kinds import kinds
 from firmloop.design.law import Flag, Law, Scalar
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
@@ -158,3 +159,24 @@ def test_a_state_that_takes_anothers_old_value_takes_it_before_that_is_written(a
     library = LibraryLink(build_host(emit(program, "firmloop generate x.toml"), load_target("host")), program)
     done = compare(program, library, blocks, traces, lambda part, label: None)
     assert (done.steps, done.differences) == (2_000, 0)
+
+
+def test_a_pid_of_16_bits_multiplies_inputs_as_they_are() -> None:
+    body = lower(pid(FULL), "fixed16").body
+    assert not [op for op in body if op.result.name.endswith("_wide")]
+    taken = [op.arguments[1] for op in body if op.function == "mul_add_short"]
+    assert taken == ["in.reference", "in.reference", "in.measurement"]
+
+
+def test_an_input_of_16_bits_that_is_widened_for_one_operation_is_widened_for_all() -> None:
+    kind = kinds()["state_space"]
+    body = lower(kind.design(kind.example).law, "fixed16").body
+    wide = {op.result.name for op in body if op.result.name.endswith("_wide")}
+    assert "measurement_wide" in wide  # of a sum of five products
+    assert not [op for op in body if op.function == "mul_add_short" and f"{str(op.arguments[1])[3:]}_wide" in wide]
+
+
+def test_the_opposite_of_a_difference_is_no_second_difference() -> None:
+    kind = kinds()["lead_lag"]
+    body = lower(kind.design(kind.example).law, "fixed16").body
+    assert len([op for op in body if op.function == "sub"]) == 1

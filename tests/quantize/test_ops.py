@@ -98,6 +98,8 @@ def check_fixed(library: ctypes.CDLL, name: str, rows: list[tuple[int, ...]], sh
             values[-1] = s
         if name == "clamp":
             values[1], values[2] = min(values[1:]), max(values[1:])
+        if name == "mul_add_short":
+            values[1] = (values[1] + 2**15) % 2**16 - 2**15
         if name == "shr" and values[0] + (1 << (values[1] - 1)) >= WORD:
             continue
         result = (
@@ -142,6 +144,17 @@ def test_a_product_is_rounded_half_up_as_it_is_added(library: ctypes.CDLL, first
     if -WORD <= result < WORD:
         columns = [np.array([x], "i4") for x in (first, a, b)]
         assert call(library, "fixed", "mul_add", columns)[0] == result
+
+
+@settings(max_examples=300, deadline=None)
+@given(*[st.integers(-bits, bits - 1) for bits in (WORD, 2**15, WORD)])
+def test_a_product_of_a_short_number_is_rounded_down_as_it_is_added(
+    library: ctypes.CDLL, first: int, x: int, b: int
+) -> None:
+    result = first + x * b // 2**16
+    if -WORD <= result < WORD:
+        columns = [np.array([each], "i4") for each in (first, x, b)]
+        assert call(library, "fixed", "mul_add_short", columns)[0] == result
 
 
 @settings(max_examples=300, deadline=None)

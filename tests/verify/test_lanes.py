@@ -22,7 +22,7 @@ CURVED = ("sin", "cos", "exp", "tanh", "sqrt", "turn", "turn_sine", "turn_cosine
 ARITY = {
     **dict.fromkeys(ONE, 1),
     **dict.fromkeys(CURVED, 1),
-    **dict.fromkeys(("select", "clamp", "mac", "mul_add", "outside", "beyond"), 3),
+    **dict.fromkeys(("select", "clamp", "mac", "mul_add", "mul_add_short", "outside", "beyond"), 3),
 }
 WORD = 2**31
 NEEDS: dict[str, tuple[tuple[int, ...], ...]] = {  # the literal integers of operations

@@ -13,7 +13,7 @@ CODES = {
 WHOLE = {
     **{"mac": 17, "mul_shift": 18, "mul_down": 19, "shr": 20, "high": 20, "asr": 21, "high_down": 21},
     **{"shl": 22, "wrap": 23, "mul_add": 32, "turn": 33, "turn_sine": 34, "turn_cosine": 35},
-    **{"whole_root": 36, "inverse": 37},
+    **{"whole_root": 36, "inverse": 37, "mul_add_short": 50},
 }
 REAL = {
     **{"div": 24, "outside": 25, "beyond": 26, "none": 27, "nought": 28, "none_where": 29, "lost": 30},

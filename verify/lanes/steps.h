@@ -66,6 +66,7 @@ static void JOIN(compute_, KIND)(const plan_t *plan, NUMBER *rows, int64_t width
         EACH(22, a[k] << s)                                          /* shl */
         EACH(23, (int64_t)((uint64_t)a[k] << (32 + s)) >> (32 + s))  /* wrap */
         EACH(32, a[k] + ((b[k] * c[k] + ((int64_t)1 << 31)) >> 32))  /* mul_add */
+        EACH(50, a[k] + ((b[k] * c[k]) >> 16))                       /* mul_add_short */
         EACH(33, turn(a[k], s, z))                                   /* turn */
         EACH(34, turn_sine(a[k]))                                    /* turn_sine */
         EACH(35, turn_cosine(a[k]))                                  /* turn_cosine */

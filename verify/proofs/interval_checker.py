@@ -268,6 +268,15 @@ def _rules() -> Iterator[tuple[str, IntervalRule]]:
         ),
     )
     yield "mul_add", IntervalRule("vvv", lambda first, a, b: _sum(first, _near(_product(a, b), (32, 32))))
+    # A core may read no more than 16 bits of the first factor, or shift it to the left in 32.
+    yield (
+        "mul_add_short",
+        IntervalRule(
+            "vvv",
+            lambda first, x, b: _sum(first, _down(_product(x, b), (16, 16))),
+            inner=lambda first, x, b: [(x[0] << 16, x[1] << 16)],
+        ),
+    )
     yield "high", IntervalRule("ws", _near, counts=(1, 63), inner=lambda a, s: [_down(a, s)])
     yield "min", IntervalRule("vv", _smaller)
     yield "max", IntervalRule("vv", _larger)

@@ -157,14 +157,10 @@ def _row(
             return a
         case "shl":
             return a * float(2.0 ** values[1])
-        case "mac":
+        case "mac" | "mul_add" | "mul_add_short":
             c = given[2]
             assert c is not None
-            return None if {1, 2} <= set(moving) else a + b * values[2] + c * values[1]
-        case "mul_add":
-            c = given[2]
-            assert c is not None
-            product = _rounded((b * values[2] + c * values[1]) * 2.0**-32, own, order)
+            product = _added(op.function, b * values[2] + c * values[1], own, order)
             return None if {1, 2} <= set(moving) else a + product
         case "asr" | "high_down":  # rounded down: up to a whole unit
             return 2.0 * _rounded(a * float(2.0 ** -values[1]) / 2.0, own, order)
@@ -190,6 +186,13 @@ def _product(function: str, a: Array, b: Array, values: Sequence[float], own: in
     if function == "mul_down":  # rounded down: up to a whole unit
         return 2.0 * _rounded(row / 2.0, own, order)
     return _rounded(row, own, order) if shift else row
+
+
+def _added(function: str, product: Array, own: int, order: int) -> Array:
+    """Return how a product that is added depends on them, given how it does before it is rounded."""
+    if function == "mul_add_short":  # rounded down: up to a whole unit
+        return 2.0 * _rounded(product * 2.0**-17, own, order)
+    return _rounded(product * 2.0**-32, own, order) if function == "mul_add" else product
 
 
 def _one(value: object) -> float:

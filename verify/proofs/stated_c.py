@@ -27,6 +27,7 @@ CURVED = {
 CALLS = {  # function: C name, and how many counts its arguments end with
     "mul_shift": ("fl_mul_shift_i32", 1),
     "mul_add": ("fl_mul_add_i32", 0),
+    "mul_add_short": ("fl_mul_add_short_i32", 0),
     "wide": ("fl_wide_i64", 0),
     "mac": ("fl_mac_i64", 0),
     "high": ("fl_high_i32", 1),

@@ -37,6 +37,7 @@ PRODUCTS = {
     "mul_down": (0, 1),
     "mac": (1, 2),
     "mul_add": (1, 2),
+    "mul_add_short": (1, 2),
 }  # places of the factors
 READS = {"mac": (64, 32, 32), "high": (64, 0), "high_down": (64, 0)}  # bits of each operand; 0 is a shift count;
 SHIFTS = {
@@ -51,7 +52,7 @@ SHIFTS = {
 }  # place of the count
 MOST = {"shl": 30, "shr": 31, "asr": 31, "wrap": 31}  # of a count; 63 for the others
 GIVES = {"wide": 64, "mac": 64}  # bits of the result; 32 for all others
-THREE = ("clamp", "select", "mac", "mul_add", "mul_shift", "mul_down")
+THREE = ("clamp", "select", "mac", "mul_add", "mul_add_short", "mul_shift", "mul_down")
 ARITY = {**dict.fromkeys(("neg", "abs", "copy", "not"), 1), **dict.fromkeys(THREE, 3)}
 Ranges = Mapping[str, tuple[int, int]]
 
@@ -232,8 +233,8 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] + a[1], []
         case "sub":
             return a[0] - a[1], []
-        case "mul":
-            return a[0] * a[1], []
+        case _ if function in PRODUCTS:
+            return _product(function, a)
         case "neg":
             return zero - a[0], []
         case "copy":
@@ -249,22 +250,32 @@ def _meaning(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]
             return a[0] >> a[1], []
         case "wrap":
             return (a[0] << (a[1] + WIDE - 32)) >> (a[1] + WIDE - 32), []
-        case "mul_shift":
-            product = a[0] * a[1]
-            return (product >> a[2]) + ((product >> (a[2] - 1)) & one), [(product, 64), (product >> a[2], 32)]
-        case "wide":
-            return a[0] * a[1], []
-        case "mac":
-            return a[0] + a[1] * a[2], []  # the product of two 32-bit values fits 64 bits, the sum is the result
-        case "mul_add":  # rounded by itself, or as the lower half of 64 bits whose upper half the value is
-            rounded = (a[1] * a[2] + (one << 31)) >> 32
-            return a[0] + rounded, [(rounded, 32), ((a[0] << 32) + (one << 31) + a[1] * a[2], 64)]
-        case "mul_down":
-            return (a[0] * a[1]) >> a[2], [(a[0] * a[1], 64)]
         case "high":  # the C adds the last bit that is shifted out to what it has rounded down into 32 bits
             return (a[0] >> a[1]) + ((a[0] >> (a[1] - 1)) & one), [(a[0] >> a[1], 32)]
         case _:
             return _choice(function, a)
+
+
+def _product(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]]]:
+    """Return the same of an operation that multiplies."""
+    one = z3.BitVecVal(1, WIDE)
+    first, second = PRODUCTS[function]
+    product = a[first] * a[second]
+    match function:
+        case "mul_shift":
+            return (product >> a[2]) + ((product >> (a[2] - 1)) & one), [(product, 64), (product >> a[2], 32)]
+        case "mac":
+            return a[0] + product, []  # the product of two 32-bit values fits 64 bits, the sum is the result
+        case "mul_add":  # rounded by itself, or as the lower half of 64 bits whose upper half the value is
+            rounded = (product + (one << 31)) >> 32
+            return a[0] + rounded, [(rounded, 32), ((a[0] << 32) + (one << 31) + product, 64)]
+        case "mul_add_short":  # of 16 bits; by itself, or as the lower half of 64 bits whose upper half the value is
+            rounded = product >> 16
+            return a[0] + rounded, [(a[1], 16), (rounded, 32), ((a[0] << 32) + (product << 16), 64)]
+        case "mul_down":
+            return product >> a[2], [(product, 64)]
+        case _:  # mul, wide
+            return product, []
 
 
 def _choice(function: str, a: Sequence[Any]) -> tuple[Any, list[tuple[Any, int]]]:

@@ -50,7 +50,7 @@ def named(found: dict[str, Any], function: str) -> dict[str, Any]:
     return next(o for o in found["operations"] if o["function"] == function)
 
 
-ONE_BY_ONE = ("mul_shift", "mul_add", "sub", "max", "clamp", "select", "shl")
+ONE_BY_ONE = ("mul_add", "mul_add_short", "sub", "max", "clamp", "select", "shl")
 
 
 @pytest.mark.parametrize(

@@ -182,6 +182,9 @@ _SUMS: Mapping[str, Callable[[NearPoint, ClaimedOperation], ExactForm]] = {
     "mul_add": lambda near, op: near.form(op.arguments[0]).plus(
         _rounded(op, near.product(op, *op.arguments[1:3]), 32, Fraction(0))
     ),
+    "mul_add_short": lambda near, op: near.form(op.arguments[0]).plus(
+        _rounded(op, near.product(op, *op.arguments[1:3]), 16, HALF)
+    ),
     "shl": lambda near, op: near.form(op.arguments[0]).times(Fraction(1 << int(op.arguments[1]))),
     "mul_shift": lambda near, op: _rounded(op, near.product(op, *op.arguments[:2]), op.arguments[2], Fraction(0)),
     "mul_down": lambda near, op: _rounded(op, near.product(op, *op.arguments[:2]), op.arguments[2], HALF),

@@ -66,6 +66,8 @@ def stated(pool: Pool, op: ClaimedOperation, known: Known) -> BitTerm:
             half = pool.const(1 << 31, 64)
             total = pool.make("add", pool.make("add", pool.concat(a, zero), _product(pool, b, c)), half)
             return pool.extract(total, 32, 32)
+        case "mul_add_short":
+            return pool.make("add", a, pool.extract(_product(pool, b, c), 16, 32))
         case "mul_shift" | "mul_down":
             return _shifted(pool, _product(pool, a, b), count, op.function == "mul_shift")
         case "high" | "high_down":
