@@ -128,13 +128,20 @@ def _leaps(values: Array, drives: Sequence[Array]) -> Rows:
     leapt = np.flatnonzero(leap > 0.0)
     away = np.abs(values[leapt] - np.median(values))  # between two that failed a good one leaps, too, but not so far
     ranked = leapt[np.argsort(-away)][:most]
-    ends = np.append(first[1:], len(values))
-    for count in range(len(ranked), 0, -1):
-        each = [np.arange(row, ends[np.searchsorted(first, row)]) for row in np.sort(ranked[:count])]
-        rows = np.concatenate(each)
-        if len(rows) <= most and np.min(leap[ranked[:count]]) > np.ptp(np.delete(values, rows)):
-            return rows
-    return _NONE
+    runs = np.searchsorted(first, ranked)  # each holds one value
+    ends = np.append(first[1:], len(values))[runs]
+    highest, lowest = (_beside(kept, runs, extreme) for extreme in (np.maximum, np.minimum))
+    few = np.cumsum(ends - ranked) <= most
+    found = np.flatnonzero(few & (np.minimum.accumulate(leap[ranked]) > highest - lowest))
+    if not len(found):
+        return _NONE
+    return np.sort(np.concatenate([np.arange(ranked[k], ends[k]) for k in range(int(found[-1]) + 1)]))
+
+
+def _beside(kept: Array, ranked: Rows, extreme: np.ufunc) -> Array:
+    """Return the extreme of all values but the first, the first two, ... of those ranked, the last for all of them."""
+    others = extreme.reduce(np.delete(kept, ranked))
+    return np.asarray(extreme.accumulate(np.append(others, kept[ranked][::-1]))[:-1][::-1])
 
 
 def _take_answers(leap: Array, steps: Array) -> None:
