@@ -16,7 +16,8 @@ STAGE = {"mass_kg": 2.0, "b_N_s_m": 4.0}
 ROTARY = {
     "torque_N_m": 1e-3, "coulomb_N_m": 1e-3, "static_N_m": 2e-3, "stribeck_rad_s": 10.0, "positive_N_m": 1e-3,
     "negative_N_m": 2e-3, "ratio": 0.05, "stiffness_N_m_rad": 0.05, "coefficient_N_m_s2_rad2": 1e-8, "time_s": 0.1234,
-    "amplitude_N_m": 1e-3, "phase_rad": 0.3, "periods_per_rev": 8.0, "position_rad": 3.0, "cubic_N_m_rad3": 1e-4,
+    "amplitude_N_m": 1e-3, "phase_rad": 0.3, "periods_per_rev": 8.0, "position_rad": 3.0, "low_rad": -3.0,
+    "high_rad": 3.0, "cubic_N_m_rad3": 1e-4,
     "load_inertia_kg_m2": 2e-6, "damping_N_m_s_rad": 1e-5, "gap_rad": 0.02, "current_A": 1.0, "rise_K_per_W": 10.0,
     "time_constant_s": 0.01, "voltage_V": 0.5, "half_width_V": 0.3, "limit_V": 5.0, "rate_V_s": 500.0,
     "delay_s": 2.3e-3, "source_ohm": 0.5, "offset_rad_s": 2.0, "gain": 1.1, "resolution_rad_s": 1.0,
@@ -27,7 +28,8 @@ ROTARY = {
 LINEAR = {
     "force_N": 1.0, "coulomb_N": 1.0, "static_N": 2.0, "stribeck_m_s": 0.01, "positive_N": 1.0, "negative_N": 2.0,
     "ratio": 0.05, "stiffness_N_m": 20.0, "coefficient_N_s2_m2": 3.0, "time_s": 0.1234, "amplitude_N": 1.0,
-    "phase_rad": 0.3, "periods_per_m": 30.0, "position_m": 0.02, "cubic_N_m3": 1e4, "load_mass_kg": 0.5,
+    "phase_rad": 0.3, "periods_per_m": 30.0, "position_m": 0.02, "low_m": -0.02, "high_m": 0.02,
+    "cubic_N_m3": 1e4, "load_mass_kg": 0.5,
     "damping_N_s_m": 5.0, "gap_m": 1e-3, "half_width_N": 0.5, "limit_N": 8.0, "rate_N_s": 2e3, "delay_s": 2.3e-3,
     "offset_m": 0.01, "gain": 1.1, "resolution_m": 1e-4, "limit_m": 0.05, "range_m": 0.1, "time_constant_s": 0.01,
     "slope": 0.1,
