@@ -30,26 +30,26 @@ from firmloop.identify.recordings.conditioning import NONE
 def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]) -> tuple[Fitted, ...]:
     """Try the terms that help most beside the parameters as given: a refit may have run far away to hide one.
 
-    Beside effects that were found, what has not run away stays. `table` are the terms as screened: a stop or a limit
-    that a refit never comes to leaves no trace there, and is tried as well.
+    Beside effects that were found, what has not run away stays. `table` are the terms as screened: a stop that a refit
+    never comes to leaves no trace there, and is tried as well.
     """
     sizes, found = flat(candidate.noises), candidate.fitted
     told, folded = set[str](), set[str]()
     if found.terms:
         away = runaways(problem, found, LOST_PARAMETER)
-        calm, begin = not away, Point({**found.point.values, **away}, found.point.starts)
+        lost, begin = bool(away), Point({**found.point.values, **away}, found.point.starts)
     else:
         folded = {term.label for term in problem.terms if _folded(problem, term)}
-        told = folded | {one.term.label for one in table if one.term.effect.limits and one.left == 0.0}
-        calm = not told and not (colored(candidate.noises) and _ran_away(problem, candidate))
+        told = folded | {one.term.label for one in table if one.term.effect.touches and one.left == 0.0}
+        lost = bool(folded) or (colored(candidate.noises) and _ran_away(problem, candidate))
         begin = first_point(problem, problem.train)
-    if calm:
+    if not lost and not told:
         return ()
     given = fit(problem, problem.train, found.terms, begin, sizes, 0)
     under = [ground(problem, problem.train, given, sizes)]
     others = [term for term in problem.terms if term not in found.terms]
     (screened,) = screen(problem, problem.train, given, others, under, best_orders(problem, given, under))
-    picked = [one for k, one in enumerate(screened) if k < TRIED_FROM_GIVEN or one.term.label in told]
+    picked = [one for k, one in enumerate(screened) if (lost and k < TRIED_FROM_GIVEN) or one.term.label in told]
     tried = [
         fit(problem, problem.train, *extended(given, each.term, each.start), sizes, STEPS_FROM_GIVEN) for each in picked
     ]
