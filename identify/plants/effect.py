@@ -239,6 +239,11 @@ def shape(name: str, unit: str, usual: float) -> EffectParameter:
     return EffectParameter(name, unit, 0.0, math.inf, usual, True, None)
 
 
+def damping(site: Site) -> EffectParameter:
+    """Return the viscous constant of what bodies press on or hang by, that may be left out."""
+    return EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0)
+
+
 def phase(name: str) -> EffectParameter:
     """Return an angle in rad."""
     return EffectParameter(name, "rad", -math.inf, math.inf, 0.0, False, 0.0)

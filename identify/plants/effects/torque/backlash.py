@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from firmloop.identify.plants.assembly import Assembly, ringing
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, shape, size
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, damping, shape, size
 
 _TONE = 2.0 * math.pi * 100.0  # rad/s; how hard the flanks are where nothing is said
 
@@ -21,7 +21,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
         shape(f"gap_{site.travel}", site.travel, 1.0),
         size(site.load, site.load_unit),
         EffectParameter(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 0.0, math.inf, 0.0, True, 0.0),
-        EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0),
+        damping(site),
     )
 
 

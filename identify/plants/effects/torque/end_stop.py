@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from firmloop.identify.plants.assembly import Assembly, ringing
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, signed, size
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, damping, signed, size
 
 _BEFORE, _DEEP = 0.05, 0.3  # of the whole way, or of the way to that side: where a stop may be before its end
 _LOSS = 0.6  # twice the share of critical damping
@@ -18,7 +18,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
     return (
         signed(f"position_{site.travel}", site.travel),
         size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),
-        EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0),
+        damping(site),
     )
 
 
@@ -26,20 +26,29 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins: somewhat before either end of the way, on that side of zero, lossy and not."""
     high = scales.place_high - min(_BEFORE * scales.travel, _DEEP * abs(scales.place_high))
     low = scales.place_low + min(_BEFORE * scales.travel, _DEEP * abs(scales.place_low))
+    return tuple((place, *contact) for contact in contacts(scales) for place in (high, low))
+
+
+def contacts(scales: Scales) -> tuple[tuple[float, float], ...]:
+    """Propose how stiff and how damped a stop is, lossy and not."""
     return tuple(
-        (place, stiffness, loss * math.sqrt(stiffness * scales.inertia))
+        (stiffness, loss * math.sqrt(stiffness * scales.inertia))
         for stiffness in (10.0 * scales.effort / scales.travel, 200.0 * scales.effort / scales.travel)
         for loss in (0.0, _LOSS)
-        for place in (high, low)
     )
+
+
+def press(assembly: Assembly, site: Site, code: str, values: tuple[float, ...]) -> None:
+    """Add what the stops of a code do; the last of their values are how stiff and how damped they are."""
+    *_, stiffness, loss = values
+    per = assembly.per[site.balance]
+    slopes = ((assembly.position, -stiffness), (assembly.speed, -loss))
+    assembly.add_flank(assembly.speed, code, values, per, 4.0 * ringing(stiffness, per), *slopes)
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    per = assembly.per[site.balance]
-    rate = 4.0 * ringing(values[1], per)
-    slopes = ((assembly.position, -values[1]), (assembly.speed, -values[2]))
-    assembly.add_flank(assembly.speed, "end_stop", values, per, rate, *slopes)
+    press(assembly, site, "end_stop", values)
 
 
 def believable(values: Sequence[float], scales: Scales) -> bool:

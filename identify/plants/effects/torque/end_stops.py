@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from firmloop.identify.plants.assembly import Assembly, ringing
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, signed, size
+from firmloop.identify.plants.assembly import Assembly
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, damping, signed, size
+from firmloop.identify.plants.effects.torque.end_stop import contacts, press
 
 _BEFORE = 0.05  # of the whole way: where a stop may be before its end
-_LOSS = 0.6  # twice the share of critical damping
 _EARLIEST = 0.1  # of the whole way: no stops are nearer to one another
 
 
@@ -19,31 +18,20 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
         signed(f"low_{site.travel}", site.travel),
         signed(f"high_{site.travel}", site.travel),
         size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),
-        EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0),
+        damping(site),
     )
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins: somewhat before both ends of the way, lossy and not."""
     before = _BEFORE * (scales.place_high - scales.place_low)
-    return tuple(
-        (
-            scales.place_low + before,
-            scales.place_high - before,
-            stiffness,
-            loss * math.sqrt(stiffness * scales.inertia),
-        )
-        for stiffness in (10.0 * scales.effort / scales.travel, 200.0 * scales.effort / scales.travel)
-        for loss in (0.0, _LOSS)
-    )
+    ends = (scales.place_low + before, scales.place_high - before)
+    return tuple((*ends, *contact) for contact in contacts(scales))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    per = assembly.per[site.balance]
-    rate = 4.0 * ringing(values[2], per)
-    slopes = ((assembly.position, -values[2]), (assembly.speed, -values[3]))
-    assembly.add_flank(assembly.speed, "end_stops", values, per, rate, *slopes)
+    press(assembly, site, "end_stops", values)
 
 
 def becomes(values: Sequence[float], scales: Scales) -> str:

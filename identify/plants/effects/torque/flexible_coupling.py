@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from firmloop.identify.plants.assembly import Assembly
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, shape, size
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, damping, shape, size
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -13,7 +13,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
     return (
         shape(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 1.0),
         size(site.load, site.load_unit),
-        EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0),
+        damping(site),
     )
 
 
