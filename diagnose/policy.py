@@ -322,7 +322,6 @@ LEAST_MISFIT_DECREASE = 1e-3  # relative decrease of the misfit that is no longe
 DETERMINED_FIGURE = 1e-10  # least singular value of what the rows tell, of the largest
 FEWEST_COUNTED_ROWS = 20  # rows that must count
 MOST_REPLAYED_ROWS = 8000  # a longer recording is replayed up to here
-MISSING_ROW = 1.5  # row distances from which a row is missing
 MOST_STRIDE = 40  # rows from one change of a command to the next
 HELD_COMMAND = 0.98  # share of the changes of a command that must fall on its steps
 MOST_LEVELS = 30  # different values up to which a column holds levels

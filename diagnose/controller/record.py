@@ -12,13 +12,13 @@ from firmloop.diagnose.policy import (
     FEWEST_CONVERTER_STEPS,
     FEWEST_ROWS,
     HELD_COMMAND,
-    MISSING_ROW,
     MOST_LEVELS,
     MOST_REPLAYED_ROWS,
     MOST_STRIDE,
     UNEVEN_STEP,
 )
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.clock import breaks
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import ending_of
 from firmloop.verify.replay import Controller
@@ -114,11 +114,10 @@ def _reference(recording: Recording, measured: str) -> str | None:
 
 def _longest(time: Array) -> slice:
     """Return the longest stretch of rows without a gap, at most MOST_REPLAYED_ROWS of it."""
-    gaps = np.diff(time)
-    breaks = [0, *(np.flatnonzero(gaps > MISSING_ROW * np.median(gaps)) + 1), len(time)]
-    lengths = np.diff(breaks)
+    ends = [0, *breaks(time), len(time)]
+    lengths = np.diff(ends)
     first = int(np.argmax(lengths))
-    return slice(int(breaks[first]), int(breaks[first]) + min(int(lengths[first]), MOST_REPLAYED_ROWS))
+    return slice(int(ends[first]), int(ends[first]) + min(int(lengths[first]), MOST_REPLAYED_ROWS))
 
 
 def _stride(command: Array) -> tuple[int, int]:

@@ -9,6 +9,13 @@ Array = NDArray[np.float64]
 
 _DIGITS = range(4, 13)  # significant ones a program may print
 _FEW = 1000  # stamps
+_MISSING = 1.5  # usual steps, from which a row is missing
+
+
+def breaks(time: Array) -> NDArray[np.intp]:
+    """Return the rows before which a row is missing."""
+    steps = np.diff(time)
+    return np.flatnonzero(steps > _MISSING * np.median(steps)) + 1
 
 
 def evened(time: Array) -> Array:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.recordings.clock import breaks
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -19,20 +20,14 @@ _BACK = 0.08  # of the range: rows beside a wrap go against it, but for noise
 _CALM = 0.2  # of the range: a reading that usually moves more from row to row cannot be unrolled
 _FEWEST = 2  # jumps in all recordings
 _TURN = 0.02  # of a turn, by which a range may be off it
-_GAP = 1.5  # usual steps of the clock, from which a row is missing
 
 
 def wraps_at_a_turn(recordings: Sequence[Recording], name: str) -> bool:
     """Tell whether an angle, rad, wraps wherever it has made a turn; of recordings without it False."""
-    parts = [part for each in recordings if name in each.columns for part in _without_gaps(each, name)]
+    seen = [each for each in recordings if name in each.columns]
+    parts = [part for each in seen for part in np.split(each.columns[name], breaks(each.time))]
     wrap = wrapping(parts) if parts else None
     return wrap is not None and abs(wrap[0] / math.tau - 1.0) < _TURN
-
-
-def _without_gaps(recording: Recording, name: str) -> list[Array]:
-    """Return a column in parts (m,) between which rows are missing."""
-    steps = np.diff(recording.time)
-    return np.split(recording.columns[name], np.flatnonzero(steps > _GAP * np.median(steps)) + 1)
 
 
 def wrapping(columns: Sequence[Array]) -> tuple[float, float, float] | None:
