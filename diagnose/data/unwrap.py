@@ -166,7 +166,7 @@ def _refined(
     """
     index = [signal.name for signal in plant.outputs].index(name)
     free = [p.name for p in plant.parameters if p.free and p.value > 0.0]
-    logs, change, spread, ratio = np.zeros(len(free)), 0.0, 0.0, 1.0
+    logs, change, spread = np.zeros(len(free)), 0.0, 0.0
     for _ in range(RANGE_REFINED):
         base = _all_of(plant, recordings, free, logs)
         if base is None:
@@ -191,12 +191,12 @@ def _refined(
         parts = np.array([np.sum(part, axis=0) for part in np.array_split(scores, RANGE_BATCHES)])
         by_batches = np.std((parts @ covariance)[:, -1], ddof=1) * np.sqrt(RANGE_BATCHES)
         spread = max(float(np.sqrt(covariance[-1, -1])), float(by_batches))
-        given = ((seen - base) / sizes).ravel()
-        with_it, without = (
-            float(np.linalg.norm(given - each @ np.linalg.lstsq(each, given, rcond=1e-9)[0]))
-            for each in (tall, tall[:, :-1])
-        )
-        ratio = with_it / max(without, 1e-300)
+    given = ((seen - base) / sizes).ravel()
+    with_it, without = (
+        float(np.linalg.norm(given - each @ np.linalg.lstsq(each, given, rcond=1e-9)[0]))
+        for each in (tall, tall[:, :-1])
+    )
+    ratio = with_it / max(without, 1e-300)
     most = RANGE_NEAR_SPAN if ratio < CLOSER_RMS else UNLIKE
     return (reach + change, spread, ratio) if abs(change) < most * reach else (reach, spread, 1.0)
 
