@@ -66,7 +66,9 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     columns = guess_columns(first, time)
     still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
     moving = tuple(each for each in columns if each not in still and not each.reference)
-    asked = sorted((each for each in columns if each not in still and each.reference), key=lambda each: each.commands)
+    asked = sorted(
+        (each for each in columns if each not in still and each.reference), key=lambda each: not each.commands
+    )
     if not moving or len(moving) + len(asked) < 2:
         held = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
         raise IdentifyError(
@@ -74,8 +76,8 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
         )
     pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
-    if asked and pushed.drives <= 0 and (asked[-1].commands or pushed.reads > 0):
-        pushed = asked[-1]
+    if asked and pushed.drives <= 0 and (asked[0].commands or pushed.reads > 0):
+        pushed = asked[0]
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
     outputs = _outputs(drive, others, first)
     used = (*((time,) if time else ()), drive, *outputs)
