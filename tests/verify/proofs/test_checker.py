@@ -54,11 +54,15 @@ ONE_BY_ONE = ("mul_add", "mul_add_short", "sub", "max", "clamp", "select", "shl"
 
 
 @pytest.mark.parametrize(
-    ("arithmetic", "function"),
-    [*(("fixed32", name) for name in ("wide", "mac", "high")), *(("fixed16", name) for name in ONE_BY_ONE)],
+    ("arithmetic", "table", "function"),
+    [
+        *(("fixed32", "full", name) for name in ("wide", "mac", "high")),
+        *(("fixed16", "full", name) for name in ONE_BY_ONE),
+        ("fixed16", "tuned", "mul_shift"),
+    ],
 )
-def test_a_range_claimed_too_small_is_refused(arithmetic: str, function: str) -> None:
-    found = document(arithmetic)
+def test_a_range_claimed_too_small_is_refused(arithmetic: str, table: str, function: str) -> None:
+    found = document(arithmetic, table)
     named(found, function)["high"] -= 1
     with pytest.raises(ProofError):
         check_proof(found)
