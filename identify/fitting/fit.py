@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -118,14 +118,16 @@ def estimate(
     test: Sequence[Recording],
     conditioning: Conditioning,
     progress: Progress | None = None,
+    near: bool = False,
 ) -> Fit:
     """Fit as `fit` does, and leave the answer to be judged.
 
     The model is driven by the recorded input alone. Outputs are weighted by 1 / residual rms, found by repeating the
     fit until the weights stay (maximum likelihood for white noise of unknown size). Of a `test` recording only the
-    initial state is estimated. `progress` is called with the fraction done and what is being done.
+    initial state is estimated. `progress` is called with the fraction done and what is being done. `near` values, of
+    a fit to much the same, are the only start.
     """
-    report = progress if progress is not None else _silent
+    report = progress or _silent
     if not train:
         raise IdentifyError("recordings.train is empty; name at least one recording to fit to")
     plant = _begun(plant, train, conditioning)
@@ -139,7 +141,8 @@ def estimate(
     report(0.05, "choosing starting values")
     problem = make_problem(plant, engine, seen)
     tried = _shortened(problem)
-    best, costs = _best_trial(tried, starting_points(plant, engine, tried.experiments), report)
+    starts = (constants_of(plant),) if near else starting_points(plant, engine, tried.experiments)
+    best, costs = _best_trial(tried, starts, report)
     if not min(costs) < _DIVERGED:
         raise IdentifyError(
             "every simulation of the plant diverges on these recordings, from all start values tried; it may be "
@@ -154,10 +157,8 @@ def estimate(
     best = FitPoint(*centred(plant, best.constants, best.starts))
     scored = tuple(_unseen_score(problem, best, parts) for parts in unseen)
     found = _result(plant, problem, best, scored, costs)
-    own = [
-        one for parts, score in zip(unseen, scored, strict=True) for one in _unseen_own(found, problem, parts, score)
-    ]
-    return replace(found, per_recording=(*found.per_recording, *own))
+    own = [_unseen_own(found, problem, parts, score) for parts, score in zip(unseen, scored, strict=True)]
+    return replace(found, per_recording=(*found.per_recording, *chain.from_iterable(own)))
 
 
 def about_means(plant: Plant, train: Sequence[Recording], conditioning: Conditioning) -> Plant | None:

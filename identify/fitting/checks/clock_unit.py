@@ -8,11 +8,14 @@ import numpy as np
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, unexplained
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linearize import linearize
 
 _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "thousands of seconds": 1e3, "hours": 3600.0}
 _ALIKE = 0.9  # correlation of every output with the plant as given, on the right clock
+_OVER = 3.0  # time constants, after which 5 % of a decay is left
+_STILL = 1e-9  # of the quickest mode: what only sums up
 _BETTER = 0.4  # of what is not explained on the clock as it is
 
 
@@ -22,10 +25,11 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     plain = unexplained(evidence, recording)
     if plain is None:
         return ()
-    swings = float(np.max(np.abs(np.linalg.eigvals(linearize(evidence.given).a).imag), initial=0.0))  # rad/s
+    swings, settles = _rates(evidence.given)
     step = float(np.median(np.diff(recording.time)))
-    # What swings more than once between two rows nobody has recorded, and to simulate it takes hours.
-    units = {unit: factor for unit, factor in _UNITS.items() if swings * step * factor < np.pi}
+    # What swings more than once between two rows, or is over before the next, nobody has recorded; it takes hours too.
+    shortest = min(np.pi / swings if swings else np.inf, _OVER / settles if settles else np.inf)
+    units = {unit: factor for unit, factor in _UNITS.items() if step * factor < shortest}
     tried = {unit: unexplained(evidence, _converted(recording, factor)) for unit, factor in units.items()}
     known = {unit: shares for unit, shares in tried.items() if shares is not None}
     if not known:
@@ -39,6 +43,13 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         f"{100.0 * (1.0 - max(shares)):.0f} % of every output, and {100.0 * (1.0 - max(plain)):.0f} % on the clock as "
         f"it is; give the column its unit in [recordings.rename], or convert it",
     )
+
+
+def _rates(plant: Plant) -> tuple[float, float]:
+    """Return the quickest swing and the slowest decay (rad/s) of the plant about rest; 0 where it has none."""
+    modes = np.linalg.eigvals(linearize(plant).a)
+    decays = np.abs(modes[np.abs(modes) > _STILL * np.max(np.abs(modes), initial=0.0)])
+    return float(np.max(np.abs(modes.imag), initial=0.0)), float(np.min(decays)) if len(decays) else 0.0
 
 
 def _converted(recording: Recording, factor: float) -> Recording:
