@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.experiment import Experiment, misfit
 from firmloop.identify.fitting.least_squares import Reduced, Unknowns, minimize, triangle
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.simulation.course import Engine
+from firmloop.identify.simulation.course import MOST_STEPS, Engine
 
 Array = NDArray[np.float64]
 
 _FAR = 1e9  # times the noise: what a diverged simulation counts
 _STEEP = 1e15  # slopes beyond it belong to such a simulation
 _LEASH = 10.0  # see Problem
+_STIFFER = 10.0  # times as many steps as the plant as given
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class FitProblem:
 
 def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Experiment]]) -> FitProblem:
     """Choose coordinates, bounds and first weights (1 / spread of each output)."""
-    experiments = tuple(made for parts in recordings for made in parts)
+    experiments = tuple(_bounded(plant, engine, made) for parts in recordings for made in parts)
     free = tuple(index for index, parameter in enumerate(plant.parameters) if parameter.free)
     chosen = [plant.parameters[index] for index in free]
     logarithmic = np.array([p.logarithmic or p.low > 0.0 for p in chosen], dtype=bool)
@@ -69,6 +70,17 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
         leash_weight=np.where(known, 1.0 / (_LEASH * scale), 0.0),
         weights=1.0 / spread,
     )
+
+
+def _bounded(plant: Plant, engine: Engine, made: Experiment) -> Experiment:
+    """Let a simulation that takes far more steps than the plant as given count as diverged: nothing can be that stiff.
+
+    A search that strays to a time constant near zero would else wait there for hours.
+    """
+    given, most = np.array([p.value for p in plant.parameters]), MOST_STEPS * len(made.measured)
+    if np.all(np.isfinite(given)):
+        most = max(most, _STIFFER * engine.steps_of(made.course, given, np.zeros(engine.states)))
+    return replace(made, course=replace(made.course, most_steps=most))
 
 
 @dataclass(frozen=True, slots=True)

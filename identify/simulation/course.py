@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
 LONGEST_CHANGE = 0.3  # rate of change of what is not linear, times the step, up to which a step is exact enough
 
 
@@ -66,4 +67,8 @@ class Engine(Protocol):
 
     def usual_state(self, course: Course, constants: Array, start: Array) -> Array:
         """Return where the plant is on average (n,) on its way from `start`: another guess for where it began."""
+        ...
+
+    def steps_of(self, course: Course, constants: Array, start: Array) -> float:
+        """Return how many steps a run takes, where that depends on the constants."""
         ...

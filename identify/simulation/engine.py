@@ -149,6 +149,12 @@ class EffectSimulator:
         seen = states[np.all(np.isfinite(states), axis=1)]
         return np.asarray(seen.mean(axis=0)) if len(seen) else start
 
+    def steps_of(self, course: Course, constants: Array, start: Array) -> float:
+        """Return how many steps a run takes: the more, the stiffer the plant is with these constants."""
+        before = float(self.taken[0])
+        self.run(course, constants, start)
+        return float(self.taken[0]) - before
+
     def assemble(self, constants: Array) -> Assembly:
         """Put the linear part and every effect that is not neutral together."""
         return self._assembled(constants, self._present(constants))

@@ -66,6 +66,10 @@ class Simulator:
         """Return where the plant is on average (n,); `start` where it is linear: there any guess leads to the best."""
         return start if self.linear else self._call(course, constants, start, (), False)[2]
 
+    def steps_of(self, course: Course, constants: Array, start: Array) -> float:
+        """Return the rows: a step each, or as many as the rows' distances ask for, whatever the constants."""
+        return float(course.end - course.first)
+
     def _call(
         self, course: Course, constants: Array, start: Array, which: Sequence[int], from_start: bool
     ) -> tuple[Array, Array, Array]:

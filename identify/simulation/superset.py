@@ -20,7 +20,7 @@ from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clipping import gathering, rested
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.course import LONGEST_CHANGE, Course
+from firmloop.identify.simulation.course import LONGEST_CHANGE, MOST_STEPS, Course
 from firmloop.identify.simulation.engine import EffectSimulator, effect_simulator
 from firmloop.identify.simulation.simulate import course_of, rest_start
 
@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 
 _STRETCH = "clock_skew.ratio"  # by which a slow clock stretches the time between readings
 _PIECES = 100  # of a recording, over which an acceleration is seen
-_MOST_STEPS = 400.0  # a row: a plant stiffer than that explains nothing, and would hold up a search for minutes
 
 
 @dataclass(slots=True)
@@ -148,7 +147,7 @@ class Superset:
                 turn=self.angle(recording) if self.recorded else None,
                 lost=self.lost,
                 longest_change=self.longest_change,
-                most_steps=_MOST_STEPS * len(recording.time),
+                most_steps=MOST_STEPS * len(recording.time),
             )
             found = self.courses[id(recording)] = (recording, course)
         return found[1]

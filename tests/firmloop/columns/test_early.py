@@ -9,6 +9,12 @@ import pytest
 from bench.host.identify_faults import MOTOR, heater, motor, swing
 from firmloop.cli import main
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting import fit
+from firmloop.identify.fitting.checks import early as early_check
+from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.plants.kinds import make_plant
+from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.recording import make_recording
 from firmloop.stages import diagnosing
 from tests.firmloop.columns.test_identify_says import identified, seeded, written
 
@@ -63,6 +69,18 @@ def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monk
     monkeypatch.setattr(diagnosing, "estimate", refusing)
     finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0), simulation_rms={})
     diagnosing._check_early(None, (), finding)
+
+
+def test_outputs_of_which_no_less_is_left_once_they_are_shifted_are_not_shifted_on(monkeypatch):
+    """What a plant leaves out can look like a lead; each further shift would be one more fit in vain."""
+    table, time, columns = early(swing(seeded(14), rows=400), 12, "level")
+    kind, drive, outputs, values = (table[key] for key in ("kind", "input", "outputs", "parameters"))
+    plant = make_plant(kind, drive, outputs, values)
+    recording = make_recording(time, columns, "log.csv", "")
+    fitted, asked = fit.estimate(plant, [recording], (), NONE), []
+    monkeypatch.setattr(early_check, "estimate", lambda *of, **how: asked.append(how) or fitted)
+    evidence = Evidence(plant, (recording,), NONE, fitted)
+    assert early_check.early_outputs(evidence, fitted.noise) == "" and asked == [{"near": True}]
 
 
 def test_a_delay_that_is_given_too_long_is_no_output_that_comes_early(tmp_path, capsys):

@@ -7,11 +7,15 @@ import pytest
 
 from firmloop.identify.fitting.checks import clock_unit
 from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.own_values import usual_start
+from firmloop.identify.fitting.problem import make_problem
+from firmloop.identify.plants.attach import EffectUse, with_effects
+from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.ode import make_ode
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, make_recording
-from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.simulate import constants_of, simulate, simulator
 
 PENDULUM = make_ode(
     {
@@ -37,6 +41,39 @@ def swinging(drive: float) -> Recording:
 def test_a_free_swing_begins_as_its_readings_do_whatever_its_states_are_called() -> None:
     assert usual_start(PENDULUM, swinging(0.0)) == pytest.approx([1.2, -2.0], abs=1.5)
     assert np.all(usual_start(PENDULUM, swinging(0.1)) == 0.0)
+
+
+def test_a_clock_on_which_all_is_over_before_the_next_row_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a stage of 0.07 s and rows 10 ms apart."""
+    tried: list[float] = []
+
+    def share(evidence: Evidence, recording: Recording) -> list[float]:
+        tried.append(float(recording.time[-1]))
+        return [1.0]
+
+    monkeypatch.setattr(clock_unit, "unexplained", share)
+    values = {"J_kg_m2": 7e-5, "b_N_m_s_rad": 1e-3, "torque_per_unit": 0.02}
+    stage = make_plant("rotary_stage", "voltage_V", ["speed_rad_s"], values)
+    time = np.arange(0.0, 1.0, 0.01)
+    recording = make_recording(time, {"voltage_V": np.ones(100), "speed_rad_s": time}, "run.csv", "")
+    clock_unit.look(Evidence(stage, (recording,), NONE, None))
+    assert tried == pytest.approx([0.99, 0.99e-3, 0.99e-6])
+
+
+def test_a_search_does_not_follow_a_plant_that_is_stiff_beyond_what_is_given() -> None:
+    """Where a drag is no straight line, each row takes as many steps as the plant is quicker than it."""
+    values = {"J_kg_m2": 7e-5, "b_N_m_s_rad": 1e-3, "torque_per_unit": 0.02}
+    drag = [EffectUse("quadratic_drag", None, {"coefficient_N_m_s2_rad2": 1e-5})]
+    stage = with_effects(make_plant("rotary_stage", "voltage_V", ["speed_rad_s"], values), drag)
+    time = np.arange(0.0, 1.0, 0.01)
+    recording = make_recording(time, {"voltage_V": np.sin(9.0 * time), "speed_rad_s": time}, "run.csv", "")
+    parts, engine = experiments(stage, recording, NONE), simulator(stage, recording.hold)
+    (made,) = make_problem(stage, engine, [parts]).experiments
+    constants, still = constants_of(stage), np.zeros(engine.states)
+    assert np.all(np.isfinite(engine.run(made.course, constants, still)))
+    stiff = constants * [1e-6, 1.0, 1.0, 1.0]
+    assert np.isnan(engine.run(made.course, stiff, still)[-1, 0])
+    assert np.all(np.isfinite(engine.run(parts[0].course, stiff * [1e2, 1.0, 1.0, 1.0], still)))
 
 
 def test_a_clock_on_which_rows_would_miss_whole_swings_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
