@@ -61,8 +61,9 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
+    tried = None
     if strays(found) or alone is not None or not whole:
-        other = exhausted(found) or in_pieces(found, progress)
+        other, tried = exhausted(found) or in_pieces(found, progress), found
         if other is not None:
             found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)
@@ -70,7 +71,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         return replace(found, best=found.nominal), alone
     sure = _confirmed(rested(levelled(retimed(found))))
     if doubtful(sure.best.fitted, sure.best.noises) is not None:
-        other = exhausted(found)
+        other = exhausted(found) if found is not tried else None  # it would end as before
         if other is not None:
             found = _resumed(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)

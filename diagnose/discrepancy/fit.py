@@ -31,7 +31,7 @@ from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.round import screened
 from firmloop.diagnose.search.screen import Screened, secants
 from firmloop.identify.fitting.least_squares import triangle
-from firmloop.identify.fitting.noise import Noise, flat
+from firmloop.identify.fitting.noise import Noise, plain_too
 from firmloop.identify.fitting.projection import orthogonal, outside, with_starts
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -176,7 +176,7 @@ def _promising(base: _Base, choices: Sequence[NamelessTerm]) -> list[NamelessTer
     """Pick the terms that promise most by the noise that is left, and those that do by white noise."""
     moved = [_moved(base, term) for term in choices]
     picked: list[int] = []
-    for noises in (base.candidate.noises, flat(base.candidate.noises)):
+    for noises in plain_too(base.candidate.noises):
         gains = _promised(base, moved, noises)
         picked += [int(place) for place in np.argsort(-gains)[:TRIED_SHAPES] if gains[place] > 0.0]
     return [choices[place] for place in dict.fromkeys(picked)]
@@ -213,7 +213,7 @@ def _weighed(base: _Base, moved: Sequence[Array]) -> tuple[float, Array, tuple[A
     tall = [np.concatenate([terms[k], _wide(base, k)], axis=2) for k in range(len(base.recordings))]
     best = (np.inf, np.zeros(0), base.residuals)
     # A noise model may hold what the term would explain, and then hides it from the fit: so begin without one, too.
-    begins = (base.candidate.noises, flat(base.candidate.noises))
+    begins = plain_too(base.candidate.noises)
     for noises in begins if moved else begins[:1]:
         for _ in range(SHAPE_ROUNDS):
             answer = _solved(tall, base.residuals, noises)

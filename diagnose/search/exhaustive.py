@@ -21,7 +21,7 @@ from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.round import every_start
 from firmloop.diagnose.search.screen import Screened
 from firmloop.diagnose.search.stepwise import accepted
-from firmloop.identify.fitting.noise import flat
+from firmloop.identify.fitting.noise import plain_too
 
 
 def exhausted(found: Search) -> Search | None:
@@ -37,7 +37,7 @@ def exhausted(found: Search) -> Search | None:
     bases = (base.fitted, replace(base.fitted, point=first_point(problem, problem.train)))
     told: dict[str, list[tuple[float, Fitted]]] = {}
     # Whitened edges are traps in which the search has looked already.
-    for noises in (flat(base.noises), base.noises):
+    for noises in reversed(plain_too(base.noises)):
         for each in every:
             from_bases = bases if each.term.effect.needs_position else bases[:1]
             for start, begun in product(every_start(problem, each), from_bases):

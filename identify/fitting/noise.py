@@ -60,6 +60,12 @@ def colored(noises: Sequence[Noise]) -> bool:
     return any(len(noise.coefficients) for noise in noises)
 
 
+def plain_too(noises: Sequence[Noise]) -> tuple[tuple[Noise, ...], ...]:
+    """Return the noises as they are and without memory; once, where both are the same."""
+    alike = not colored(noises) and not oversized(noises)
+    return (tuple(noises),) if alike else (tuple(noises), flat(noises))
+
+
 def oversized(noises: Sequence[Noise]) -> bool:
     """Tell whether any of them is larger than noise may be, see `bounded`: motion that the plant does not make."""
     return any(noise.weight > 0.0 for noise in noises)

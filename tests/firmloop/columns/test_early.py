@@ -77,7 +77,7 @@ def test_outputs_of_which_no_less_is_left_once_they_are_shifted_are_not_shifted_
     kind, drive, outputs, values = (table[key] for key in ("kind", "input", "outputs", "parameters"))
     plant = make_plant(kind, drive, outputs, values)
     recording = make_recording(time, columns, "log.csv", "")
-    fitted, asked = fit.estimate(plant, [recording], (), NONE), []
+    fitted, asked = fit.estimate(plant, [recording], (), NONE, near=True), []
     monkeypatch.setattr(early_check, "estimate", lambda *of, **how: asked.append(how) or fitted)
     evidence = Evidence(plant, (recording,), NONE, fitted)
     assert early_check.early_outputs(evidence, fitted.noise) == "" and asked == [{"near": True}]
