@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -31,10 +32,12 @@ class LinearLaw:
     d: Array  # (r, m)
 
 
+@lru_cache(maxsize=16)
 def linearize_law(law: Law) -> LinearLaw:
     """Jacobians of the law at a point where no flag is raised and no small move changes them.
 
-    The point is sought on trajectories with small constant errors, both signs, from the law's start.
+    The point is sought on trajectories with small constant errors, both signs, from the law's start. Kept, because the
+    figures of a loop ask for it for each end of a parameter's interval.
     """
     jacobian = _jacobian(law)
     for x, z in _points(law):

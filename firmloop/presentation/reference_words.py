@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 
 from firmloop.project.table import ProjectError
@@ -31,7 +32,7 @@ def explained(name: str) -> tuple[str, ...]:
     ProjectError
         when they say nothing, with the nearest names.
     """
-    passages = tuple(each for page in _PAGES for each in _passages(page))
+    passages = _all_passages()
     wanted = name.strip("[]` ")
     found = [each for each in passages if wanted in each.names]
     if not found and "." in wanted:  # a key with its table in front
@@ -43,6 +44,11 @@ def explained(name: str) -> tuple[str, ...]:
         hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "see docs/reference, or: firmloop schema"
         raise ProjectError(f"explain {name}: no key, effect, plant, controller or rule is called so; {hint}")
     return tuple(f"{each.title}\n{each.text}" if each.title else each.text for each in found)
+
+
+@cache
+def _all_passages() -> tuple[Passage, ...]:
+    return tuple(each for page in _PAGES for each in _passages(page))
 
 
 def _passages(page: str) -> Iterator[Passage]:

@@ -70,7 +70,7 @@ class Continuous:
 
 def fit_arx(records: Sequence[Record], order: int, late: int) -> SampledModel:
     """Least squares; with instruments where these simulate better by more than chance, as with a sensor's noise."""
-    plain, near = least_squares_arx(records, order, late), prefiltered(records, order, late)
+    plain, (near, _) = least_squares_arx(records, order, late), prefiltered(records, order, late)
     passed = _passed(near, records)
     rows = _rows([record.output for record in passed], passed, order, late)
     shown = _passed(near, [Record(one.source, one.drive, _simulated(near, one)) for one in records])
@@ -114,10 +114,11 @@ def _passed(model: SampledModel, records: Sequence[Record]) -> list[Record]:
     ]
 
 
-def prefiltered(records: Sequence[Record], order: int, late: int) -> SampledModel:
+def prefiltered(records: Sequence[Record], order: int, late: int) -> tuple[SampledModel, float]:
     """Least squares on signals filtered by the last denominator, which comes near to output error in a few steps.
 
-    K. Steiglitz and L. E. McBride, IEEE Trans. AC 10 (1965) 461-464; the model that simulates best is returned.
+    K. Steiglitz and L. E. McBride, IEEE Trans. AC 10 (1965) 461-464; the model that simulates best is returned, and
+    what it misses.
     """
     best = model = steadied(least_squares_arx(records, order, late), records)
     least = miss(best, records)
@@ -128,7 +129,7 @@ def prefiltered(records: Sequence[Record], order: int, late: int) -> SampledMode
         model = steadied(least_squares_arx(passed, order, late), records)
         left = miss(model, records)
         best, least = (model, left) if left < least else (best, least)
-    return best
+    return best, least
 
 
 def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:

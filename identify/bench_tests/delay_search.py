@@ -24,7 +24,7 @@ WRONG = 1.5  # times the mean square error by which means that are left in spoil
 
 def least_miss(records: Sequence[Record], order: int, late: int) -> float:
     """Return the mean square error of simulating the best model of the iteration."""
-    return miss(prefiltered(records, order, late), records)
+    return prefiltered(records, order, late)[1]
 
 
 def best_delay(records: Sequence[Record], order: int) -> int:
@@ -36,8 +36,9 @@ def best_delay(records: Sequence[Record], order: int) -> int:
     rows = sum(len(one.output) for one in records)
     last = min(MOST, min(len(one.output) for one in records) // SHARE)
     ways = (records, without_means(records))
-    way = min(ways, key=lambda each: min(least_miss(each, order, late) for late in range(0, last + 1, COARSE)))
-    left = [least_miss(way, order, late) for late in range(last + 1)]
+    coarse = [{late: least_miss(each, order, late) for late in range(0, last + 1, COARSE)} for each in ways]
+    tried, way = min(zip(coarse, ways, strict=True), key=lambda each: min(each[0].values()))
+    left = [tried[late] if late in tried else least_miss(way, order, late) for late in range(last + 1)]
     least = min(left)
     if least == 0.0:
         return left.index(0.0)

@@ -20,6 +20,7 @@ from firmloop.identify.normal import NORMAL_95
 Array = NDArray[np.float64]
 
 _STABLE = 0.999  # largest pole of an autoregression of residuals
+_SURELY = 0.97  # sum of coefficients, at most 24, below which no pole lies farther out (Cauchy's bound)
 _DRAWS = 200
 _SETTLE = 3000  # rows before a drawn noise is used: three time constants of the slowest pole
 
@@ -31,6 +32,8 @@ def noises_of(residuals: Sequence[Array]) -> list[Noise]:
 
 def _stationary(residuals: Sequence[Array]) -> Noise:
     noise = fit_noise(residuals, 0.0)
+    if np.sum(np.abs(noise.coefficients)) < _SURELY:
+        return noise
     radius = float(np.max(np.abs(np.roots([1.0, *noise.coefficients])), initial=0.0))
     shrunk = min(1.0, _STABLE / max(radius, 1e-300)) ** np.arange(1, len(noise.coefficients) + 1)
     return replace(noise, coefficients=noise.coefficients * shrunk)
@@ -65,14 +68,22 @@ class Pure:
 
 def deviations_under(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array) -> Array:
     """Return standard deviations (k,) of sum sway * noise, sway = slopes inverse: of sway' C sway."""
-    total = np.zeros(len(inverse))
-    for k, direction in enumerate(inverse.T):
-        for each in slopes:
-            sway = each.along(direction)
-            for column, noise in enumerate(noises):
-                # The noise is e / A, so that sway' noise is e times sway sent through 1 / A backwards.
-                backwards = noise.color(sway[::-1, column])
-                total[k] += noise.scale**2 * float(backwards @ backwards)
+    one_by_one = ([each.along(direction)[..., None] for each in slopes] for direction in inverse.T)
+    return np.array([float(_deviations(noises, sway)[0]) for sway in one_by_one])
+
+
+def _sway(slopes: Pure, inverse: Array) -> Array:
+    """Return what each row's noise does to each parameter, (q, r, k)."""
+    return np.stack([slopes.along(direction) for direction in inverse.T], axis=-1)
+
+
+def _deviations(noises: Sequence[Noise], sway: Sequence[Array]) -> Array:
+    total = np.zeros(sway[0].shape[2])
+    for each in sway:
+        for column, noise in enumerate(noises):
+            # The noise is e / A, so that sway' noise is e times sway sent through 1 / A backwards.
+            backwards = np.asfortranarray(noise.color(each[::-1, column]))
+            total += noise.scale**2 * np.array([float(one @ one) for one in backwards.T])
     return np.sqrt(total)
 
 
@@ -86,7 +97,7 @@ def widened(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array, los
     less than that which they were drawn with, so that the recording's will be less than the true one by as much.
     """
     random = np.random.default_rng(0)
-    sway = [np.stack([each.along(direction) for direction in inverse.T], axis=-1) for each in slopes]
+    sway = [_sway(each, inverse) for each in slopes]
     apart, told = [], []
     for _ in range(_DRAWS):
         drawn = [_draw(noises, each.shape[0], random) for each in slopes]
@@ -95,10 +106,10 @@ def widened(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array, los
             each.without_own(part.ravel()).reshape(part.shape) - each.along(error)
             for part, each in zip(drawn, slopes, strict=True)
         ]
-        told.append(lost * deviations_under(noises_of(left), slopes, inverse))
+        told.append(lost * _deviations(noises_of(left), sway))
         apart.append(np.abs(error) / np.maximum(told[-1], 1e-300))
     wider = np.quantile(apart, 0.95, axis=0) / NORMAL_95
-    plain = deviations_under(noises, slopes, inverse)
+    plain = _deviations(noises, sway)
     shy = plain / np.maximum(np.median(told, axis=0), 1e-300)
     return np.asarray(plain * np.maximum(wider, 1.0) * np.maximum(shy, 1.0))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.alignment import lag_slopes, lag_steps
-from firmloop.identify.fitting.covariance import uncertainty
+from firmloop.identify.fitting.covariance import Doubt, uncertainty, untold
 from firmloop.identify.fitting.experiment import (
     Experiment,
     aligned,
@@ -119,8 +119,9 @@ def estimate(
     conditioning: Conditioning,
     progress: Progress | None = None,
     near: bool = False,
+    doubt: Doubt = uncertainty,
 ) -> Fit:
-    """Fit as `fit` does, and leave the answer to be judged.
+    """Fit as `fit` does, and leave the answer to be judged; `untold` spares the intervals of one that is only compared.
 
     The model is driven by the recorded input alone. Outputs are weighted by 1 / residual rms, found by repeating the
     fit until the weights stay (maximum likelihood for white noise of unknown size). Of a `test` recording only the
@@ -156,7 +157,7 @@ def estimate(
     report(0.9, "covariance and scores")
     best = FitPoint(*centred(plant, best.constants, best.starts))
     scored = tuple(_unseen_score(problem, best, parts) for parts in unseen)
-    found = _result(plant, problem, best, scored, costs)
+    found = _result(plant, problem, best, scored, costs, doubt)
     own = [_unseen_own(found, problem, parts, score) for parts, score in zip(unseen, scored, strict=True)]
     return replace(found, per_recording=(*found.per_recording, *chain.from_iterable(own)))
 
@@ -165,7 +166,7 @@ def about_means(plant: Plant, train: Sequence[Recording], conditioning: Conditio
     """Return the plant that fits all deviations from the means, in which no level takes part; None where none does."""
     signals = tuple(signal.name for signal in (*plant.inputs, *plant.outputs))
     try:
-        return estimate(plant, train, (), replace(conditioning, remove_offset=signals)).plant
+        return estimate(plant, train, (), replace(conditioning, remove_offset=signals), doubt=untold).plant
     except IdentifyError:
         return None
 
@@ -180,7 +181,7 @@ def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning)
     named = without_value(plant)
     if not named:
         return plant
-    shared = estimate(in_common(plant, named), train, (), conditioning).plant
+    shared = estimate(in_common(plant, named), train, (), conditioning, doubt=untold).plant
     values = {p.name: p.value for p in shared.parameters}
     return replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
 
@@ -237,9 +238,8 @@ def _align(problem: FitProblem, begin: FitPoint, report: Progress) -> tuple[FitP
     for turn in range(_TURNS):
         report(0.75 + 0.14 * turn / _TURNS, f"aligning clocks {turn + 1}")
         shifted: list[Experiment] = []
-        for parts, starts in zip(
-            _by_recording(problem, problem.experiments), _by_recording(problem, list(point.starts)), strict=True
-        ):
+        begun = _by_recording(problem, list(point.starts))
+        for parts, starts in zip(_by_recording(problem, problem.experiments), begun, strict=True):
             shifted.extend(aligned(parts, _run(problem.engine, point.constants, parts, starts)))
         change = max(
             abs(late - old.lags.get(name, 0.0)) / new.course.step
@@ -319,6 +319,7 @@ def _result(
     best: FitPoint,
     test: tuple[RecordingScore, ...],
     costs: tuple[float, ...],
+    doubt: Doubt,
 ) -> Fit:
     pairs = list(weighted(problem, best))
     residuals = [residual for residual, _ in pairs]
@@ -331,7 +332,7 @@ def _result(
         np.concatenate([slopes, own], axis=2) if own.shape[2] else slopes
         for (_, slopes), own in zip(pairs, lag_slopes(problem, best), strict=True)
     ]
-    found = uncertainty(problem.windows, residuals, whole, natural)
+    found = doubt(problem.windows, residuals, whole, natural)
     covariance = found.covariance * np.outer(inner, inner)
     covariance[list(found.blind), :] = math.nan
     covariance[:, list(found.blind)] = math.nan
@@ -367,7 +368,7 @@ def _result(
         noise={signal.name: float(size) for signal, size in zip(plant.outputs, noise, strict=True)},
         starts=costs,
         warnings=(*hardly_told(fitted, problem.free, found), *poor),
-        per_recording=own_values(fitted, [one.source for one in train], best.starts, residuals, whole, count),
+        per_recording=own_values(fitted, [one.source for one in train], best.starts, residuals, whole, count, doubt),
     )
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from math import erfc
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from firmloop.identify.simulation.linear_filter import filtered
 
@@ -98,11 +99,10 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     try:
         factor = np.linalg.cholesky(past)
     except np.linalg.LinAlgError:  # past a residual that dies out, rounding is all that is left
-        factor, fails = scipy.linalg.lapack.dpotrf(past, lower=1)
+        factor, fails = dpotrf(past, lower=1)
         most = fails - 1
-    removed = scipy.linalg.solve_triangular(
-        factor[:most, :most], moments[0, 1 : most + 1], lower=True, check_finite=False
-    )
+    # The call of LAPACK alone: what SciPy asks before it takes ten times as long as these few numbers.
+    removed = dtrtrs(factor[:most, :most].T, moments[0, 1 : most + 1], lower=0, trans=1)[0] if most else np.zeros(0)
     taken = np.cumsum(removed**2)
     for order in ORDERS:
         power = (float(moments[0, 0]) - float(taken[order - 1] if order else 0.0)) / used if order <= most else 0.0
@@ -111,7 +111,9 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
         score = used * np.log(power) + order * np.log(used)
         if score < best_score - 1e-9:
             best, least, best_score = order, power, score
-    taps = np.asarray(-np.linalg.solve(past[:best, :best], moments[0, 1 : best + 1]), dtype=np.float64)
+    taps = np.zeros(0)
+    if best:
+        taps = np.asarray(-np.linalg.solve(past[:best, :best], moments[0, 1 : best + 1]), dtype=np.float64)
     return Noise(taps, max(float(np.sqrt(least)), floor), max(rms, abs(mean)))
 
 
@@ -135,15 +137,27 @@ def bounded(noise: Noise, residuals: Sequence[Array], most: float) -> Noise:
 
 
 def lagged_products(values: Array, most: int) -> Array:
-    """Return sum over k >= most of v[k-i] v[k-j], (most + 1, most + 1): one row of sums, the others follow from it."""
-    count = len(values)
-    found = np.zeros((most + 1, most + 1))
-    found[0] = [float(values[most:] @ values[most - lag : count - lag]) for lag in range(most + 1)]
-    first, last = values[:most][::-1], values[count - most :][::-1]
-    for i in range(most):
-        found[i + 1, i + 1 :] = found[i, i:-1] + first[i] * first[i:] - last[i] * last[i:]
-    upper = np.triu(found)
-    return np.asarray(upper + np.triu(upper, 1).T)
+    """Return sum over k >= most of v[k-i] v[k-j], (most + 1, most + 1): one row of sums, the others follow from it.
+
+    Along a diagonal, each is the one before it, plus the product of rows that come in, less that of rows that go.
+    """
+    come, go = values[:most][::-1], values[len(values) - most :][::-1]
+    later, rows, columns = _places(most)
+    along = np.empty((2 * most + 1, most + 1))  # twice the row; the diagonal
+    along[0] = [float(values[most:] @ values[most - lag : len(values) - lag]) for lag in range(most + 1)]
+    along[1::2] = come[:, None] * np.append(come, 0.0)[later]
+    along[2::2] = -go[:, None] * np.append(go, 0.0)[later]
+    np.cumsum(along, axis=0, out=along)
+    found = np.empty((most + 1, most + 1))
+    found[rows, columns] = found[columns, rows] = along[2 * rows, columns - rows]
+    return found
+
+
+@cache
+def _places(most: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Return the places (most, most + 1) of the rows that are as much later, and those (p,) of an upper triangle."""
+    rows, columns = np.triu_indices(most + 1)
+    return np.minimum(np.add.outer(np.arange(most), np.arange(most + 1)), most), rows, columns
 
 
 def memory(residuals: Sequence[Array]) -> float:

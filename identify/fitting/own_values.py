@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.fitting.covariance import uncertainty
+from firmloop.identify.fitting.covariance import Doubt, uncertainty
 from firmloop.identify.fitting.experiment import best_start, experiments, misfit
 from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
@@ -41,6 +41,7 @@ def own_values(
     residuals: Sequence[Array],
     slopes: Sequence[Array],
     shared: int,
+    doubt: Doubt = uncertainty,
 ) -> tuple[OwnValue, ...]:
     """Return the values of all recordings, recording after recording.
 
@@ -57,7 +58,7 @@ def own_values(
         own[..., count * k : count * (k + 1)] = block[..., places]
         rest = [index for index in range(shared, block.shape[2]) if index not in places]
         blocks.append(np.concatenate([block[..., :shared], own, block[..., rest]], axis=2))
-    found = uncertainty([1] * len(slopes), residuals, blocks, np.zeros(shared + count * len(slopes)))
+    found = doubt([1] * len(slopes), residuals, blocks, np.zeros(shared + count * len(slopes)))
     deviations = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     deviations[list(found.blind)] = math.nan
     return tuple(

@@ -136,7 +136,7 @@ def condition_output(conditioning: Conditioning, name: str, time: Array, values:
     if conditioning.line_Hz:
         done = line_free(conditioning, grid, done)
     if conditioning.savgol_window:
-        done = scipy.signal.savgol_filter(done, conditioning.savgol_window, conditioning.savgol_order, axis=0)
+        done = _smoothed(conditioning.savgol_window, conditioning.savgol_order, done)
     if name in conditioning.detrend:
         line = np.column_stack([np.ones(len(grid)), grid - grid.mean()])
         basis, _ = np.linalg.qr(line)
@@ -171,6 +171,26 @@ def _line_basis(frequency: float, harmonics: int, instants: bytes) -> Array:
     orders = [k for k in range(1, harmonics + 1) if k * frequency < fastest]
     waves = [wave(k * turns) for k in orders for wave in (np.sin, np.cos)]
     basis, _ = np.linalg.qr(np.column_stack(waves)) if waves else (np.zeros((len(grid), 0)), None)
+    return np.asarray(basis)
+
+
+def _smoothed(window: int, order: int, values: Array) -> Array:
+    """Take each of values (q, ...) from the polynomial through the rows around it, those of the ends from the last one.
+
+    As scipy.signal.savgol_filter does, which fits the polynomials of the ends anew each time.
+    """
+    basis = _polynomials(window, order)
+    half = window // 2
+    smooth = scipy.ndimage.correlate1d(values, basis @ basis[half], axis=0, mode="constant")
+    smooth[:half] = np.tensordot(basis[:half], np.tensordot(basis.T, values[:window], 1), 1)
+    smooth[len(values) - half :] = np.tensordot(basis[window - half :], np.tensordot(basis.T, values[-window:], 1), 1)
+    return np.asarray(smooth)
+
+
+@lru_cache(maxsize=8)
+def _polynomials(window: int, order: int) -> Array:
+    """Orthonormal polynomials (window, order + 1) over so many even rows."""
+    basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, window), order))
     return np.asarray(basis)
 
 

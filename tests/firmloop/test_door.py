@@ -16,9 +16,10 @@ from firmloop.identify.extras import ToolError
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("load", "identify", "simulate", "design", "generate", "verify", "diagnose", "run")
-# Each in a process of its own, in which no other name was asked for before.
+# Each in a process of its own, in which no other name was asked for before; what is not ours is loaded once for all.
 EACH_NAME = f"""
 import os
+import casadi, scipy.linalg, scipy.optimize, tomlkit
 import firmloop as fl
 for name in {NAMES}:
     if os.fork() == 0:

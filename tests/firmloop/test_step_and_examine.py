@@ -181,17 +181,28 @@ def test_a_negative_gain_is_a_gain(trials: Path, tmp_path: Path, capsys: pytest.
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("verb", ["step", "examine", "model"])
-def test_an_output_that_is_cut_off_is_said(
-    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
-) -> None:
+@pytest.fixture
+def cut_off(trials: Path) -> Path:
+    """The first trial ends at 15 rad/s."""
     first = trials.parent / "trial1.csv"
     rows = [line.split(",") for line in first.read_text().splitlines()]
     cut = [",".join([time, volts, f"{min(float(speed), 15.0):.5f}"]) for time, volts, speed in rows[1:]]
     first.write_text("\n".join([",".join(rows[0]), *cut]) + "\n")
-    assert main([verb, str(trials), "--out", str(tmp_path / "out")]) == 2
+    return trials
+
+
+@pytest.mark.parametrize("verb", ["step", "examine", "model"])
+def test_an_output_that_is_cut_off_is_refused(
+    cut_off: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    assert main([verb, str(cut_off), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "speed_rad_s of trial1.csv is cut off at 15 rad/s in 7" in said and "record a smaller motion" in said
     assert len(said.splitlines()) == 1 and not (tmp_path / "out").exists()
-    assert main(["identify", str(trials), "--out", str(tmp_path / "out")]) == 0
+
+
+def test_identify_says_that_an_output_is_cut_off(
+    cut_off: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", str(cut_off), "--out", str(tmp_path / "out")]) == 0
     assert "note: speed_rad_s of trial1.csv is cut off at 15 rad/s" in capsys.readouterr().out

@@ -15,6 +15,7 @@ import numpy as np
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate
 from firmloop.identify.recordings.conditioning import find_lag, interpolate
@@ -62,7 +63,7 @@ def _in_time(evidence: Evidence, before: Fit) -> tuple[Fit, Mapping[str, int]]:
             return fit, {name: count for name, count in rows.items() if count}
         rows, seen = shifted, [_shifted(recording, shifted) for recording in evidence.recordings]
         try:
-            after = estimate(fit.plant, seen, (), evidence.conditioning, near=True)
+            after = estimate(fit.plant, seen, (), evidence.conditioning, near=True, doubt=untold)
         except IdentifyError:
             break
         if all(after.noise[name] >= fit.noise[name] for name, count in rows.items() if count):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from itertools import chain
 
 import numpy as np
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, independent, remainders
 from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
 from firmloop.identify.fitting.residual_tests import residual_tests
@@ -22,6 +24,8 @@ from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import rest_start, simulate
 from firmloop.identify.units import ending_of
+
+_Means = Callable[[], Plant | None]  # `about_means`, asked once
 
 _HINT = 6.0  # independent samples times the share explained, from which a fit with the level is worth its time
 _SHARE = 0.2  # of what is left, that a level explains along the slopes: worth it, too
@@ -37,6 +41,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     plant = evidence.fit.plant
     weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
     found, refused = [], _refused(evidence)
+    means = cache(partial(about_means, evidence.given, evidence.recordings, evidence.conditioning))
     for k in range(len(plant.outputs)):
         columns = [np.zeros_like(part.residual) for part in parts]
         for column in columns:
@@ -45,12 +50,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         samples = independent([part.residual[:, k] for part in parts])
         if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, parts, k):
             continue
-        said = _apart(evidence, k) or _fitted(evidence, k, hint.size)
+        said = _apart(evidence, k, means) or _fitted(evidence, k, hint.size, means)
         found += [said] if said else []
     return tuple(found)
 
 
-def _fitted(evidence: Evidence, k: int, level: float) -> str:
+def _fitted(evidence: Evidence, k: int, level: float, means: _Means) -> str:
     """Fit the level together with everything else; say so where that is better beyond doubt."""
     before = evidence.fit
     assert before is not None
@@ -62,7 +67,7 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
         return ""
     ending = ending_of(output.name)
     name = OUTPUT if in_kind else f"sensor_offset.{output.name}.offset{f'_{ending}' if ending else ''}"
-    after = _best_with(evidence, output, name, in_kind, level)
+    after = _best_with(evidence, output, name, in_kind, level, means)
     if after is None:
         return ""
     found = next(p for p in after.plant.parameters if p.name == name)
@@ -83,27 +88,29 @@ def _fitted(evidence: Evidence, k: int, level: float) -> str:
     )
 
 
-def _apart(evidence: Evidence, k: int) -> str:
+def _apart(evidence: Evidence, k: int, means: _Means) -> str:
     """Fit a level of each recording where there are several; say so where one for all is worse beyond doubt."""
     before, count = evidence.fit, len(evidence.recordings)
     assert before is not None
     output = before.plant.outputs[k]
     if count < _SEVERAL or before.plant.varying or not _in_kind(before.plant, output):
         return ""
-    centred = about_means(evidence.given, evidence.recordings, evidence.conditioning)
+    centred = means()
     if centred is None:
         return ""
     held = {parameter.name for parameter in centred.parameters}
     begin = with_varying(centred if OUTPUT in held else _with_level(centred, output.unit), (OUTPUT,))
     try:
-        after = estimate(begin, evidence.recordings, [], evidence.conditioning)
-        together = before if OUTPUT in held else _best_with(evidence, output, OUTPUT, True, 0.0) or before
+        after = estimate(begin, evidence.recordings, [], evidence.conditioning, doubt=untold)
     except IdentifyError:
         return ""
     levels = {own.source: own.parameter.value for own in after.per_recording}
     spread = max(float(np.ptp(recording.columns[output.name])) for recording in evidence.recordings)
     differs = max(levels.values()) - min(levels.values())
-    if min(_gain(evidence, each, after) for each in (before, together)) < count * _CERTAIN or differs < _SEEN * spread:
+    if _gain(evidence, before, after) < count * _CERTAIN or differs < _SEEN * spread:
+        return ""
+    together = before if OUTPUT in held else _best_with(evidence, output, OUTPUT, True, 0.0, means) or before
+    if _gain(evidence, together, after) < count * _CERTAIN:
         return ""
     each = ", ".join(f"{value:.4g} in {source}" for source, value in levels.items())
     mean = float(np.mean([*levels.values()]))
@@ -145,7 +152,7 @@ def _refused(evidence: Evidence) -> bool:
     return False
 
 
-def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, level: float) -> Fit | None:
+def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, level: float, means: _Means) -> Fit | None:
     """Fit with the level, from the fit without it, the plant as given and a fit of deviations from the means.
 
     The fit without it may be far astray, to the other sign of a gain.
@@ -154,7 +161,7 @@ def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, lev
     reading = float(np.mean(evidence.recordings[0].columns[output.name]))
     ways: list[Fit] = []
     begins = ((evidence.fit.plant, level), (evidence.given, reading))
-    for plant, start in chain(begins, _centred(evidence, output)):
+    for plant, start in chain(begins, _centred(evidence, output, means)):
         wider = _with_level(plant, output.unit) if in_kind else _with_offset(plant, output.name, name)
         begin = tuple(replace(p, value=start) if p.name == name else p for p in wider.parameters)
         try:
@@ -167,10 +174,10 @@ def _best_with(evidence: Evidence, output: Signal, name: str, in_kind: bool, lev
     return min(ways, key=lambda each: each.noise[output.name], default=None)
 
 
-def _centred(evidence: Evidence, output: Signal) -> Iterator[tuple[Plant, float]]:
+def _centred(evidence: Evidence, output: Signal, means: _Means) -> Iterator[tuple[Plant, float]]:
     """Yield the plant of a fit that no level takes part in, and the level beside it."""
     first = evidence.recordings[0]
-    found = about_means(evidence.given, evidence.recordings, evidence.conditioning)
+    found = means()
     if found is None:
         return
     try:

@@ -11,6 +11,7 @@ from firmloop.cli import main
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting import fit
 from firmloop.identify.fitting.checks import early as early_check
+from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE
@@ -80,7 +81,7 @@ def test_outputs_of_which_no_less_is_left_once_they_are_shifted_are_not_shifted_
     fitted, asked = fit.estimate(plant, [recording], (), NONE, near=True), []
     monkeypatch.setattr(early_check, "estimate", lambda *of, **how: asked.append(how) or fitted)
     evidence = Evidence(plant, (recording,), NONE, fitted)
-    assert early_check.early_outputs(evidence, fitted.noise) == "" and asked == [{"near": True}]
+    assert early_check.early_outputs(evidence, fitted.noise) == "" and asked == [{"near": True, "doubt": untold}]
 
 
 def test_a_delay_that_is_given_too_long_is_no_output_that_comes_early(tmp_path, capsys):
