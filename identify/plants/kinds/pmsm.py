@@ -79,9 +79,7 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
             neutral=(0.0,),
         )
         still = ca.Function("per", [p], [0.0])
-        bridge = (
-            Balance(kind="bridge", state=-1, per=still, current=amplitude, resistance=of_a_phase, inside=(0,)),
-        )
+        bridge = (Balance(kind="bridge", state=-1, per=still, current=amplitude, resistance=of_a_phase, inside=(0,)),)
     return Plant(
         kind=KIND.name,
         states=states,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -77,6 +78,27 @@ def test_pole_pairs_that_are_wrong_beside_phase_currents(given: int, true: int) 
 def test_a_sound_log_of_two_phases_is_met_with_silence(pairs: int) -> None:
     columns = {name: value for name, value in log(pairs).items() if name[8:] not in ("d_A", "q_A", "c_A")}
     assert said(columns, pairs) == ()
+
+
+def test_voltages_that_are_exchanged_beside_phase_currents() -> None:
+    columns = {name: value for name, value in log(4).items() if name[8:] not in ("d_A", "q_A", "c_A")}
+    swapped = {**columns, "voltage_d_V": columns["voltage_q_V"], "voltage_q_V": columns["voltage_d_V"]}
+    (one,) = said(swapped, 4)
+    assert one.startswith("voltage_d_V and voltage_q_V of log.csv look exchanged: ")
+
+
+@pytest.mark.parametrize("pair", list(combinations("abc", 2)))
+def test_duties_that_are_exchanged(pair: tuple[str, str]) -> None:
+    columns = log(4)
+    angle, supply = 4.0 * columns["position_rad"], np.full(ROWS, 24.0)
+    volts = (columns.pop("voltage_d_V") + 1j * columns.pop("voltage_q_V")) * np.exp(1j * angle)
+    for k, name in enumerate("abc"):
+        columns[f"duty_{name}"] = 0.5 + (volts * np.exp(-2j * math.pi / 3 * k)).real / supply
+    columns |= {"supply_V": supply, "angle_rad": angle}
+    assert said(columns, 4) == ()
+    one, other = (f"duty_{name}" for name in pair)
+    (told,) = said({**columns, one: columns[other], other: columns[one]}, 4)
+    assert told.startswith(f"{one} and {other} of log.csv look exchanged: ")
 
 
 def test_the_electrical_speed_in_the_place_of_the_shafts() -> None:
