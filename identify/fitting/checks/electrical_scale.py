@@ -106,7 +106,7 @@ def _told(regressors: Sequence[Array], change: Array, h: Array) -> list[float]:
     """Return the coefficients of rates that changes (n,) over rows of `h` (n,) tell; NaN for what they do not."""
     tall = np.column_stack(regressors) * h[:, None]
     size = np.linalg.norm(tall, axis=0)
-    if np.any(size == 0.0):
+    if np.any(size == 0.0) or not np.all(np.isfinite(size)):  # of what is not told nothing follows
         return [math.nan] * len(regressors)
     found, *_ = np.linalg.lstsq(tall / size, change, rcond=None)
     left = change - tall / size @ found

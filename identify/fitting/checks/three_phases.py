@@ -252,7 +252,7 @@ def _angle(recording: Recording, pairs: float) -> str:
 CHECK = Check(
     "three_phases",
     look,
-    ("sign", "scale", "structure", "excitation", "rest", "drift"),
+    ("electrical_scale", "sign", "scale", "structure", "excitation", "rest", "drift"),
     False,
     ("identify", "diagnose"),
 )

@@ -50,7 +50,9 @@ def test_the_rows_tell_the_parameters_before_any_fit(phases: bool) -> None:
         dict.fromkeys(("R_ohm", "Ld_H", "Lq_H", "flux_Wb", "J_kg_m2"), 1.0), rel=0.05
     )
     still = make_recording(np.arange(ROWS) * H, {**columns, "speed_rad_s": np.zeros(ROWS)}, "log.csv", "")
-    assert "J_kg_m2" not in told_by_rows(given(), [still])
+    far = make_recording(np.arange(ROWS) * H, {**columns, "position_rad": 57.3 * columns["position_rad"]}, "", "")
+    assert told_by_rows(given(), [still]) == {}
+    assert not phases or "J_kg_m2" not in told_by_rows(given(), [far])  # in a frame that is none
 
 
 def test_a_data_sheet_that_is_off_is_no_supply() -> None:
