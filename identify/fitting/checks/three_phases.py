@@ -12,7 +12,7 @@ axes that stand still, or turn backwards where they settle; of two that are swap
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -72,8 +72,7 @@ def _pairs(recording: Recording, pairs: float) -> str:
     else:
         size = np.abs(frame.current)
         small = np.maximum(size[1:], size[:-1]) < _SMALL * np.max(size)  # iron saturates at the others
-        seen = _seen(recording.time, frame, small).pairs
-        seen = seen if seen is not None and abs(math.log(seen / pairs)) > math.log1p(_NEAR) else None
+        seen = _pairs_of_axes(recording.time, frame, small, pairs)
     if seen is None:
         return ""
     turned = f", or speed_rad_s is {'the electrical speed' if round(seen) == 1 else 'off by that factor'}"
@@ -81,6 +80,18 @@ def _pairs(recording: Recording, pairs: float) -> str:
         f"pole_pairs = {pairs:g}, but the currents of {recording.source} fit {seen:.3g}: correct pole_pairs to "
         f"{max(round(seen), 1)}{turned}: give the column its unit in [recordings.rename]"
     )
+
+
+def _pairs_of_axes(time: Array, frame: RotorFrame, told: NDArray[np.bool_], pairs: float) -> float | None:
+    """Return what the rows that are `told` show, where the given pole pairs leave far more of them; None elsewhere.
+
+    Axes that rock about the magnets bend A and B, but the pole pairs as given leave little more.
+    """
+    free = _seen(time, frame, told)
+    if free.pairs is None or abs(math.log(free.pairs / pairs)) < math.log1p(_NEAR):
+        return None
+    given = [factor * pairs / free.pairs for factor in free.cross]
+    return free.pairs if free.left < _BETTER * _left_beside(time, frame, told, given) else None
 
 
 def _pairs_of_phases(recording: Recording, pairs: float) -> float | None:
@@ -140,13 +151,14 @@ def _against(recording: Recording, pairs: float) -> str:
 class _Seen:
     """Pole pairs, None if unsure; the squares left over in A^2; whether the voltages drive the currents upwards.
 
-    `down` names the axes whose voltage drives the current downwards beyond doubt.
+    `down` names the axes whose voltage drives the current downwards beyond doubt, `cross` are A and -B.
     """
 
     pairs: float | None
     left: float
     upright: bool
     down: str = ""
+    cross: tuple[float, float] = (0.0, 0.0)
 
 
 def _seen_in(time: Array, columns: Mapping[str, Array], pairs: float) -> _Seen:
@@ -155,14 +167,30 @@ def _seen_in(time: Array, columns: Mapping[str, Array], pairs: float) -> _Seen:
     return _Seen(None, math.inf, False) if frame is None else _seen(time, frame)
 
 
-def _seen(time: Array, frame: RotorFrame, told: NDArray[np.bool_] | slice = _EVERY) -> _Seen:
-    """Return what voltages, speed and the current show, in the rows that are `told`."""
+def _rows(time: Array, frame: RotorFrame) -> tuple[tuple[str, Array, Array], ...]:
+    """Return of each axis its name, what its current rises by as (n - 1, k), the cross term third, and its rise."""
     h, i_d, i_q, w = np.diff(time), frame.current.real, frame.current.imag, frame.speed
     middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
     along = np.column_stack([frame.voltage.real[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
     across = np.column_stack([frame.voltage.imag[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
+    return ("d", along, np.diff(i_d)), ("q", across, np.diff(i_q))
+
+
+def _left_beside(time: Array, frame: RotorFrame, told: NDArray[np.bool_], cross: Sequence[float]) -> float:
+    """Return the squares in A^2 that are left over of the rows that are `told`, where the cross terms are given."""
+    left = 0.0
+    for (_, regressors, change), factor in zip(_rows(time, frame), cross, strict=True):
+        others = np.delete(regressors, 2, axis=1)[told]
+        rest = (change - factor * regressors[:, 2])[told]
+        rest = rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]
+        left += float(rest @ rest)
+    return left
+
+
+def _seen(time: Array, frame: RotorFrame, told: NDArray[np.bool_] | slice = _EVERY) -> _Seen:
+    """Return what voltages, speed and the current show, in the rows that are `told`."""
     factors, doubts, over, upright, down = [], [], 0.0, True, ""
-    for axis, regressors, change in (("d", along, np.diff(i_d)), ("q", across, np.diff(i_q))):
+    for axis, regressors, change in _rows(time, frame):
         regressors, change = regressors[told], change[told]
         size = np.linalg.norm(regressors, axis=0)
         if np.any(size == 0.0):
@@ -176,7 +204,7 @@ def _seen(time: Array, frame: RotorFrame, told: NDArray[np.bool_] | slice = _EVE
         doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
     square = -factors[0] * factors[1]
     pairs = math.sqrt(square) if square > 0.0 and math.hypot(*doubts) <= _SURE else None
-    return _Seen(pairs, over, upright, down)
+    return _Seen(pairs, over, upright, down, (factors[0], factors[1]))
 
 
 def _order(recording: Recording, pairs: float) -> str:

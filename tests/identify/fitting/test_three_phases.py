@@ -135,6 +135,18 @@ def test_what_is_wrong_is_named(case: str) -> None:
     assert all("\n" not in one and len(one) < 400 for one in told)
 
 
+def test_axes_that_rock_about_the_magnets_are_no_other_number_of_pole_pairs() -> None:
+    """An encoder far out of true turns currents and voltages: their rise alone would show 5.7."""
+    right = log(4)
+    columns = {name: value for name, value in right.items() if name[8:] not in ("a_A", "b_A", "c_A")}
+    rocking = np.exp(-1.2j * np.sin(columns["position_rad"] + 3.1))
+    for quantity in ("voltage_{}_V", "current_{}_A"):
+        d, q = (quantity.format(axis) for axis in "dq")
+        turned = (columns[d] + 1j * columns[q]) * rocking
+        columns |= {d: turned.real, q: turned.imag}
+    assert said(columns, 4) == ()
+
+
 def test_iron_that_saturates_is_no_other_number_of_pole_pairs() -> None:
     """The more current flows, the faster it rises: what all of it fits are fewer pole pairs."""
     assert said(log(4, knee=8.5), 4) == ()
