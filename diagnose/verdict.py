@@ -42,7 +42,6 @@ from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
-from firmloop.identify.fitting.checks.electrical_scale import off_by, says
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
@@ -356,9 +355,6 @@ def _far_from_given(plant: Plant, shifts: Sequence[Shift], spread: Mapping[str, 
     """Say which nominal parameters the recordings determine well, and far from where the project has them."""
     if verdict == "unknown_physics":
         return []  # they may have moved to imitate what has no name
-    scale = off_by(plant, {each.name: each.after for each in shifts})
-    if scale is not None:
-        return [says(plant, *scale)]
     return [
         f"the recordings are met with {each.name} = {each.after:.3g} {each.unit}, {each.after / each.given:.2g} times "
         "what the project gives; check its value and unit"

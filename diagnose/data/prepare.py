@@ -19,7 +19,6 @@ from firmloop.diagnose.policy import (
     COPIED_VALUES,
     FAR_BETTER_POWER,
     FAR_START,
-    HARDLY_MEANT,
     INPUT_GOES_ON,
     LATEST_ROWS,
     LOAD_MOMENTS,
@@ -35,7 +34,6 @@ from firmloop.diagnose.policy import (
     USUAL_GAPS,
 )
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.checks.electrical_scale import off_by, says
 from firmloop.identify.plants.linear_forms import form_writer
 from firmloop.identify.plants.per_recording import ways_to_differ, with_varying, without_varying
 from firmloop.identify.plants.plant import Plant
@@ -131,9 +129,6 @@ def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
     shifts = _seen_shifts(found, given)
     far, rows = [name for name in _far(shifts) if _tells(found, name)], found.slopes.shape[0]
     met = found.power < (CLOSE_POWER if ends else MET_POWER) * rows
-    scale = off_by(plant, found.values) if met else None
-    if scale is not None and abs(np.log(scale[1])) > np.log(HARDLY_MEANT):
-        raise IdentifyError(says(plant, *scale))
     near = found is not begun and not _far(_seen_shifts(begun, given))
     if not (far and met) or (near and _pushed(plant, short, begun, found.power)) or _late(plant, short, found.power):
         return

@@ -84,6 +84,8 @@ def _kept(plant: Plant) -> list[EffectUse]:
 
 def _rewired(balance: Balance, x: ca.SX, u: ca.SX, p: ca.SX, drive: ca.SX) -> Balance:
     """Return a balance whose drive is the duties alone."""
-    if balance.effort is None:
-        return balance
-    return replace(balance, effort=equations("effort", x, u, p, balance.effort(x, drive, p)))
+    effort, current = (
+        None if function is None else equations(name, x, u, p, function(x, drive, p))
+        for name, function in (("effort", balance.effort), ("current", balance.current))
+    )
+    return replace(balance, effort=effort, current=current)

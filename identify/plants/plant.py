@@ -48,7 +48,7 @@ class Balance:
     follows at once. `position` is the index of the state that integrates a speed, -1 for none; `to` that of the state
     an overflow runs into, -1 for none. `effort` is what the drive gives, in N m or N; it is proportional to `current`
     where there is one. `inside` are the arguments of `Plant.inside` that an effect on this balance sets, in the order
-    of its parameters; `current` and `effort` need not be linear there.
+    of its parameters; `current` and `effort` need not be linear there, nor the amplitude of phase currents in `axes`.
     """
 
     kind: str  # torque | force | voltage | flow | capacitor | winding | magnetizing | axes | bridge
@@ -57,7 +57,7 @@ class Balance:
     position: int = -1
     to: int = -1
     effort: ca.Function | None = None  # (x, u, p) -> scalar; not linear only in an `ode`
-    current: ca.Function | None = None  # (x, u, p) -> scalar, linear in x and u
+    current: ca.Function | None = None  # (x, u, p) -> scalar
     resistance: ca.Function | None = None  # (p) -> scalar
     inside: tuple[int, ...] = ()
 

@@ -219,8 +219,9 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if not np.any(course.drive):  # what moves by itself is driven by what slows it down
             see("freely", _accelerations(recording, states, assembly.speed, assembly.position, known))
-        flowing = bare.balances[balance].current if balance >= 0 and bare.balances[balance].inside else None
-        if flowing is not None:
+        flowing = bare.balances[balance].current if balance >= 0 else None
+        bent = balance >= 0 and not np.any(assembly.forms.balances[balance].current)
+        if flowing is not None and (bent or bare.balances[balance].inside):
             see("current", along(flowing, states, course.drive, constants))
         if assembly.speed >= 0:
             see("speed", states[:, assembly.speed])

@@ -59,6 +59,16 @@ CASES: Mapping[str, tuple[Callable[[np.random.Generator], Machine], str, str]] =
         "cogging_torque",
         "cogging_torque",
     ),
+    "ripple": (
+        lambda rng: Machine(ripple=_wave(rng, _between(rng, 0.05, 0.2))),
+        "torque_ripple",
+        "torque_ripple",
+    ),
+    "harmonics": (
+        lambda rng: Machine(wave=_wave(rng, _between(rng, 5e-4, 2e-3))),
+        "flux_harmonics",
+        "flux_harmonics",
+    ),
     "current_offset": (
         lambda rng: Machine(offset=(_signed(rng, 0.1, 0.4), 0.0)),
         "current_offset",
@@ -66,6 +76,11 @@ CASES: Mapping[str, tuple[Callable[[np.random.Generator], Machine], str, str]] =
     ),
     "current_gain": (lambda rng: Machine(gain=(1.0 + _signed(rng, 0.03, 0.1), 1.0)), "current_gain", "sensor_gain"),
     "angle": (lambda rng: Machine(angle=_signed(rng, 0.05, 0.3)), "angle_offset", "angle_offset"),
+    "rocking": (
+        lambda rng: Machine(rocking=(_between(rng, 0.02, 0.1), float(rng.uniform(-math.pi, math.pi)))),
+        "angle_eccentricity",
+        "angle_eccentricity",
+    ),
     "magnets": (
         lambda rng: Machine(heat=(_between(rng, 0.5, 2.0), _between(rng, 0.02, 0.1))),
         "magnet_heating",
@@ -73,6 +88,7 @@ CASES: Mapping[str, tuple[Callable[[np.random.Generator], Machine], str, str]] =
     ),
     "saturation": (lambda rng: Machine(knee=_between(rng, 15.0, 40.0)), "stator_saturation", "stator_saturation"),
     "friction": (lambda rng: Machine(dry=_between(rng, 2e-3, 1e-2)), "coulomb_friction", "coulomb_friction"),
+    "drag": (lambda rng: Machine(drag=_between(rng, 1e-6, 1e-5)), "quadratic_drag", "quadratic_drag"),
     "load": (
         lambda rng: Machine(load=(_signed(rng, 1e-2, 4e-2), float(rng.uniform(0.02, 0.06)))),
         "load_step",

@@ -38,9 +38,11 @@ class Machine:
     dead: float = 0.0  # V that each phase loses
     cogging: tuple[float, float, float] = (0.0, 1.0, 0.0)  # N m, periods a turn, rad
     ripple: tuple[float, float, float] = (0.0, 1.0, 0.0)  # of the torque, periods a turn, rad
+    wave: tuple[float, float, float] = (0.0, 1.0, 0.0)  # V s/rad along q, periods a turn, rad
     offset: tuple[float, float] = (0.0, 0.0)  # A, of the sensors of phases a and b
     gain: tuple[float, float] = (1.0, 1.0)
     angle: float = 0.0  # rad, electrical: by which the axes of the drive are ahead of the magnets
+    rocking: tuple[float, float] = (0.0, 0.0)  # rad, of the shaft: by which they rock about that once a turn; its phase
     heat: tuple[float, float] = (0.0, 1.0)  # K/W, s
     knee: float = math.inf  # A: at which an axis has half its inductance
     dry: float = 0.0  # N m
@@ -53,6 +55,10 @@ class Machine:
         bare = (own.real - flux) / known["Ld_H"], own.imag / known["Lq_H"]
         d, q = bare if math.isinf(self.knee) else (self.knee * math.tan(one / self.knee) for one in bare)
         return complex(d, q)
+
+    def ahead(self, angle: float) -> float:
+        """Return by how much the axes of the drive are ahead of the magnets, rad, electrical."""
+        return self.angle + SPINDLE["pole_pairs"] * self.rocking[0] * math.sin(angle + self.rocking[1])
 
     def taken(self, current: float) -> float:
         """Return what a phase loses, V; its sign is a steep line within the tenth of V/R that the plant tells of."""
@@ -67,11 +73,12 @@ class Machine:
         along = self.currents(own, flux)
         current = along * turn
         lost = sum(self.taken((current * way.conjugate()).real) * way for way in _WAYS) / 1.5
-        voltage = asked * turn * cmath.exp(1j * self.angle)
+        wave = self.wave[0] * math.cos(self.wave[1] * angle + self.wave[2])
+        voltage = asked * turn * cmath.exp(1j * self.ahead(angle)) - 1j * wave * speed * turn
         torque = 1.5 * p * (own.conjugate() * along).imag
         torque *= 1.0 - self.ripple[0] * math.sin(self.ripple[1] * angle + self.ripple[2])
         torque -= known["b_N_m_s_rad"] * speed + self.dry * math.tanh(speed / _SMALL) + self.drag * speed * abs(speed)
-        torque -= self.cogging[0] * math.sin(self.cogging[1] * angle + self.cogging[2])
+        torque += 1.5 * wave * along.imag - self.cogging[0] * math.sin(self.cogging[1] * angle + self.cogging[2])
         torque -= self.load[0] if t >= self.load[1] else 0.0
         warmed = self.heat[0] * 1.5 * known["R_ohm"] * abs(along) ** 2 - rise
         return (
@@ -100,7 +107,7 @@ class Machine:
         current = self.currents(x[0] / turn, SPINDLE["flux_Wb"] * (1.0 - _REMANENCE * x[2].real)) * turn
         a, b = ((current * way.conjugate()).real for way in _WAYS[:2])
         a, b = self.gain[0] * a + self.offset[0], self.gain[1] * b + self.offset[1]
-        seen = complex(a, (a + 2 * b) / math.sqrt(3)) / turn * cmath.exp(-1j * self.angle)
+        seen = complex(a, (a + 2 * b) / math.sqrt(3)) / turn * cmath.exp(-1j * self.ahead(x[1].imag))
         return (seen.real, seen.imag, a, b, x[1].real, x[1].imag)
 
 

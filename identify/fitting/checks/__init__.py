@@ -38,9 +38,9 @@ def refuse(evidence: Evidence, verb: str) -> None:
     IdentifyError
         with what they find.
     """
-    said = [says for check in checks() if verb in check.refuses for says in check.look(evidence)]
-    if said:
-        raise IdentifyError("; ".join(said))
+    remarks = _asked([check for check in checks() if verb in check.refuses], evidence)
+    if remarks:
+        raise IdentifyError("; ".join(remark.says for remark in remarks))
 
 
 def first_causes(remarks: Sequence[Remark]) -> bool:
@@ -51,10 +51,14 @@ def first_causes(remarks: Sequence[Remark]) -> bool:
 
 def told(evidence: Evidence) -> tuple[Remark, ...]:
     """Return what the checks find, most telling first; nothing where everything is sound."""
+    return _asked([check for check in checks() if evidence.fit is not None or not check.needs_fit], evidence)
+
+
+def _asked(some: Sequence[Check], evidence: Evidence) -> tuple[Remark, ...]:
     found: list[Remark] = []
     silent: set[str] = set()
-    for check in checks():
-        if check.name in silent or (check.needs_fit and evidence.fit is None):
+    for check in some:
+        if check.name in silent:
             continue
         remarks = check.look(evidence)
         found += [Remark(check.name, says) for says in remarks]

@@ -12,8 +12,9 @@ axes that stand still, or turn backwards where they settle; of two that are swap
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,11 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.recordings.rotor_frame import CURRENTS, DUTIES, PHASES, VOLTAGES, RotorFrame, rotor_frame, stator
 from firmloop.identify.simulation.bridge_columns import pace
 
 Array = NDArray[np.float64]
 
-_DRIVEN = ("voltage_d_V", "voltage_q_V", "speed_rad_s")
 _ROWS = 50  # at least, to judge by
 _SMALL = 0.5  # of the largest current
 _SURE = 0.1  # relative standard deviation of p^2
@@ -37,21 +38,21 @@ _BETTER = 0.25  # of the squares that the given pole pairs leave
 _BACKWARDS = -1.3  # of the electrical turn: 0 to -1 of phases in their order, -1 to -2 of two that are swapped
 _TURNS = 2.0  # electrical ones that a log must see
 _EVERY = slice(None)
+_EXCHANGED = (CURRENTS, VOLTAGES, *combinations(DUTIES, 2))
 _SUM = 0.05  # of the largest current
 _SLIP = 0.02
 _ANGLES = (("degrees", 180.0 / math.pi, "deg"), ("turns", 0.5 / math.pi, "turn"))
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Ask each recording of a pmsm; the first contradiction of each kind is told."""
+    """Ask each recording of a pmsm; the first contradiction of each kind is told, but none beside an exchange."""
     if evidence.given.kind != "pmsm":
         return ()
     pairs = next(p.value for p in evidence.given.parameters if p.name == "pole_pairs")
-    asked: Sequence[Callable[[Recording, float], str]] = (_angle, _sum, _order, _signs, _axes, _pairs)
-    found = []
-    for ask in asked:
-        said = (ask(recording, pairs) for recording in evidence.recordings if len(recording.time) >= _ROWS)
-        found += [next(filter(None, said), "")]
+    told = [recording for recording in evidence.recordings if len(recording.time) >= _ROWS]
+    found = [next(filter(None, (ask(one, pairs) for one in told)), "") for ask in (_angle, _sum, _order, _exchanged)]
+    if not any(found[2:]):
+        found += [next(filter(None, (ask(one, pairs) for one in told)), "") for ask in (_signs, _against, _pairs)]
     return tuple(one for one in found if one)
 
 
@@ -63,17 +64,15 @@ def _columns(recording: Recording, *names: str) -> list[Array] | None:
 
 
 def _pairs(recording: Recording, pairs: float) -> str:
-    voltages, currents = _columns(recording, *_DRIVEN), _columns(recording, "current_d_A", "current_q_A")
-    if voltages is None:
+    frame = rotor_frame(recording.columns, pairs)
+    if frame is None:
         return ""
-    if currents is None:
-        seen = _pairs_of_phases(recording, voltages, pairs)
+    if CURRENTS[0] not in recording.columns:
+        seen = _pairs_of_phases(recording, pairs)
     else:
-        current = currents[0] + 1j * currents[1]
-        size = np.abs(current)
+        size = np.abs(frame.current)
         small = np.maximum(size[1:], size[:-1]) < _SMALL * np.max(size)  # iron saturates at the others
-        seen = _seen(recording.time, voltages, current, small).pairs
-        seen = seen if seen is not None and abs(math.log(seen / pairs)) > math.log1p(_NEAR) else None
+        seen = _pairs_of_axes(recording.time, frame, small, pairs)
     if seen is None:
         return ""
     turned = f", or speed_rad_s is {'the electrical speed' if round(seen) == 1 else 'off by that factor'}"
@@ -83,17 +82,24 @@ def _pairs(recording: Recording, pairs: float) -> str:
     )
 
 
-def _pairs_of_phases(recording: Recording, voltages: Sequence[Array], pairs: float) -> float | None:
-    """Return what the phases show where other pole pairs turn them into a rotor's frame far better; None elsewhere."""
-    read = _columns(recording, "current_a_A", "current_b_A", "position_rad")
-    if read is None:
+def _pairs_of_axes(time: Array, frame: RotorFrame, told: NDArray[np.bool_], pairs: float) -> float | None:
+    """Return what the rows that are `told` show, where the given pole pairs leave far more of them; None elsewhere.
+
+    Axes that rock about the magnets bend A and B, but the pole pairs as given leave little more.
+    """
+    free = _seen(time, frame, told)
+    if free.pairs is None or abs(math.log(free.pairs / pairs)) < math.log1p(_NEAR):
         return None
-    part = slice(_MOST_ROWS)  # each number of pole pairs is a pass over them
-    a, b, position = (one[part] for one in read)
-    driven = [one[part] for one in voltages]
+    given = [factor * pairs / free.pairs for factor in free.cross]
+    return free.pairs if free.left < _BETTER * _left_beside(time, frame, told, given) else None
+
+
+def _pairs_of_phases(recording: Recording, pairs: float) -> float | None:
+    """Return what the phases show where other pole pairs turn them into a rotor's frame far better; None elsewhere."""
+    part = {name: values[:_MOST_ROWS] for name, values in recording.columns.items()}  # each number is a pass over them
 
     def turned(asked: float) -> _Seen:
-        return _seen(recording.time[part], driven, _stator(a, b) * np.exp(-1j * asked * position))
+        return _seen_in(recording.time[:_MOST_ROWS], part, asked)
 
     known = turned(pairs).left
     found = {float(asked): turned(asked) for asked in range(1, _MOST_PAIRS + 1)}
@@ -103,14 +109,10 @@ def _pairs_of_phases(recording: Recording, voltages: Sequence[Array], pairs: flo
 
 
 def _signs(recording: Recording, pairs: float) -> str:
-    read = _columns(recording, *_DRIVEN, "current_a_A", "current_b_A", "position_rad")
-    if read is None:
-        return ""
-    a, b, position = read[3:]
-    turn = np.exp(-1j * pairs * position)
-    known = _seen(recording.time, read[:3], _stator(a, b) * turn).left
-    for name, current in (("current_a_A", _stator(-a, b)), ("current_b_A", _stator(a, -b))):
-        seen = _seen(recording.time, read[:3], current * turn)
+    read = {name: values for name, values in recording.columns.items() if name not in CURRENTS}
+    known = _seen_in(recording.time, read, pairs).left
+    for name in PHASES if known < math.inf else ():
+        seen = _seen_in(recording.time, {**read, name: -read[name]}, pairs)
         if seen.upright and seen.left < _BETTER * known:
             return (
                 f"{name} of {recording.source} looks turned around: with its sign changed the currents follow the "
@@ -119,18 +121,27 @@ def _signs(recording: Recording, pairs: float) -> str:
     return ""
 
 
-def _axes(recording: Recording, pairs: float) -> str:
-    read = _columns(recording, *_DRIVEN, "current_d_A", "current_q_A")
-    if read is None:
+def _exchanged(recording: Recording, pairs: float) -> str:
+    known = _seen_in(recording.time, recording.columns, pairs).left
+    found = {}
+    for one, other in _EXCHANGED:
+        if one in recording.columns and other in recording.columns:
+            held = recording.columns
+            seen = _seen_in(recording.time, {**held, one: held[other], other: held[one]}, pairs)
+            if seen.upright and seen.left < _BETTER * known:
+                found[one, other] = seen.left
+    if not found:
         return ""
-    d, q = read[3:]
-    known, crossed = (_seen(recording.time, read[:3], one + 1j * other) for one, other in ((d, q), (q, d)))
-    if crossed.upright and crossed.left < _BETTER * known.left:
-        return (
-            f"current_d_A and current_q_A of {recording.source} look exchanged: each follows the other's voltage; "
-            "exchange the two names in the file's header or in [recordings.rename]"
-        )
-    against = [f"current_{axis}_A runs against voltage_{axis}_V" for axis in known.down]
+    one, other = min(found, key=lambda pair: found[pair])
+    return (
+        f"{one} and {other} of {recording.source} look exchanged: the other way round the currents follow the voltages "
+        "far better; exchange the two names in the file's header or in [recordings.rename]"
+    )
+
+
+def _against(recording: Recording, pairs: float) -> str:
+    down = _seen_in(recording.time, recording.columns, pairs).down if CURRENTS[0] in recording.columns else ""
+    against = [f"current_{axis}_A runs against voltage_{axis}_V" for axis in down]
     if not against:
         return ""
     return f"{' and '.join(against)} in {recording.source}: turn one of each by scale = -1 in [recordings.rename]"
@@ -140,29 +151,46 @@ def _axes(recording: Recording, pairs: float) -> str:
 class _Seen:
     """Pole pairs, None if unsure; the squares left over in A^2; whether the voltages drive the currents upwards.
 
-    `down` names the axes whose voltage drives the current downwards beyond doubt.
+    `down` names the axes whose voltage drives the current downwards beyond doubt, `cross` are A and -B.
     """
 
     pairs: float | None
     left: float
     upright: bool
     down: str = ""
+    cross: tuple[float, float] = (0.0, 0.0)
 
 
-def _seen(
-    time: Array,
-    read: Sequence[Array],
-    current: NDArray[np.complex128],
-    told: NDArray[np.bool_] | slice = _EVERY,
-) -> _Seen:
-    """Return what voltages, speed and the current (d along the real axis) show, in the rows that are `told`."""
-    v_d, v_q, w = read
-    h, i_d, i_q = np.diff(time), current.real, current.imag
+def _seen_in(time: Array, columns: Mapping[str, Array], pairs: float) -> _Seen:
+    """Return what a log shows that holds voltages, currents and speed; of any other nothing, which leaves all."""
+    frame = rotor_frame(columns, pairs)
+    return _Seen(None, math.inf, False) if frame is None else _seen(time, frame)
+
+
+def _rows(time: Array, frame: RotorFrame) -> tuple[tuple[str, Array, Array], ...]:
+    """Return of each axis its name, what its current rises by as (n - 1, k), the cross term third, and its rise."""
+    h, i_d, i_q, w = np.diff(time), frame.current.real, frame.current.imag, frame.speed
     middle = [(one[1:] + one[:-1]) / 2.0 for one in (i_d, i_q, w)]
-    along = np.column_stack([v_d[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
-    across = np.column_stack([v_q[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
+    along = np.column_stack([frame.voltage.real[:-1], middle[0], middle[2] * middle[1]]) * h[:, None]
+    across = np.column_stack([frame.voltage.imag[:-1], middle[1], middle[2] * middle[0], middle[2]]) * h[:, None]
+    return ("d", along, np.diff(i_d)), ("q", across, np.diff(i_q))
+
+
+def _left_beside(time: Array, frame: RotorFrame, told: NDArray[np.bool_], cross: Sequence[float]) -> float:
+    """Return the squares in A^2 that are left over of the rows that are `told`, where the cross terms are given."""
+    left = 0.0
+    for (_, regressors, change), factor in zip(_rows(time, frame), cross, strict=True):
+        others = np.delete(regressors, 2, axis=1)[told]
+        rest = (change - factor * regressors[:, 2])[told]
+        rest = rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]
+        left += float(rest @ rest)
+    return left
+
+
+def _seen(time: Array, frame: RotorFrame, told: NDArray[np.bool_] | slice = _EVERY) -> _Seen:
+    """Return what voltages, speed and the current show, in the rows that are `told`."""
     factors, doubts, over, upright, down = [], [], 0.0, True, ""
-    for axis, regressors, change in (("d", along, np.diff(i_d)), ("q", across, np.diff(i_q))):
+    for axis, regressors, change in _rows(time, frame):
         regressors, change = regressors[told], change[told]
         size = np.linalg.norm(regressors, axis=0)
         if np.any(size == 0.0):
@@ -176,12 +204,7 @@ def _seen(
         doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
     square = -factors[0] * factors[1]
     pairs = math.sqrt(square) if square > 0.0 and math.hypot(*doubts) <= _SURE else None
-    return _Seen(pairs, over, upright, down)
-
-
-def _stator(a: Array, b: Array) -> NDArray[np.complex128]:
-    """Return the current in the stator's frame, of two phases."""
-    return np.asarray(a + 1j * (a + 2.0 * b) / math.sqrt(3.0))
+    return _Seen(pairs, over, upright, down, (factors[0], factors[1]))
 
 
 def _order(recording: Recording, pairs: float) -> str:
@@ -192,7 +215,7 @@ def _order(recording: Recording, pairs: float) -> str:
     angle = pairs * position
     if np.ptp(angle) < _TURNS * 2.0 * math.pi:
         return ""
-    current = _stator(a, b) * np.exp(-1j * angle)
+    current = stator(a, b) * np.exp(-1j * angle)
     turned, moved = np.angle(np.conj(current[:-1]) * current[1:]), np.diff(angle)
     size = np.abs(current[1:] * current[:-1])
     told = (np.abs(moved) > 0.1 * np.max(np.abs(moved))) & (size > 0.1 * np.max(size))
@@ -257,7 +280,7 @@ def _angle(recording: Recording, pairs: float) -> str:
 CHECK = Check(
     "three_phases",
     look,
-    ("sign", "scale", "structure", "excitation", "rest", "drift"),
+    ("electrical_scale", "sign", "scale", "structure", "excitation", "rest", "drift"),
     False,
     ("identify", "diagnose"),
 )

@@ -42,6 +42,8 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effect import Effect
 from firmloop.identify.plants.plant import Plant
 
+_PROPORTIONAL = ("torque", "force", "voltage")  # balances whose current is the drive's torque but for a constant
+
 
 @cache
 def effects() -> Mapping[str, Effect]:
@@ -73,7 +75,7 @@ def applies(effect: Effect, plant: Plant) -> bool:
     if effect.place == "torque":
         return bool(kinds & {"torque", "force"})
     if effect.place == "current":
-        return any(b.current is not None for b in plant.balances if not b.inside)
+        return any(b.current is not None and b.kind in _PROPORTIONAL for b in plant.balances if not b.inside)
     return effect.place in kinds
 
 

@@ -64,6 +64,8 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
     reading = ca.vertcat(*(known[output.name] for output in outputs))
     inside: Inside | None = None
     bridge: tuple[Balance, ...] = ()
+    amplitude = equations("current", x, u, p, ca.sqrt(current_d**2 + current_q**2))  # of the current of a phase
+    of_a_phase = ca.Function("resistance", [p], [resistance])
     if turning:
         dead = ca.SX.sym("z", 1)
         soft = (_SOFT * dead / resistance) ** 2 + _TINY
@@ -76,7 +78,8 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
             effort=ca.Function("effort", [x, u, p, dead], [torque]),
             neutral=(0.0,),
         )
-        bridge = (Balance(kind="bridge", state=-1, per=ca.Function("per", [p], [0.0]), inside=(0,)),)
+        still = ca.Function("per", [p], [0.0])
+        bridge = (Balance(kind="bridge", state=-1, per=still, current=amplitude, resistance=of_a_phase, inside=(0,)),)
     return Plant(
         kind=KIND.name,
         states=states,
@@ -94,7 +97,13 @@ def build(inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], parameters: t
                 position=3 if turning else -1,
                 effort=equations("effort", x, u, p, torque),
             ),
-            Balance(kind="axes", state=1, per=ca.Function("per", [p], [1.0 / across])),
+            Balance(
+                kind="axes",
+                state=1,
+                per=ca.Function("per", [p], [1.0 / across]),
+                current=amplitude,
+                resistance=of_a_phase,
+            ),
             *bridge,
         ),
         inside=inside,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from firmloop.identify.fitting.checks.electrical_scale import off_by, says
+from firmloop.identify.fitting.checks.electrical_scale import off_by, says, told_by_rows
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import make_recording
+from tests.identify.fitting.test_three_phases import ROWS, H, log
 
 VALUES = {"R_ohm": 0.36, "Ld_H": 0.2e-3, "Lq_H": 0.33e-3, "flux_Wb": 6.4e-3, "J_kg_m2": 4.8e-6, "b_N_m_s_rad": 1e-5}
 AXES, BRIDGES = ("voltage_d_V", "voltage_q_V"), ("duty_a", "duty_b", "duty_c", "supply_V", "angle_rad")
@@ -35,6 +38,21 @@ def test_voltages_and_currents_that_are_off_are_told_by_what_the_parameters_shar
         seen = off_by(given(), found(*((factor, 1.0) if index == 0 else (1.0, factor))))
         assert seen is not None and seen[0] == quantity
         assert abs(math.log(seen[1] / factor)) < 0.1
+
+
+@pytest.mark.parametrize("phases", [False, True])
+def test_the_rows_tell_the_parameters_before_any_fit(phases: bool) -> None:
+    left = ("d_A", "q_A", "c_A") if phases else ("a_A", "b_A", "c_A")
+    columns = {name: value for name, value in log(4).items() if name[8:] not in left}
+    recording = make_recording(np.arange(ROWS) * H, columns, "log.csv", "")
+    told = told_by_rows(given(), [recording])
+    assert {name: told[name] / VALUES[name] for name in told} == pytest.approx(
+        dict.fromkeys(("R_ohm", "Ld_H", "Lq_H", "flux_Wb", "J_kg_m2"), 1.0), rel=0.05
+    )
+    still = make_recording(np.arange(ROWS) * H, {**columns, "speed_rad_s": np.zeros(ROWS)}, "log.csv", "")
+    far = make_recording(np.arange(ROWS) * H, {**columns, "position_rad": 57.3 * columns["position_rad"]}, "", "")
+    assert told_by_rows(given(), [still]) == {}
+    assert not phases or "J_kg_m2" not in told_by_rows(given(), [far])  # in a frame that is none
 
 
 def test_a_data_sheet_that_is_off_is_no_supply() -> None:

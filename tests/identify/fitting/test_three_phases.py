@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -79,6 +80,27 @@ def test_a_sound_log_of_two_phases_is_met_with_silence(pairs: int) -> None:
     assert said(columns, pairs) == ()
 
 
+def test_voltages_that_are_exchanged_beside_phase_currents() -> None:
+    columns = {name: value for name, value in log(4).items() if name[8:] not in ("d_A", "q_A", "c_A")}
+    swapped = {**columns, "voltage_d_V": columns["voltage_q_V"], "voltage_q_V": columns["voltage_d_V"]}
+    (one,) = said(swapped, 4)
+    assert one.startswith("voltage_d_V and voltage_q_V of log.csv look exchanged: ")
+
+
+@pytest.mark.parametrize("pair", list(combinations("abc", 2)))
+def test_duties_that_are_exchanged(pair: tuple[str, str]) -> None:
+    columns = log(4)
+    angle, supply = 4.0 * columns["position_rad"], np.full(ROWS, 24.0)
+    volts = (columns.pop("voltage_d_V") + 1j * columns.pop("voltage_q_V")) * np.exp(1j * angle)
+    for k, name in enumerate("abc"):
+        columns[f"duty_{name}"] = 0.5 + (volts * np.exp(-2j * math.pi / 3 * k)).real / supply
+    columns |= {"supply_V": supply, "angle_rad": angle}
+    assert said(columns, 4) == ()
+    one, other = (f"duty_{name}" for name in pair)
+    (told,) = said({**columns, one: columns[other], other: columns[one]}, 4)
+    assert told.startswith(f"{one} and {other} of log.csv look exchanged: ")
+
+
 def test_the_electrical_speed_in_the_place_of_the_shafts() -> None:
     columns = log(4)
     columns["speed_rad_s"] = 4 * columns["speed_rad_s"]
@@ -111,6 +133,18 @@ def test_what_is_wrong_is_named(case: str) -> None:
     told = said(columns, 4)
     assert any(words in one for one in told), told
     assert all("\n" not in one and len(one) < 400 for one in told)
+
+
+def test_axes_that_rock_about_the_magnets_are_no_other_number_of_pole_pairs() -> None:
+    """An encoder far out of true turns currents and voltages: their rise alone would show 5.7."""
+    right = log(4)
+    columns = {name: value for name, value in right.items() if name[8:] not in ("a_A", "b_A", "c_A")}
+    rocking = np.exp(-1.2j * np.sin(columns["position_rad"] + 3.1))
+    for quantity in ("voltage_{}_V", "current_{}_A"):
+        d, q = (quantity.format(axis) for axis in "dq")
+        turned = (columns[d] + 1j * columns[q]) * rocking
+        columns |= {d: turned.real, q: turned.imag}
+    assert said(columns, 4) == ()
 
 
 def test_iron_that_saturates_is_no_other_number_of_pole_pairs() -> None:

@@ -15,8 +15,9 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
+    drop = scales.resistance * scales.current  # V: a drive may be told duties
     return tuple(
-        (0.03 * scales.input / max(scales.speed, 1e-9), 6.0 * pairs, 0.5 * math.pi * k)
+        (0.03 * drop / max(scales.speed, 1e-9), 6.0 * pairs, 0.5 * math.pi * k)
         for pairs in (1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 11.0)
         for k in range(2)
     )

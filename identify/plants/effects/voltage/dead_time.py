@@ -13,7 +13,8 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((0.03 * scales.input,), (0.1 * scales.input,))
+    drop = scales.resistance * scales.current  # V: a drive may be told duties
+    return ((0.03 * drop,), (0.1 * drop,))
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:

@@ -21,6 +21,7 @@ from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.superset import starts_of
 
 Array = NDArray[np.float64]
 
@@ -158,6 +159,17 @@ def test_it_is_found_in_noise(name: str) -> None:
         if key not in fixed:
             assert one.deviation is not None
             assert abs(one.value - value) < 3.5 * one.deviation < 0.5 * abs(value), key
+
+
+def test_starts_are_of_the_size_of_what_the_phases_carry() -> None:
+    logged = logged_by("")
+    plant, flowing = plant_from_table({**table("", {}), "effects": []}), np.hypot(logged[:, 0], logged[:, 1]).max()
+    first = {
+        name: starts_of(plant, [recorded(drive(), logged)], name)[0][f"{name}.{key}"]
+        for name, key in (("stator_saturation", "current_A"), ("dead_time", "voltage_V"))
+    }
+    assert first["stator_saturation"] == pytest.approx(flowing)
+    assert first["dead_time"] == pytest.approx(0.03 * R * flowing)
 
 
 def test_duties_are_turned_by_the_angle_that_was_measured() -> None:
