@@ -27,7 +27,7 @@ from firmloop.identify.fitting.experiment import (
 )
 from firmloop.identify.fitting.hardly_told import hardly_told
 from firmloop.identify.fitting.own_values import OwnValue, own_values
-from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, steps_as_given, weighted
 from firmloop.identify.fitting.residual_tests import unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
@@ -192,7 +192,7 @@ def _silent(fraction: float, label: str) -> None:
 
 def _shortened(problem: FitProblem) -> FitProblem:
     """Return the problem on the stretches that tell basins apart; itself where its recordings are short."""
-    chosen = stretches(problem.experiments)
+    chosen = stretches(problem.experiments, steps_as_given(problem))
     if len(chosen) == len(problem.experiments) and chosen[0] is problem.experiments[0]:
         return problem
     return replace(problem, experiments=chosen, windows=(len(chosen),))

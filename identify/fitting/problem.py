@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 _FAR = 1e9  # times the noise: what a diverged simulation counts
 _STEEP = 1e15  # slopes beyond it belong to such a simulation
 _LEASH = 10.0  # see Problem
-_STIFFER = 10.0  # times as many steps as the plant as given
+_STIFFER = 4.0  # times as many steps as the plant as given
+_FEW_STEPS = 4.0  # a row: with fewer, no plant that is given is stiff
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +78,22 @@ def _bounded(plant: Plant, engine: Engine, made: Experiment) -> Experiment:
 
     A search that strays to a time constant near zero would else wait there for hours.
     """
-    given, most = np.array([p.value for p in plant.parameters]), MOST_STEPS * len(made.measured)
-    if np.all(np.isfinite(given)):
-        most = max(most, _STIFFER * engine.steps_of(made.course, given, np.zeros(engine.states)))
-    return replace(made, course=replace(made.course, most_steps=most))
+    rows = float(len(made.measured))
+    steps = _steps(plant, engine, made)
+    most = MOST_STEPS * rows if steps is None else _STIFFER * max(_FEW_STEPS * rows, steps)
+    return replace(made, course=replace(made.course, most_steps=min(most, made.course.most_steps or math.inf)))
+
+
+def _steps(plant: Plant, engine: Engine, made: Experiment) -> float | None:
+    """Return how many steps the plant as given takes; None where it has no values yet."""
+    given = np.array([p.value for p in plant.parameters])
+    return engine.steps_of(made.course, given, np.zeros(engine.states)) if np.all(np.isfinite(given)) else None
+
+
+def steps_as_given(problem: FitProblem) -> list[float]:
+    """Return how many steps a simulation of each experiment takes with the plant as given, or its rows."""
+    steps = (_steps(problem.plant, problem.engine, made) for made in problem.experiments)
+    return [float(len(made.measured)) if n is None else n for n, made in zip(steps, problem.experiments, strict=True)]
 
 
 @dataclass(frozen=True, slots=True)

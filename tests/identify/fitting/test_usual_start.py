@@ -10,6 +10,7 @@ from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.own_values import usual_start
 from firmloop.identify.fitting.problem import make_problem
+from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.plants.attach import EffectUse, with_effects
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.ode import make_ode
@@ -74,6 +75,17 @@ def test_a_search_does_not_follow_a_plant_that_is_stiff_beyond_what_is_given() -
     stiff = constants * [1e-6, 1.0, 1.0, 1.0]
     assert np.isnan(engine.run(made.course, stiff, still)[-1, 0])
     assert np.all(np.isfinite(engine.run(parts[0].course, stiff * [1e2, 1.0, 1.0, 1.0], still)))
+
+
+def test_a_start_is_tried_on_stretches_where_each_row_takes_many_steps() -> None:
+    """As a long recording is; a stretch has a thousand rows, however many steps."""
+    long = np.arange(0.0, 50.0, 0.01)
+    moved = {"torque_N_m": np.zeros_like(long), "swing_rad": long * np.sin(7.0 * long)}
+    (made,) = experiments(PENDULUM, make_recording(long, moved, "swing.csv", ""), NONE)
+    assert stretches([made], [1e5]) == (made,)
+    pieces = stretches([made], [1e6])
+    assert [len(piece.measured) for piece in pieces] == [1000]
+    assert pieces[0].course.first == 4000  # where it moves most
 
 
 def test_a_clock_on_which_rows_would_miss_whole_swings_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
