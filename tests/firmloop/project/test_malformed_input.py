@@ -101,6 +101,12 @@ PROJECTS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "parameter as text": ("gain = { value = 1.0, free = true }", 'gain = "1.0"', "identify", (":14:", "gain")),
     "parameter out of range": ("{ value = 1.0, free = true }\ndelay", "{ value = -1.0 }\ndelay", "identify", (":15:",)),
     "free is no truth value": ("value = 0.0, free = false", "value = 0.0, free = 0", "identify", (":16:", "free")),
+    "an ode without an input": (
+        'kind = "first_order"\ninput = "voltage_V"',
+        'kind = "ode"\nstates = ["x"]\ninputs = []',
+        "identify",
+        (":11:", "inputs = []: must name one", "a column of zeros"),
+    ),
     "no outputs": ('outputs = ["temperature_C"]\n', "", "identify", ("'outputs' is missing",)),
     "input that is not recorded": ('input = "voltage_V"', 'input = "power_W"', "identify", ("power_W",)),
     "conditioning key": ("[plant]", "[recordings.conditioning]\nsavgol = 3\n[plant]", "identify", (":9:", "savgol")),
