@@ -16,7 +16,7 @@ from tests.diagnose.cases import drawn, said_of
         pytest.param(32069, id="a quick current", marks=pytest.mark.slow),
         pytest.param(31020, id="a speed"),
         pytest.param(160018, id="quick up and slow down", marks=pytest.mark.slow),
-        pytest.param(240075, id="a current whose nominal plant says too little of it"),
+        pytest.param(240075, id="a current whose nominal plant says too little of it", marks=pytest.mark.slow),
     ],
 )
 def test_wraps_are_read_off(tmp_path: Path, seed: int) -> None:

@@ -89,6 +89,7 @@ def test_the_law_of_what_has_no_name_is_told(once: Once) -> None:
     assert "What has no name" in (made.folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Path) -> None:
     """A stage that dwells at a few places while a slow force acts on it: that force seems to follow the place."""
     assert said_of(drawn(tmp_path, 140026))["verdict"] == "no_mismatch"
