@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from firmloop.diagnose.discrepancy.disturbance import rivals_noise
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weighed
 from firmloop.diagnose.model.batch_means import with_lasting
 from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
@@ -61,8 +62,9 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
+    nameless = not found.best.fitted.terms and rivals_noise(found)
     tried = None
-    if strays(found) or alone is not None or not whole:
+    if strays(found) or nameless or alone is not None or not whole:
         other, tried = exhausted(found) or in_pieces(found, progress), found
         if other is not None:
             found = _resumed(other)

@@ -33,6 +33,7 @@ MINOR_SHARE = 0.015  # of what the others explain: less may be the trace of how 
 TRACE_SHARE = 0.05  # what an effect may owe to kinks, of all that is explained
 SHAPE_SHARE = 0.25  # of what the named effects explained: more left than this is not explained
 LINEAR_SHARE = 0.5  # of the size it was simulated with, below which a term is looked at again as large as it seems
+OPPOSITE_SIZE = 0.1  # of a size that leads away from what is missed: a swing that friction ends tells of none
 PROMISED_SHARE = 0.08  # of the best screened drop: less is not tried in a round
 EXHAUSTIVE_SHARE = 0.25  # of what the best explains, that a trial has to explain after a few steps
 HOPELESS_SHARE = 0.25  # of the drop that all effects have brought, behind which a trial after a few steps is left

@@ -13,7 +13,7 @@ from firmloop.diagnose.model.candidate import unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
-from firmloop.diagnose.policy import LINEAR_SHARE, PARALLEL, SCREEN_PATIENCE
+from firmloop.diagnose.policy import LINEAR_SHARE, OPPOSITE_SIZE, PARALLEL, SCREEN_PATIENCE
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts
 from firmloop.identify.recordings.recording import Recording
@@ -100,7 +100,8 @@ def screen(
             if problem.engine.steps - begun > SCREEN_PATIENCE:
                 break
             best = _better(best, term, start, secants(problem, recordings, base, term, start), grounds)
-        for start in [each[0].start for each in best if each is not None and each[0].shrunk < LINEAR_SHARE]:
+        again = [each[0].start for each in best if each is not None and each[0].shrunk < LINEAR_SHARE]
+        for start in [start for k, start in enumerate(again) if start not in again[:k]]:
             best = _better(best, term, start, secants(problem, recordings, base, term, start), grounds)
         for table, each, under in zip(found, best, grounds, strict=True):
             if each is not None:
@@ -184,9 +185,11 @@ def _judge(term: LibraryTerm, start: Mapping[str, float], secants: Secants, unde
         return Screened(term, 0.0, start, share)
     axis, _ = np.linalg.qr(pure[:, live])
     gain = float(np.sum((axis.T @ under.left) ** 2))
-    if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
-        gain *= 0.01  # the data wants the opposite of what physics allows
     size = start.get(term.keys[0], 0.0) if term.parameters and term.parameters[0].neutral == 0.0 else 0.0
+    if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
+        # The data wants the opposite of what physics allows, or far less of it.
+        begin, less = (_times(term, start, OPPOSITE_SIZE), OPPOSITE_SIZE) if size else (start, 1.0)
+        return Screened(term, 0.01 * gain, begin, share, less)
     if size == 0.0 or not np.all(live):
         return Screened(term, gain, start, share)
     shares = np.asarray(np.linalg.lstsq(pure, under.left, rcond=None)[0], dtype=np.float64)
@@ -196,8 +199,12 @@ def _judge(term: LibraryTerm, start: Mapping[str, float], secants: Secants, unde
 
 def _shrunk(term: LibraryTerm, start: Mapping[str, float], share: float) -> Mapping[str, float]:
     """Return a start of the size that a share of it tells, no larger than it is."""
-    size = term.keys[0]
-    return {**start, size: start[size] * min(share, 1.0)} if share > 0.0 else start
+    return _times(term, start, min(share, 1.0)) if share > 0.0 else start
+
+
+def _times(term: LibraryTerm, start: Mapping[str, float], share: float) -> Mapping[str, float]:
+    """Return a start of a share of its size."""
+    return {**start, term.keys[0]: start[term.keys[0]] * share}
 
 
 def _waved(term: LibraryTerm, start: Mapping[str, float], shares: Array) -> Mapping[str, float]:
