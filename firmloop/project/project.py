@@ -259,14 +259,14 @@ def _ode(table: ProjectTable) -> PlantPart:
     """Check the outline of a plant given as text; `firmloop.identify.plants.ode` reads the expressions."""
     table.only(("kind", "states", "inputs", "outputs", "derivatives", "balances", "parameters", "effects"))
     inputs = table.texts("inputs", 'inputs = ["force_N"]')
-    if not inputs and "inputs" in table.values:
+    if "inputs" not in table.values:
+        raise table.missing("inputs", 'inputs = ["force_N"]')
+    if not inputs:
         raise table.wrong(
             "inputs",
-            "must name one; for a plant that moves by itself give the recordings a column of zeros, such as force_N, and "
-            'write inputs = ["force_N"]',
+            "must name one; for a plant that moves by itself give the recordings a column of zeros, such as force_N, "
+            'and write inputs = ["force_N"]',
         )
-    if not inputs:
-        raise table.missing("inputs", 'inputs = ["force_N"]')
     outputs = tuple(table.table("outputs").values)
     if not outputs:
         raise table.missing("outputs", '[plant.outputs] with position_m = "x_m"')
