@@ -27,7 +27,7 @@ from firmloop.identify.fitting.experiment import (
 )
 from firmloop.identify.fitting.hardly_told import hardly_told
 from firmloop.identify.fitting.own_values import OwnValue, own_values
-from firmloop.identify.fitting.problem import FitPoint, FitProblem, make_problem, solve, steps_as_given, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, solve, weighted
 from firmloop.identify.fitting.residual_tests import unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
@@ -140,8 +140,8 @@ def estimate(
     check_rows(plant, seen)
     check_step(plant, seen)
     report(0.05, "choosing starting values")
-    problem = make_problem(plant, engine, seen)
-    tried = _shortened(problem)
+    problem, steps = bounded(make_problem(plant, engine, seen))
+    tried = _shortened(problem, steps)
     starts = (constants_of(plant),) if near else starting_points(plant, engine, tried.experiments)
     best, costs = _best_trial(tried, starts, report)
     if not min(costs) < _DIVERGED:
@@ -190,9 +190,9 @@ def _silent(fraction: float, label: str) -> None:
     """Report progress to nobody."""
 
 
-def _shortened(problem: FitProblem) -> FitProblem:
+def _shortened(problem: FitProblem, steps: Sequence[float]) -> FitProblem:
     """Return the problem on the stretches that tell basins apart; itself where its recordings are short."""
-    chosen = stretches(problem.experiments, steps_as_given(problem))
+    chosen = stretches(problem.experiments, steps)
     if len(chosen) == len(problem.experiments) and chosen[0] is problem.experiments[0]:
         return problem
     return replace(problem, experiments=chosen, windows=(len(chosen),))

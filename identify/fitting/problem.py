@@ -46,7 +46,7 @@ class FitProblem:
 
 def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Experiment]]) -> FitProblem:
     """Choose coordinates, bounds and first weights (1 / spread of each output)."""
-    experiments = tuple(_bounded(plant, engine, made) for parts in recordings for made in parts)
+    experiments = tuple(made for parts in recordings for made in parts)
     free = tuple(index for index, parameter in enumerate(plant.parameters) if parameter.free)
     chosen = [plant.parameters[index] for index in free]
     logarithmic = np.array([p.logarithmic or p.low > 0.0 for p in chosen], dtype=bool)
@@ -73,27 +73,21 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
     )
 
 
-def _bounded(plant: Plant, engine: Engine, made: Experiment) -> Experiment:
+def bounded(problem: FitProblem) -> tuple[FitProblem, list[float]]:
     """Let a simulation that takes far more steps than the plant as given count as diverged: nothing can be that stiff.
 
-    A search that strays to a time constant near zero would else wait there for hours.
+    A search that strays to a time constant near zero would else wait there for hours. Also return how many steps each
+    experiment takes with the plant as given: its rows, where that has no values yet.
     """
-    rows = float(len(made.measured))
-    steps = _steps(plant, engine, made)
-    most = MOST_STEPS * rows if steps is None else _STIFFER * max(_FEW_STEPS * rows, steps)
-    return replace(made, course=replace(made.course, most_steps=min(most, made.course.most_steps or math.inf)))
-
-
-def _steps(plant: Plant, engine: Engine, made: Experiment) -> float | None:
-    """Return how many steps the plant as given takes; None where it has no values yet."""
-    given = np.array([p.value for p in plant.parameters])
-    return engine.steps_of(made.course, given, np.zeros(engine.states)) if np.all(np.isfinite(given)) else None
-
-
-def steps_as_given(problem: FitProblem) -> list[float]:
-    """Return how many steps a simulation of each experiment takes with the plant as given, or its rows."""
-    steps = (_steps(problem.plant, problem.engine, made) for made in problem.experiments)
-    return [float(len(made.measured)) if n is None else n for n, made in zip(steps, problem.experiments, strict=True)]
+    given, still = np.array([p.value for p in problem.plant.parameters]), np.zeros(problem.engine.states)
+    known, made, steps = bool(np.all(np.isfinite(given))), [], []
+    for each in problem.experiments:
+        rows = float(len(each.measured))
+        taken = problem.engine.steps_of(each.course, given, still) if known else rows
+        most = _STIFFER * max(_FEW_STEPS * rows, taken) if known else MOST_STEPS * rows
+        made.append(replace(each, course=replace(each.course, most_steps=most)))
+        steps.append(taken)
+    return replace(problem, experiments=tuple(made)), steps
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from firmloop.identify.fitting.checks import clock_unit
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.own_values import usual_start
-from firmloop.identify.fitting.problem import make_problem
+from firmloop.identify.fitting.problem import bounded, make_problem
 from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.plants.attach import EffectUse, with_effects
 from firmloop.identify.plants.kinds import make_plant
@@ -30,6 +30,19 @@ PENDULUM = make_ode(
 )
 
 
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Where the recordings end (s) on the clocks that are tried, none of which explains anything."""
+    ends: list[float] = []
+
+    def share(evidence: Evidence, recording: Recording) -> list[float]:
+        ends.append(float(recording.time[-1]))
+        return [1.0]
+
+    monkeypatch.setattr(clock_unit, "unexplained", share)
+    return ends
+
+
 def swinging(drive: float) -> Recording:
     """Return ten seconds of a swing from 1.2 rad at -2 rad/s, with a drive at one moment."""
     time = np.arange(0.0, 10.0, 0.01)
@@ -44,15 +57,8 @@ def test_a_free_swing_begins_as_its_readings_do_whatever_its_states_are_called()
     assert np.all(usual_start(PENDULUM, swinging(0.1)) == 0.0)
 
 
-def test_a_clock_on_which_all_is_over_before_the_next_row_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_on_which_all_is_over_before_the_next_row_is_not_simulated(tried: list[float]) -> None:
     """Of a stage of 0.07 s and rows 10 ms apart."""
-    tried: list[float] = []
-
-    def share(evidence: Evidence, recording: Recording) -> list[float]:
-        tried.append(float(recording.time[-1]))
-        return [1.0]
-
-    monkeypatch.setattr(clock_unit, "unexplained", share)
     values = {"J_kg_m2": 7e-5, "b_N_m_s_rad": 1e-3, "torque_per_unit": 0.02}
     stage = make_plant("rotary_stage", "voltage_V", ["speed_rad_s"], values)
     time = np.arange(0.0, 1.0, 0.01)
@@ -69,7 +75,7 @@ def test_a_search_does_not_follow_a_plant_that_is_stiff_beyond_what_is_given() -
     time = np.arange(0.0, 1.0, 0.01)
     recording = make_recording(time, {"voltage_V": np.sin(9.0 * time), "speed_rad_s": time}, "run.csv", "")
     parts, engine = experiments(stage, recording, NONE), simulator(stage, recording.hold)
-    (made,) = make_problem(stage, engine, [parts]).experiments
+    (made,) = bounded(make_problem(stage, engine, [parts]))[0].experiments
     constants, still = constants_of(stage), np.zeros(engine.states)
     assert np.all(np.isfinite(engine.run(made.course, constants, still)))
     stiff = constants * [1e-6, 1.0, 1.0, 1.0]
@@ -88,14 +94,7 @@ def test_a_start_is_tried_on_stretches_where_each_row_takes_many_steps() -> None
     assert pieces[0].course.first == 4000  # where it moves most
 
 
-def test_a_clock_on_which_rows_would_miss_whole_swings_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[float] = []
-
-    def share(evidence: Evidence, recording: Recording) -> list[float]:
-        tried.append(float(recording.time[-1]))
-        return [1.0]
-
-    monkeypatch.setattr(clock_unit, "unexplained", share)
+def test_a_clock_on_which_rows_would_miss_whole_swings_is_not_simulated(tried: list[float]) -> None:
     evidence = Evidence(PENDULUM, (swinging(0.0),), NONE, None)
     assert clock_unit.look(evidence) == ()
     assert max(tried) == pytest.approx(9.99)  # rows 0.6 s apart hide half a swing of 1.15 s and more
