@@ -240,3 +240,19 @@ def _damped_step(reduced: Reduced, held: NDArray[np.bool_], damping: float) -> U
     shared[free] = answer / scale[free]
     target = -triangles[:, :own, -1] - triangles[:, :own, own:-1] @ shared
     return Unknowns(shared, np.linalg.solve(triangles[:, :own, :own], target[..., None])[..., 0])
+
+
+def regressed(regressors: Array, change: Array) -> tuple[Array, Array, float] | None:
+    """Return coefficients (k,) of regressors (n, k), their standard deviations for white errors, and the squares left.
+
+    None where a regressor is nothing, or not finite: then nothing follows of the others.
+    """
+    size = np.linalg.norm(regressors, axis=0)
+    if np.any(size == 0.0) or not np.all(np.isfinite(size)):
+        return None
+    even = regressors / size
+    found = np.linalg.lstsq(even, change, rcond=None)[0]
+    rest = change - even @ found
+    left = float(rest @ rest)
+    spread = np.maximum(np.diag(np.linalg.pinv(even.T @ even)) * left / len(change), 0.0)
+    return found / size, np.sqrt(spread) / size, left

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.checks.scale import ELECTRIC, FACTORS, unit_of_factor
 from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.least_squares import regressed
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.recordings.rotor_frame import RotorFrame, rotor_frame
@@ -104,17 +105,11 @@ def _rows(time: Array, frame: RotorFrame) -> Array:
 
 def _told(regressors: Sequence[Array], change: Array, h: Array) -> list[float]:
     """Return the coefficients of rates that changes (n,) over rows of `h` (n,) tell; NaN for what they do not."""
-    tall = np.column_stack(regressors) * h[:, None]
-    size = np.linalg.norm(tall, axis=0)
-    if np.any(size == 0.0) or not np.all(np.isfinite(size)):  # of what is not told nothing follows
+    told = regressed(np.column_stack(regressors) * h[:, None], change)
+    if told is None:
         return [math.nan] * len(regressors)
-    found, *_ = np.linalg.lstsq(tall / size, change, rcond=None)
-    left = change - tall / size @ found
-    spread = np.sqrt(np.diag(np.linalg.pinv((tall / size).T @ (tall / size))) * float(left @ left) / len(change))
-    return [
-        float(one / own) if doubt < _TOLD * abs(one) else math.nan
-        for one, own, doubt in zip(found, size, spread, strict=True)
-    ]
+    found, deviations, _ = told
+    return [float(one) for one in np.where(deviations < _TOLD * np.abs(found), found, np.nan)]
 
 
 def says(plant: Plant, quantity: str, factor: float) -> str:

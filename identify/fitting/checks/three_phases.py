@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.least_squares import regressed
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.recordings.rotor_frame import CURRENTS, DUTIES, PHASES, VOLTAGES, RotorFrame, rotor_frame, stator
 from firmloop.identify.simulation.bridge_columns import pace
@@ -191,17 +192,14 @@ def _seen(time: Array, frame: RotorFrame, told: NDArray[np.bool_] | slice = _EVE
     """Return what voltages, speed and the current show, in the rows that are `told`."""
     factors, doubts, over, upright, down = [], [], 0.0, True, ""
     for axis, regressors, change in _rows(time, frame):
-        regressors, change = regressors[told], change[told]
-        size = np.linalg.norm(regressors, axis=0)
-        if np.any(size == 0.0):
+        seen = regressed(regressors[told], change[told])
+        if seen is None:
             return _Seen(None, math.inf, False)
-        found, *_ = np.linalg.lstsq(regressors / size, change, rcond=None)
-        left = change - (regressors / size) @ found
-        over, upright = over + float(left @ left), upright and bool(found[0] > 0.0)
-        spread = np.linalg.pinv((regressors / size).T @ (regressors / size)) * float(left @ left) / len(change)
-        down += axis if found[0] < -_CERTAIN * math.sqrt(max(float(spread[0, 0]), 0.0)) else ""
-        factors.append(float(found[2] / size[2]))
-        doubts.append(math.sqrt(max(float(spread[2, 2]), 0.0)) / max(abs(float(found[2])), 1e-300))
+        found, deviations, left = seen
+        over, upright = over + left, upright and bool(found[0] > 0.0)
+        down += axis if found[0] < -_CERTAIN * deviations[0] else ""
+        factors.append(float(found[2]))
+        doubts.append(float(deviations[2]) / max(abs(float(found[2])), 1e-300))
     square = -factors[0] * factors[1]
     pairs = math.sqrt(square) if square > 0.0 and math.hypot(*doubts) <= _SURE else None
     return _Seen(pairs, over, upright, down, (factors[0], factors[1]))
