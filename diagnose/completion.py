@@ -62,9 +62,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
-    nameless = not found.best.fitted.terms and rivals_noise(found)
     tried = None
-    if strays(found) or nameless or alone is not None or not whole:
+    if strays(found) or alone is not None or not whole or (not found.best.fitted.terms and rivals_noise(found)):
         other, tried = exhausted(found) or in_pieces(found, progress), found
         if other is not None:
             found = _resumed(other)
