@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
@@ -16,6 +15,7 @@ from firmloop.identify.fitting.sufficiency import moves
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linear_filter import integrated
 from firmloop.identify.simulation.simulate import course_of, measured, simulator
 
 Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ def _kinematics(recording: Recording) -> list[str]:
         if place not in recording.columns or speed not in recording.columns:
             continue
         moved = recording.columns[place] - recording.columns[place][0]
-        summed = scipy.integrate.cumulative_trapezoid(recording.columns[speed], recording.time, initial=0.0)
+        summed = integrated(recording.columns[speed], recording.time)
         power = float(summed @ summed)
         if power > 0.0:
             factor = float(moved @ summed) / power

@@ -16,6 +16,7 @@ from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.plants.per_recording import without_varying
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.linear_filter import recurred
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import course_of, measured
 
@@ -71,34 +72,31 @@ class Tracker:
         They are linear in where it begins: a motion that was under way would else be a disturbance at its first rows.
         """
         rows, size = len(outputs), len(self.step)
-        ahead, _ = self.filtered(outputs, np.zeros((rows, size)), None)
+        ahead, _ = self.filtered(outputs, np.zeros((rows, size)), np.zeros(size))
         left = outputs - ahead @ self.reading.T
-        forgets, seen = self.step @ (np.eye(size) - self.kalman @ self.reading), np.zeros((rows, *self.reading.shape))
-        seen[0] = self.reading
-        for row in range(1, rows):
-            seen[row] = seen[row - 1] @ forgets
+        seen = recurred(self.forgets.T, np.zeros((rows, *self.reading.shape)), self.reading)
         root = np.linalg.inv(np.linalg.cholesky(self.innovation))
         start = np.linalg.lstsq((root @ seen).reshape(-1, size), (left @ root.T).ravel(), rcond=None)[0]
-        return start, left - seen @ start
+        return np.asarray(start), np.asarray(left - seen @ start)
 
-    def filtered(self, outputs: Array, forced: Array, start: Array | None) -> tuple[Array, Array]:
-        """Return states and disturbances (n, s + b) before each row of outputs (n, r) is read, and after."""
-        rows, size = forced.shape
-        ahead, here = np.zeros((rows, size)), np.zeros((rows, size))
-        state = np.zeros(size) if start is None else start
-        for row in range(rows):
-            ahead[row] = state
-            # The reading of row k comes before input k acts; a direct path is not corrected for.
-            here[row] = state + self.kalman @ (outputs[row] - self.reading @ state)
-            state = self.step @ here[row] + forced[row]
-        return ahead, here
+    @property
+    def forgets(self) -> Array:
+        """What a row leaves of an error in the state before it (s + b, s + b)."""
+        return np.asarray(self.step @ (np.eye(len(self.step)) - self.kalman @ self.reading))
 
-    def smoothed(self, outputs: Array, forced: Array, start: Array | None) -> Array:
+    def filtered(self, outputs: Array, forced: Array, start: Array) -> tuple[Array, Array]:
+        """Return states and disturbances (n, s + b) before each row of outputs (n, r) is read, and after.
+
+        The reading of row k comes before input k acts; a direct path is not corrected for.
+        """
+        ahead = recurred(self.forgets, outputs @ (self.step @ self.kalman).T + forced, start)
+        return ahead, np.asarray(ahead + (outputs - ahead @ self.reading.T) @ self.kalman.T)
+
+    def smoothed(self, outputs: Array, forced: Array, start: Array) -> Array:
         """Return states and disturbances (n, s + b) by all rows of outputs (n, r)."""
         ahead, here = self.filtered(outputs, forced, start)
-        for row in range(len(here) - 2, -1, -1):
-            here[row] += self.back @ (here[row + 1] - ahead[row + 1])
-        return here
+        pushes = here[:-1] - ahead[1:] @ self.back.T
+        return recurred(self.back, np.concatenate([pushes[::-1], pushes[:1]]), here[-1])[::-1]
 
 
 def tracker(

@@ -23,7 +23,7 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.linear_filter import filtered
+from firmloop.identify.simulation.linear_filter import filtered, recurred
 from firmloop.identify.simulation.linear_response import disturbed
 from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.identify.simulation.simulate import course_of
@@ -210,10 +210,7 @@ def _simulated_states(plant: Plant, bare: Linear, recording: Recording) -> Array
     whole[:states, :states], whole[:states, states:] = bare.a, bare.b
     moved = scipy.linalg.expm(whole * course.step)
     step, pushed = moved[:states, :states], course.drive @ moved[:states, states:].T
-    found = np.zeros((len(pushed), states))
-    for row in range(len(pushed) - 1):
-        found[row + 1] = step @ found[row] + pushed[row]
-    return found
+    return recurred(step, pushed, np.zeros(states))
 
 
 def _yielding(travel: Array, reaches: Array) -> Array:

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.model.fit import evidence, fit, own_evidence
 from firmloop.diagnose.model.hypothesis import Problem, turning
 from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.identify.simulation.linear_filter import integrated
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def lost(problem: Problem, nominal: Candidate) -> float:
     for recording, residual in zip(problem.train, nominal.fitted.residuals, strict=True):
         off = residual[:, names.index(told)]
         if told != _TOLD[0]:
-            off = scipy.integrate.cumulative_trapezoid(off, recording.time, initial=0.0)
+            off = integrated(off, recording.time)
         most = max(most, float(np.sqrt(np.mean(off**2))))
     return most
 
@@ -76,9 +76,7 @@ def strayed(problem: Problem, candidate: Candidate) -> Mapping[int, Array]:
             problem.engine.simulate(recording, each, start)[:, names.index(told)] for each in (point.values, bare)
         )
         off = np.nan_to_num(seen - true)
-        found[id(recording)] = (
-            off if told == _TOLD[0] else scipy.integrate.cumulative_trapezoid(off, recording.time, initial=0.0)
-        )
+        found[id(recording)] = off if told == _TOLD[0] else integrated(off, recording.time)
     return found
 
 

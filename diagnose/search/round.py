@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import islice, zip_longest
+from itertools import islice
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from firmloop.diagnose.policy import (
     SMALL_GRID,
     STEPS_OF_A_FIT,
     STEPS_OF_A_LAST_FIT,
+    STEPS_OF_A_START,
     STEPS_OF_A_TRIAL,
     THRESHOLD,
     TRIED_IN_A_ROUND,
@@ -151,17 +152,22 @@ def _trials(
 
 
 def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> list[tuple[float, Fitted]]:
-    """Follow what promised much from all its starts as if all noise were white: whitened edges are traps."""
+    """Follow what promised much as if all noise were white: whitened edges are traps.
+
+    From all its starts for a few steps, and to the end from where those come nearest (successive halving).
+    """
     sizes = [white(noise.scale) for noise in best.noises]
-    told = [each for each in picked[:PROMISED_IN_A_ROUND] if each.gain > THRESHOLD]
     found = []
     begun = problem.engine.steps
-    for turn in zip_longest(*(_each_start(problem, each) for each in told)):  # no term takes the time of the others
-        for each, start in zip(told, turn, strict=True):
-            if start is not None and problem.engine.steps - begun < INSISTING_PATIENCE:
-                fitted = fit(problem, problem.train, *extended(best.fitted, each.term, start), sizes, STEPS_OF_A_FIT)
-                if not _too_large(fitted):
-                    found.append((own_evidence(problem, fitted), fitted))
+    for each in [each for each in picked[:PROMISED_IN_A_ROUND] if each.gain > THRESHOLD]:
+        if problem.engine.steps - begun > INSISTING_PATIENCE:
+            break
+        begins = [extended(best.fitted, each.term, start) for start in _each_start(problem, each)]
+        trials = [fit(problem, problem.train, *begin, sizes, STEPS_OF_A_START) for begin in begins]
+        near = min(trials, key=lambda fitted: fitted.cost)
+        fitted = fit(problem, problem.train, near.terms, near.point, sizes, STEPS_OF_A_FIT)
+        if not _too_large(fitted):
+            found.append((own_evidence(problem, fitted), fitted))
     return found
 
 

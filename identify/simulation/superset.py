@@ -22,6 +22,7 @@ from firmloop.identify.recordings.clipping import gathering, rested
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.course import LONGEST_CHANGE, MOST_STEPS, Course
 from firmloop.identify.simulation.engine import EffectSimulator, effect_simulator
+from firmloop.identify.simulation.linear_filter import integrated
 from firmloop.identify.simulation.simulate import course_of, rest_start
 
 Array = NDArray[np.float64]
@@ -209,7 +210,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
                 states[:, index] = recording.columns[signal.name]
         known = [signal.name in recording.columns for signal in bare.states]
         if assembly.position >= 0 and known[assembly.speed] and not known[assembly.position]:
-            way = scipy.integrate.cumulative_trapezoid(states[:, assembly.speed], recording.time, initial=0.0)
+            way = integrated(states[:, assembly.speed], recording.time)
             states[:, assembly.position] = states[0, assembly.position] + way
         column = recording.columns[plant.outputs[output].name]
         low, high = min(low, float(column.min())), max(high, float(column.max()))
@@ -314,9 +315,7 @@ def travelled(recording: Recording, unit: str = "rad") -> Array | None:
         return np.ascontiguousarray(recording.columns[f"position_{unit}"], dtype=np.float64)
     if f"speed_{unit}_s" not in recording.columns:
         return None
-    return np.asarray(
-        scipy.integrate.cumulative_trapezoid(recording.columns[f"speed_{unit}_s"], recording.time, initial=0.0)
-    )
+    return integrated(recording.columns[f"speed_{unit}_s"], recording.time)
 
 
 def states_of(engine: EffectSimulator, course: Course, constants: Array, start: Array) -> Array:
