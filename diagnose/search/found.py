@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmloop.diagnose.model.candidate import Candidate, contain
@@ -12,6 +12,13 @@ from firmloop.diagnose.search.screen import Screened
 from firmloop.identify.plants.plant import Plant
 
 Progress = Callable[[float, str], None]
+Hypothesis = frozenset[str]  # terms by their labels
+
+
+def beside(base: Candidate, terms: Sequence[Screened]) -> frozenset[Hypothesis]:
+    """Return the hypotheses of a candidate's terms with one more each."""
+    labels = [term.label for term in base.fitted.terms]
+    return frozenset(frozenset((*labels, each.term.label)) for each in terms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +32,7 @@ class Search:
     screened: tuple[Screened, ...]  # of the first round
     gains: tuple[float, ...]  # drop of BIC by each accepted effect, in the order found
     refit: Plant | None = None  # what `identify` makes of the train recordings
+    barren: frozenset[Hypothesis] = frozenset()  # what was tried and brought nothing
 
 
 def candidates_of(search: Search) -> tuple[Candidate, ...]:

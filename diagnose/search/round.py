@@ -67,12 +67,17 @@ def _gain(screened: Screened | None) -> float:
     return -1.0 if screened is None else screened.gain
 
 
+def promising(screened: Sequence[Screened], worth: float) -> Sequence[Screened]:
+    """Return the terms that are worth a refit, of those screened, best first."""
+    top = screened[0].gain if screened else 0.0
+    return [each for each in screened[:TRIED_IN_A_ROUND] if each.gain > max(worth, PROMISED_SHARE * top)]
+
+
 def tried_beside(
     problem: Problem, best: Candidate, screened: Sequence[Screened], others: Sequence[Fitted], worth: float
 ) -> tuple[Candidate, ...]:
     """Refit the most promising terms and their relatives; the best are refitted to the end."""
-    top = screened[0].gain if screened else 0.0
-    picked = [each for each in screened[:TRIED_IN_A_ROUND] if each.gain > max(worth, PROMISED_SHARE * top)]
+    picked = promising(screened, worth)
     trials = _trials(problem, best, screened, picked, others)
     without = evidence(best.fitted, best.noises)
     if trials and without - trials[0][0] < CLEAR_GAIN:

@@ -60,10 +60,10 @@ from firmloop.diagnose.policy import (
     WORTH_A_REFIT,
 )
 from firmloop.diagnose.search.exchange import amounting, merged, parted, retied, swapped
-from firmloop.diagnose.search.found import Progress, Search, candidates_of
+from firmloop.diagnose.search.found import Hypothesis, Progress, Search, beside, candidates_of
 from firmloop.diagnose.search.from_given import from_given, from_means, runaways
 from firmloop.diagnose.search.harmless import as_identified
-from firmloop.diagnose.search.round import screened, tried_beside
+from firmloop.diagnose.search.round import promising, screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
 from firmloop.identify.fitting.noise import colored, flat, white
 from firmloop.identify.plants.plant import Plant
@@ -87,6 +87,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
     rounds: list[tuple[Candidate, ...]] = []
     gains: list[float] = []
     first: tuple[Screened, ...] = ()
+    barren = frozenset[Hypothesis]()
     begun = problem.engine.steps
     for turn in range(most):
         patience = CONTACT_SEARCH_PATIENCE if meeting(best.fitted.terms) else SEARCH_PATIENCE
@@ -99,6 +100,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
         whole = not colored(best.noises)
         worth = max(WORTH_A_REFIT, 0.5 * MINOR_SHARE * sum(gains)) if whole else WORTH_A_REFIT
         others = (*from_given(problem, best, table), *from_means(problem, best))
+        barren = beside(best, promising(table, worth))
         candidates = tried_beside(problem, best, table, others, worth)
         if not candidates:
             break
@@ -119,14 +121,14 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
             best = base
             break
         gains.append(gain)
-        best = accepted(problem, chosen)
+        best, barren = accepted(problem, chosen), frozenset()
         if turn == 0:
             nominal = base
     if not gains:
-        return Search(problem, best, best, tuple(rounds), first, (), refit)
+        return Search(problem, best, best, tuple(rounds), first, (), refit, barren)
     before = set(best.fitted.terms)
     best, tried = _settled(problem, best, gains)
-    found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit)
+    found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit, barren)
     if set(best.fitted.terms) - before and len(best.fitted.terms) < most:
         return further(found) or found  # what was mistaken for it had hidden the rest
     return found
@@ -135,10 +137,13 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
 def further(found: Search, table: Sequence[Screened] | None = None) -> Search | None:
     """Look for one more effect, however little beside what the others explain; None where there is none.
 
-    `table` are the terms as screened, best first; None screens them.
+    `table` are the terms as screened, best first; None screens them. What was tried beside the best is not tried again.
     """
     problem, base = found.problem, found.best
-    candidates = tried_beside(problem, base, screened(problem, base) if table is None else table, (), WORTH_A_REFIT)
+    table = screened(problem, base) if table is None else table
+    if beside(base, promising(table, WORTH_A_REFIT)) <= found.barren:
+        return None
+    candidates = tried_beside(problem, base, table, (), WORTH_A_REFIT)
     if not candidates:
         return None
     chosen = _nearer(problem, simplest(candidates, base.score), base)

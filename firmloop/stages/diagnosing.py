@@ -16,6 +16,7 @@ from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.diagnose.sentences import with_doubt
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.checks.early import early_outputs
+from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import estimate
 from firmloop.identify.plants.plant import Plant
@@ -50,7 +51,7 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
         (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
             made = diagnose(plant, train, test, report)
-            _check_early(plant, train, made.finding)
+            _check_early(plant, train, made.finding, made.search.refit)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
         told = (*data.notes, *notes)
@@ -59,15 +60,20 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
         return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed
 
 
-def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding) -> None:
+def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding, refit: Plant | None) -> None:
     """Refuse outputs that move before their input, where to shift them leaves less than the best explanation does.
 
-    No physics does so; what was named instead would be chased in vain. It is asked only where much is left.
+    No physics does so; what was named instead would be chased in vain. It is asked only where much is left. The fit
+    begins at the `refit`, where there is one.
     """
     if (finding.train.after or finding.train.refit or 0.0) < _MUCH:
         return
+    begin = plant
+    if refit is not None:
+        known = {p.name: p.value for p in refit.parameters}
+        begin = replace(plant, parameters=tuple(replace(p, value=known.get(p.name, p.value)) for p in plant.parameters))
     try:
-        fitted = estimate(plant, train, (), NONE)
+        fitted = estimate(begin, train, (), NONE, near=refit is not None, doubt=untold)
     except IdentifyError:
         return  # what identify cannot fit has no lag that could be told
     left = {name: min(of.values()) for name, of in finding.simulation_rms.get("train", {}).items()}

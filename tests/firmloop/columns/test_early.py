@@ -64,12 +64,12 @@ def test_a_diagnosis_blames_no_physics_for_an_output_that_comes_early(tmp_path, 
 
 
 def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monkeypatch):
-    def refusing(*_: object) -> None:
+    def refusing(*_: object, **__: object) -> None:
         raise IdentifyError("parameters far off")
 
     monkeypatch.setattr(diagnosing, "estimate", refusing)
     finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0), simulation_rms={})
-    diagnosing._check_early(None, (), finding)
+    diagnosing._check_early(None, (), finding, None)
 
 
 def test_outputs_of_which_no_less_is_left_once_they_are_shifted_are_not_shifted_on(monkeypatch):
