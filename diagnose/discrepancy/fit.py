@@ -105,13 +105,13 @@ def best_shape(search: Search, candidate: Candidate) -> Shape | None:
         for term in nameless_terms(base.plant, base.recordings, found, simulated, base.residuals)
         if term.kind != SENSOR or base.plant.outputs[term.place].name not in steps
     ]
-    if (
-        candidate.fitted.terms
-    ):  # else noise may hold most of what is missing, and no promise tells what it would give back
+    if candidate.fitted.terms:
+        # Else noise may hold most of what is missing, and no promise tells what it would give back.
         choices = _promising(base, choices)
     bare = _weighed(base, ())
     without = min(bare[0], candidate.score)
-    levels = {(term.kind, term.place): _by_chance(base, term, without) for term in choices}
+    one_of_each = {(term.kind, term.place): term for term in choices if term.coordinate.level}
+    levels = {where: _by_chance(base, term, without) for where, term in one_of_each.items()}
     shapes = [
         (_shape(base, term, levels[term.kind, term.place] if term.coordinate.level else without), term)
         for term in choices
