@@ -16,7 +16,7 @@ from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linearize import linearize
-from firmloop.identify.simulation.simulate import course_of, measured, rest_start, seen_places, simulator
+from firmloop.identify.simulation.simulate import drive_of, measured, rest_start, seen_places, simulator
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def own_value(plant: Plant, one: Varying, start: Array, deviation: float) -> Par
 
 def by_itself(plant: Plant, recording: Recording) -> bool:
     """Tell whether no input ever changes, so that what moves moves by itself: a decay, or a constant speed."""
-    return not np.any(np.ptp(course_of(plant, recording).drive, axis=0))
+    return not np.any(np.ptp(drive_of(plant, recording), axis=0))
 
 
 def usual_start(plant: Plant, recording: Recording) -> Array:

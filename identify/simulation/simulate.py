@@ -124,10 +124,15 @@ def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
     return outputs
 
 
+def drive_of(plant: Plant, recording: Recording) -> Array:
+    """Return the recorded inputs of the plant, (n, m)."""
+    undriven = "; where nothing drives the plant, as in a free decay, write the column with zeros"
+    return np.column_stack([column(recording, signal.name, undriven) for signal in plant.inputs])
+
+
 def course_of(plant: Plant, recording: Recording) -> Course:
     """Take the plant's inputs and the time stamps out of a recording."""
-    undriven = "; where nothing drives the plant, as in a free decay, write the column with zeros"
-    drive = np.column_stack([column(recording, signal.name, undriven) for signal in plant.inputs])
+    drive = drive_of(plant, recording)
     time = evened(recording.time)
     distances = np.diff(time)
     step = float(np.median(distances))
