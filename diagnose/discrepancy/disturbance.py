@@ -62,7 +62,7 @@ def disturbances(
         for balance, rms in zip(group if sizes else (), sizes, strict=True):
             drive = _drive(plant, balance, recordings)
             share = rms / drive if drive > 0.0 else None
-            found[_name(plant, balance)] = Disturbance(rms, _unit(plant, balance), share)
+            found[_name(plant, balance)] = Disturbance(rms, balance_unit(plant, balance), share)
     return found
 
 
@@ -155,7 +155,7 @@ def _name(plant: Plant, balance: Balance) -> str:
 _UNITS: Mapping[str, str] = {"torque": "N*m", "force": "N", "voltage": "V", "winding": "V", "axes": "V"}
 
 
-def _unit(plant: Plant, balance: Balance) -> str:
+def balance_unit(plant: Plant, balance: Balance) -> str:
     """Return the unit of what acts in a balance; blank where only the project could know it."""
     if plant.delay is not None:  # a lag, in which all is in the output's unit
         return plant.outputs[0].unit

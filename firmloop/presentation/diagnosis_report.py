@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.discrepancy.disturbance import balance_unit
 from firmloop.diagnose.discrepancy.disturbance_smoother import Latent, latent, nominal_plant
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import fit_starts
@@ -40,7 +41,6 @@ Array = NDArray[np.float64]
 _COLUMNS = 500
 NO_GAIN = "none: a value at the end of its range, or a recording that it cannot simulate"
 _DOTS = 1200  # of a scatter
-BALANCE_UNITS = {"torque": ", N*m", "force": ", N", "voltage": ", V"}  # of the others the project's own say it
 
 
 def diagnosis_report(name: str, command: str, data: Data, made: Diagnosis, cut: Cut | None) -> str:
@@ -59,7 +59,7 @@ def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:
         *_courses(made),
         "<h2>What is left, by coordinate</h2>",
         *_scatter(made),
-        *_unnamed(made.finding),
+        *_unnamed(made.finding, made.search.problem.plant),
         "<h2>How sure, and how much is still missing</h2>",
         *evidence_tables(finding),
         "<h2>The controller half</h2>",
@@ -203,7 +203,7 @@ def _scatter(made: Diagnosis) -> list[str]:
                     axes.plot(*over, ".", color=MODEL, markersize=DOT)
                 _law(axes, made.shape, kind, signal.name)
                 axes.set_xlabel(f"{signal.name}, {signal.unit or '1'}")
-                axes.set_ylabel(f"missing {kind}{BALANCE_UNITS.get(kind, '')}")
+                axes.set_ylabel(_missing(plant, kind))
         figure.tight_layout()
         says = "dots: recorded" + ("; in the other colour: the explanation" if law is not None else "")
         return [
@@ -212,7 +212,13 @@ def _scatter(made: Diagnosis) -> list[str]:
         ]
 
 
-def _unnamed(finding: Finding) -> list[str]:
+def _missing(plant: Plant, kind: str) -> str:
+    """Name what is missing from a balance of a kind, with its unit; of a sensor there is none."""
+    unit = next((balance_unit(plant, each) for each in plant.balances if each.kind == kind), "")
+    return f"missing {kind}, {unit}" if unit else f"missing {kind}"
+
+
+def _unnamed(finding: Finding, plant: Plant) -> list[str]:
     """Draw the law of what has no name over its own coordinate, which need not be a state."""
     if finding.location is None or not finding.law:
         return []
@@ -220,7 +226,7 @@ def _unnamed(finding: Finding) -> list[str]:
         axes = figure.subplots()
         axes.plot(*np.array(finding.law).T, color=MODEL)
         axes.set_xlabel(finding.location.coordinate)
-        axes.set_ylabel(f"missing {finding.location.equation}{BALANCE_UNITS.get(finding.location.equation, '')}")
+        axes.set_ylabel(_missing(plant, finding.location.equation))
         figure.tight_layout()
         return [
             labelled("the law of what has no name", svg(figure)),

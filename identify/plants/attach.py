@@ -60,6 +60,7 @@ def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = N
         output_unit=plant.outputs[index].unit,
         level_unit=state.unit if state is not None and effect.place == "flow" else "",
         balance=balance,
+        lag=plant.balances[balance].state + 1 if plant.delay is not None and balance >= 0 else 0,
     )
 
 

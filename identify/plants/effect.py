@@ -47,11 +47,18 @@ class Site:
     output_unit: str
     level_unit: str
     balance: int  # in plant.balances, -1 for none
+    lag: int = 0  # order of a lag, where what moves the plant is in the output's unit: a speed, or of two a position
 
     @property
     def force(self) -> str:
         """Unit of what moves the plant."""
-        return "N*m" if self.rotary else "N"
+        return self.force_per(0)
+
+    def force_per(self, travels: int, seconds: int = 0) -> str:
+        """Return the unit of what moves the plant, times s^seconds / travel^travels."""
+        if self.lag:
+            return _unit({"s": seconds + self.lag - 2, self.travel: 1 - travels})
+        return _unit({"N": 1, "m": int(self.rotary), "s": seconds} | {"rad" if self.rotary else "m": -travels})
 
     @property
     def load(self) -> str:
@@ -61,6 +68,8 @@ class Site:
     @property
     def load_unit(self) -> str:
         """Unit of that."""
+        if self.lag:
+            return self.force_per(1, 2)
         return "kg*m^2" if self.rotary else "kg"
 
     @property
@@ -72,6 +81,17 @@ class Site:
     def stiffness(self) -> str:
         """Ending of the name of a spring constant."""
         return "N_m_rad" if self.rotary else "N_m"
+
+
+def _unit(powers: Mapping[str, int]) -> str:
+    """Return the product of units to these powers, as `N*m*s^2/rad^2`."""
+    above, below = (
+        "*".join(f"{name}^{size}" if size > 1 else name for name, size in sized if size > 0)
+        for sized in ([*powers.items()], [(name, -power) for name, power in powers.items()])
+    )
+    if not below:
+        return above or "1"
+    return f"{above or '1'}/({below})" if "*" in below else f"{above or '1'}/{below}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +261,7 @@ def shape(name: str, unit: str, usual: float) -> EffectParameter:
 
 def damping(site: Site) -> EffectParameter:
     """Return the viscous constant of what bodies press on or hang by, that may be left out."""
-    return EffectParameter(f"damping_{site.damping}", f"{site.force}*s/{site.travel}", 0.0, math.inf, 0.0, False, 0.0)
+    return EffectParameter(f"damping_{site.damping}", site.force_per(1, 1), 0.0, math.inf, 0.0, False, 0.0)
 
 
 def phase(name: str) -> EffectParameter:

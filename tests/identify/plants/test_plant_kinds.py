@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.plants.attach import parameters_of
 from firmloop.identify.plants.kinds import kinds, make_plant
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.units import unit_of
@@ -82,6 +83,29 @@ def test_lags_linearize_with_their_delay() -> None:
     second = linearize(make_plant("second_order", "u", ["y"], values))
     np.testing.assert_allclose(second.a, [[0.0, 1.0], [-100.0, -6.0]])
     np.testing.assert_allclose(second.b, [[0.0], [400.0]])
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "effect", "units"),
+    [
+        ("first_order", "speed_rad_s", "coulomb_friction", ["rad/s"]),
+        ("first_order", "speed_rad_s", "quadratic_drag", ["s/rad"]),
+        ("first_order", "speed_m_s", "flexible_coupling", ["1/s", "s", "1"]),
+        ("second_order", "position_m", "hardening_spring", ["1/m^2"]),
+        ("second_order", "position_rad", "load_torque", ["rad"]),
+        ("linear_stage", "speed_m_s", "quadratic_drag", ["N*s^2/m^2"]),
+        ("rotary_stage", "speed_rad_s", "hardening_spring", ["N*m/rad^3"]),
+    ],
+)
+def test_what_an_effect_takes_of_a_lag_is_in_the_unit_of_its_output(
+    kind: str, output: str, effect: str, units: list[str]
+) -> None:
+    drive, values = {
+        "linear_stage": ("force_N", {"mass_kg": 1.0, "b_N_s_m": 1.0}),
+        "rotary_stage": ("torque_N_m", {"J_kg_m2": 1.0, "b_N_m_s_rad": 1.0}),
+    }.get(kind, ("u", {}))
+    plant = make_plant(kind, drive, [output], values)
+    assert [each.unit for each in parameters_of(plant, effect)] == units
 
 
 def test_left_out_parameters_wait_to_be_fitted() -> None:

@@ -20,7 +20,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
     return (
         shape(f"gap_{site.travel}", site.travel, 1.0),
         size(site.load, site.load_unit),
-        EffectParameter(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 0.0, math.inf, 0.0, True, 0.0),
+        EffectParameter(f"stiffness_{site.stiffness}", site.force_per(1), 0.0, math.inf, 0.0, True, 0.0),
         damping(site),
     )
 

@@ -17,7 +17,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
     return (
         signed(f"low_{site.travel}", site.travel),
         signed(f"high_{site.travel}", site.travel),
-        size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),
+        size(f"stiffness_{site.stiffness}", site.force_per(1)),
         damping(site),
     )
 

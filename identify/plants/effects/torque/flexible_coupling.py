@@ -11,7 +11,7 @@ from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Sit
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
     return (
-        shape(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 1.0),
+        shape(f"stiffness_{site.stiffness}", site.force_per(1), 1.0),
         size(site.load, site.load_unit),
         damping(site),
     )

@@ -8,7 +8,7 @@ from firmloop.identify.plants.effect import Effect, EffectParameter, Holding, Sc
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
-    return (size("cubic_N_m_rad3" if site.rotary else "cubic_N_m3", "N*m/rad^3" if site.rotary else "N/m^3"),)
+    return (size("cubic_N_m_rad3" if site.rotary else "cubic_N_m3", site.force_per(3)),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:

@@ -13,7 +13,7 @@ _AT_ONCE, _LATE = 1e-6, 0.5  # of the way
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
     return (
-        shape(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}", 1.0),
+        shape(f"stiffness_{site.stiffness}", site.force_per(1), 1.0),
         size(f"coulomb_{site.effort}", site.force),
     )
 

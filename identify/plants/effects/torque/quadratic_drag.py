@@ -8,12 +8,7 @@ from firmloop.identify.plants.effect import Effect, EffectParameter, Holding, Sc
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
-    return (
-        size(
-            "coefficient_N_m_s2_rad2" if site.rotary else "coefficient_N_s2_m2",
-            "N*m*s^2/rad^2" if site.rotary else "N*s^2/m^2",
-        ),
-    )
+    return (size("coefficient_N_m_s2_rad2" if site.rotary else "coefficient_N_s2_m2", site.force_per(2, 2)),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:

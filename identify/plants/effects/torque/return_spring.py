@@ -8,7 +8,7 @@ from firmloop.identify.plants.effect import Effect, EffectParameter, Holding, Sc
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
-    return (size(f"stiffness_{site.stiffness}", f"{site.force}/{site.travel}"),)
+    return (size(f"stiffness_{site.stiffness}", site.force_per(1)),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
