@@ -71,7 +71,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     of them worse than the plain refit does, the plant stays the refit, whatever the finding says of train.
     """
     progress(0.02, "checking the recordings")
-    check_sound(plant, (*train, *test))
+    check_sound(plant, train, test)
     given = train[0].hold
     seen, unseen = prepared(plant, train, test)
     preflight(plant, seen, unseen)  # a test recording that cannot be of this plant is refused as well

@@ -19,10 +19,10 @@ from firmloop.identify.simulation.simulate import course_of, measured, simulator
 Array = NDArray[np.float64]
 
 
-def check_sound(plant: Plant, recordings: Sequence[Recording]) -> None:
+def check_sound(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
     """Raise IdentifyError at the first channel that is not sound, with its rows and the way out."""
-    for recording in recordings:
-        check_rows(plant, recording)
+    check_rows(plant, train, test)
+    for recording in (*train, *test):
         _check_dead(plant, recording, measured(plant, recording))
 
 
@@ -37,6 +37,8 @@ def _check_dead(plant: Plant, recording: Recording, values: Array) -> None:
         return
     for k, signal in enumerate(plant.outputs):
         column, model = values[:, k], simulated[:, k]
+        if np.ptp(column) == 0.0:
+            continue  # friction or a dead zone holds it, see `dead_outputs`
         ends = [0, *(np.flatnonzero(np.diff(column) != 0.0) + 1), len(column)]
         first, last = max(pairwise(ends), key=lambda run: run[1] - run[0])
         held, moves = column[first], model[first:last]

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.own_values import by_itself, own_start
-from firmloop.identify.fitting.sufficiency import moves
+from firmloop.identify.fitting.sufficiency import dead_outputs, moves
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linear_filter import integrated
-from firmloop.identify.simulation.simulate import course_of, measured, simulator
+from firmloop.identify.simulation.simulate import course_of, drive_of, measured, simulator
 
 Array = NDArray[np.float64]
 
@@ -55,8 +55,8 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
             "no derivative is known as a balance of torques, forces, voltages or flows, so nothing that acts there was "
             "looked for; name it in [plant.balances]"
         )
+    check_rows(plant, train, test)
     for recording in (*train, *test):
-        check_rows(plant, recording)
         notes += [*_held(plant, recording), *_clock(recording)]
         notes += _kinematics(recording)
     if all(by_itself(plant, each) and not moves(measured(plant, each)) for each in train):
@@ -74,21 +74,26 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
     return Preflight(tuple(notes), floors, _untestable(plant, train))
 
 
-def check_rows(plant: Plant, recording: Recording) -> None:
-    """Refuse a recording that is short, jumps, or in which something never changes."""
+def check_rows(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
+    """Refuse a recording that is short, whose time jumps, or in which an output stands still that should move."""
+    for recording in (*train, *test):
+        _check_time(recording)
+    for recordings in (train, (*train, *test)):  # what moves in a test recording alone teaches nothing
+        readings = [measured(plant, each) for each in recordings]
+        for k, column in dead_outputs(readings, [drive_of(plant, each) for each in recordings]):
+            raise IdentifyError(
+                f"{recordings[k].source}: column {plant.outputs[column].name} is {readings[k][0, column] + 0.0:g} in "
+                "every row; check the sensor and its wire"
+            )
+
+
+def _check_time(recording: Recording) -> None:
     rows = len(recording.time)
     if rows < FEWEST_ROWS:
         raise IdentifyError(
             f"{recording.source}: has {rows} rows; a diagnosis needs at least {FEWEST_ROWS}, "
             f"better a thousand: record longer"
         )
-    values = measured(plant, recording)
-    for signal, column in zip(plant.outputs, values.T, strict=True):
-        if np.ptp(column) == 0.0:
-            raise IdentifyError(
-                f"{recording.source}: column {signal.name} is {column[0] + 0.0:g} in every row; "
-                "check the sensor and its wire"
-            )
     gaps = np.diff(recording.time)
     step = float(np.median(gaps))
     worst = int(np.argmax(gaps))

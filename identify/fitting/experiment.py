@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import (
@@ -175,13 +174,3 @@ def _start_triangle(
         return None
     tall = (slopes * weights[:, None]).reshape(-1, slopes.shape[2])
     return triangle(tall, (residual * weights).reshape(-1, 1))
-
-
-def check_moving(parts: Sequence[Experiment]) -> None:
-    """Raise IdentifyError where a recording cannot teach anything: an output that never moves."""
-    source = parts[0].source
-    for name, values in zip(parts[0].names, np.concatenate([made.target for made in parts]).T, strict=True):
-        if np.ptp(values) == 0.0:
-            driven = any(np.any(np.ptp(made.course.drive, axis=0)) for made in parts)
-            what = f"column {name} never changes" if driven else f"neither an input nor column {name} ever changes"
-            raise IdentifyError(f"{source}: {what}; record the plant while it moves")

@@ -18,7 +18,6 @@ from firmloop.identify.fitting.experiment import (
     Experiment,
     aligned,
     best_start,
-    check_moving,
     conditioned,
     delayed,
     experiments,
@@ -32,7 +31,7 @@ from firmloop.identify.fitting.residual_tests import unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
 from firmloop.identify.fitting.stretches import stretches
-from firmloop.identify.fitting.sufficiency import check_answer, check_rows, check_span, check_step
+from firmloop.identify.fitting.sufficiency import check_answer, check_moving, check_rows, check_span, check_step
 from firmloop.identify.plants.per_recording import centred, in_common, without_value
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.conditioning import Conditioning
@@ -135,8 +134,7 @@ def estimate(
     engine = simulator(plant, train[0].hold)
     seen = [experiments(plant, recording, conditioning) for recording in train]
     unseen = [experiments(plant, recording, conditioning) for recording in test]
-    for parts in seen:
-        check_moving(parts)
+    check_moving(seen)
     check_rows(plant, seen)
     check_step(plant, seen)
     report(0.05, "choosing starting values")

@@ -22,6 +22,33 @@ _STILL = 4.0  # deviations by which the differences of white noise may be smalle
 _NOISE_FREE = 1e-6  # of a state's largest slope: a pole of zero and what rounding makes of it
 
 
+def check_moving(recordings: Sequence[Sequence[Experiment]]) -> None:
+    """Raise IdentifyError where an output of a recording stands still that should move, see `dead_outputs`."""
+    readings = [np.concatenate([made.target for made in windows]) for windows in recordings]
+    drives = [np.concatenate([made.course.drive for made in windows]) for windows in recordings]
+    for k, column in dead_outputs(readings, drives):
+        first = recordings[k][0]
+        name = f"column {first.names[column]}"
+        driven = np.any(np.ptp(drives[k], axis=0))
+        what = f"{name} never changes" if driven else f"neither an input nor {name} ever changes"
+        raise IdentifyError(f"{first.source}: {what}; record the plant while it moves")
+
+
+def dead_outputs(readings: Sequence[Array], drives: Sequence[Array]) -> list[tuple[int, int]]:
+    """Return which recordings (n, r) hold an output that stands still throughout, as (recording, output).
+
+    Not where friction or a dead zone may hold it: it moves in other recordings, and each of those is driven further.
+    """
+    still = np.array([np.ptp(each, axis=0) == 0.0 for each in readings])
+    reach = np.array([np.max(np.abs(each), axis=0) for each in drives])
+    found = []
+    for k, column in np.argwhere(still):
+        moving = reach[~still[:, column]]
+        if len(moving) == 0 or not np.all(np.any(moving > reach[k], axis=1)):
+            found.append((int(k), int(column)))
+    return found
+
+
 def check_rows(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
     """Raise IdentifyError where there are too few readings for the unknowns."""
     parts = [made for windows in recordings for made in windows]

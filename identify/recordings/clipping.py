@@ -85,6 +85,8 @@ def gathering(columns: Sequence[Array]) -> Gathering | None:
     """
     sizes = np.sort(np.abs(np.concatenate(columns)))
     top = float(sizes[-1])
+    if top == 0.0:
+        return None
     bends = np.abs(np.concatenate([np.diff(column, 2) for column in columns]))
     half = max(0.5 * _NEAR * top, _SPREAD * _MEDIAN * float(np.median(bends)) if len(bends) else 0.0)
     bands = np.arange(top - 2.0 * half, 0.5 * top, -0.25 * half)  # lower ends of bands of 2 half

@@ -122,3 +122,48 @@ def test_a_test_recording_of_another_motor_is_said(tmp_path: Path, capsys: pytes
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert said["fit"]["test"]["after"] > 10.0 * said["fit"]["train"]["after"]
     assert "check that all are of one plant" in capsys.readouterr().out
+
+
+STARTED = """schema = 1
+name = "started"
+[recordings]
+train = ["strong.csv", "weak.csv", "held.csv"]
+[plant]
+kind = "first_order"
+input = "duty"
+outputs = ["speed_rad_s"]
+[plant.parameters]
+gain = { value = 60.0, free = true }
+time_constant_s = { value = 0.06, free = true }
+delay_s = { value = 0.0, free = false }
+"""
+
+
+def _started(folder: Path, held: float) -> Path:
+    """Write what a motor does at three duties, `held` the third; it starts at 0.3, and the third encoder reads 0."""
+    (folder / "project.toml").write_text(STARTED)
+    noise, time = np.random.default_rng(11), np.arange(500) * 2e-3
+    for name, duty in (("strong", 0.9), ("weak", -0.5), ("held", held)):
+        drive = np.where(time < 0.1, 0.0, duty)
+        speed = 55.0 * np.sign(duty) * (abs(duty) - 0.3) * -np.expm1(-np.maximum(time - 0.1, 0.0) / 0.05)
+        read = 0.0 * time if name == "held" else speed + noise.normal(0.0, 0.2, len(time))
+        write_recording(make_recording(time, {"duty": drive, "speed_rad_s": read}, name, ""), folder / f"{name}.csv")
+    return folder / "project.toml"
+
+
+def test_a_run_too_weak_to_start_the_motor_is_a_recording_like_the_others(tmp_path: Path) -> None:
+    """Where a larger input moves the same output, friction holds it, and no sensor is dead."""
+    main(["diagnose", str(_started(tmp_path, 0.2)), "--out", str(tmp_path / "out")])
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert {each["name"] for each in said["effects"]} <= {"dead_zone", "coulomb_friction"} and said["effects"]
+    assert main(["identify", str(tmp_path / "project.toml"), "--out", str(tmp_path / "plant")]) == 0
+
+
+def test_an_output_that_stands_still_at_the_largest_input_is_a_dead_sensor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project = _started(tmp_path, 1.0)
+    assert main(["diagnose", str(project), "--out", str(tmp_path / "out")]) == 2
+    assert main(["identify", str(project), "--out", str(tmp_path / "plant")]) == 2
+    said = capsys.readouterr().err
+    assert "held.csv: column speed_rad_s is 0 in every row" in said and "speed_rad_s never changes" in said
