@@ -3,6 +3,8 @@
 PYTHON ?= python3
 # The tests start some hundred interpreters: without bytecode each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
+# On one processor the types take a minute, while the others have nothing to do.
+export MYPY_NUM_WORKERS := auto
 
 .PHONY: setup demo test lint format
 

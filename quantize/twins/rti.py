@@ -122,10 +122,11 @@ class _Iteration:
         for k in range(length - 1, -1, -1):
             row = _product(own.r, self.u[:, k] - own.rest)
             g[:, k] = add_up(row, self.b[:, k].swapaxes(1, 2) * slope[:, None])
-            before = _product(own.q, self.e[:, k] - self.target)
-            slope = add_up(before, self.a[:, k].swapaxes(1, 2) * slope[:, None])
+            here = _product(own.q, self.e[:, k] - self.target)
+            slope = add_up(here, self.a[:, k].swapaxes(1, 2) * slope[:, None])
         for k in range(length):
-            g[:, k] = g[:, k] + own.change * (self.u[:, k] - (self.u[:, k - 1] if k else self.last))
+            before = self.u[:, k - 1] if k else self.last
+            g[:, k] = g[:, k] + own.change * (self.u[:, k] - before)
             if k + 1 < length:
                 g[:, k] = g[:, k] - own.change * (self.u[:, k + 1] - self.u[:, k])
         self.g = g.reshape(lanes, -1)
