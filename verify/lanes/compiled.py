@@ -17,7 +17,7 @@ from firmloop.verify.lanes.codes import known
 from firmloop.verify.lanes.programs import WIDTH, Improving, Solving
 
 Raw = NDArray[Any]
-FLAGS = ("-std=c99", "-O3", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
+FLAGS = ("-std=c99", "-O2", "-fwrapv", "-ffp-contract=off", "-fno-trapping-math")
 FUNCTIONS = {"i8": "i64", "f4": "f32", "f8": "f64", "f16": "long"}  # ends of their names
 KINDS = ("i2", "i4", "i8", "f4", "f8", "f16", "u4")  # the last one of status words, which are always whole
 _SOURCES = (
