@@ -120,14 +120,13 @@ def prefiltered(records: Sequence[Record], order: int, late: int) -> tuple[Sampl
     K. Steiglitz and L. E. McBride, IEEE Trans. AC 10 (1965) 461-464; the model that simulates best is returned, and
     what it misses.
     """
-    best = model = steadied(least_squares_arx(records, order, late), records)
-    least = miss(best, records)
+    best, least = steadied(least_squares_arx(records, order, late), records)
+    model = best
     for _ in range(ROUNDS):
         passed = _passed(model, records)
         if not all(np.all(np.isfinite(part)) for one in passed for part in (one.drive, one.output)):
             break
-        model = steadied(least_squares_arx(passed, order, late), records)
-        left = miss(model, records)
+        model, left = steadied(least_squares_arx(passed, order, late), records)
         best, least = (model, left) if left < least else (best, least)
     return best, least
 
@@ -143,7 +142,7 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:
         ]
         if len(smooth) == len(records):
             starts.append(least_squares_arx(smooth, order, late))
-    begin = min((steadied(start, records) for start in starts), key=lambda each: miss(each, records))
+    begin, _ = min((steadied(start, records) for start in starts), key=lambda each: each[1])
     below, above = -begin.a[:, 0], begin.b
     start = np.concatenate([below, above])
     scale = np.maximum(np.abs(start), 1e-3 * np.abs(above).max())
@@ -299,19 +298,19 @@ def _companion(below: NDArray[np.floating], above: NDArray[np.floating], late: i
     return SampledModel(a, np.asarray(above, dtype=np.float64), np.eye(order)[0], late)
 
 
-def steadied(model: SampledModel, records: Sequence[Record]) -> SampledModel:
-    """Pull poles that are unstable to where they would just be stable, for a simulation to start from.
+def steadied(model: SampledModel, records: Sequence[Record]) -> tuple[SampledModel, float]:
+    """Pull poles that are unstable to where they would just be stable; return that model and what it misses.
 
-    A plant that integrates would be pulled too far by 0.001; of it and of the rows' own measure the better one stays.
+    A simulation can start from it. A plant that integrates would be pulled too far by 0.001; of it and of the rows' own
+    measure the better one stays.
     """
     poles = np.linalg.eigvals(model.a)
     size = np.abs(poles)
     if np.all(size < 0.9999):
-        return model
-    ways = [_companion(np.real(np.poly(_pulled(poles, 0.999)))[1:], model.b, model.late)]
-    far = 1.0 - INTEGRATES / max(len(one.output) for one in records)
-    ways.append(_companion(np.real(np.poly(_pulled(poles, far)))[1:], model.b, model.late))
-    return min(ways, key=lambda each: miss(each, records))
+        return model, miss(model, records)
+    most = (0.999, 1.0 - INTEGRATES / max(len(one.output) for one in records))
+    ways = [_companion(np.real(np.poly(_pulled(poles, far)))[1:], model.b, model.late) for far in most]
+    return min(((each, miss(each, records)) for each in ways), key=lambda pair: pair[1])
 
 
 def _pulled(poles: NDArray[np.inexact], most: float) -> NDArray[np.inexact]:
