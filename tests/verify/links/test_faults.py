@@ -134,32 +134,37 @@ def start_verify(folder: Path, steps: int, built: Path) -> subprocess.Popen[str]
     )
 
 
-def emulator_of(folder: Path, deadline: float) -> int:
-    """Look for the emulator that runs in a private folder there, until it is there or time is up; 0 if none is."""
-    while True:
-        for process in Path("/proc").iterdir():
-            try:
-                name = process.name
-                ours = name.isdigit() and "qemu" in (process / "comm").read_text()
-                if ours and str(folder) in os.readlink(process / "cwd") and "pipe:" in held(process):
+def emulators(folder: Path) -> list[int]:
+    """Look for the emulators that run in a private folder there."""
+    return [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit() and emulates(each, folder)]
+
+
+def emulator_of(host: int, folder: Path, deadline: float) -> int:
+    """Wait for the emulator that a process starts, which runs in a private folder there; 0 where time is up."""
+    children = Path(f"/proc/{host}/task")
+    while time.monotonic() < deadline:
+        for started in children.glob("*/children"):
+            for name in started.read_text().split():
+                if emulates(Path("/proc", name), folder):
                     return int(name)
-            except OSError:
-                continue
-        if time.monotonic() >= deadline:
-            return 0
         time.sleep(0.02)
+    return 0
 
 
-def held(process: Path) -> str:
-    """The names of what a process has open."""
-    return " ".join(os.readlink(file) for file in (process / "fd").iterdir())
+def emulates(process: Path, folder: Path) -> bool:
+    """Tell whether a process is an emulator that has its line in a folder there; one that has ended is none."""
+    try:
+        ours = "qemu" in (process / "comm").read_text() and str(folder) in os.readlink(process / "cwd")
+        return ours and "pipe:" in " ".join(os.readlink(file) for file in (process / "fd").iterdir())
+    except OSError:
+        return False
 
 
 @pytest.mark.qemu
 @pytest.mark.parametrize("victim", ["emulator", "host"])
 def test_who_is_killed_midway_leaves_nothing_and_the_next_run_works(victim: str, tmp_path: Path, built: Path) -> None:
     with start_verify(tmp_path, 200_000, built) as run_midway:  # seconds on the emulator: it is killed at once
-        emulator = emulator_of(tmp_path, time.monotonic() + PATIENCE)
+        emulator = emulator_of(run_midway.pid, tmp_path, time.monotonic() + PATIENCE)
         assert emulator, "no emulator came up"
         os.kill(emulator if victim == "emulator" else run_midway.pid, signal.SIGKILL)
         _, said = run_midway.communicate(timeout=PATIENCE)
@@ -169,9 +174,9 @@ def test_who_is_killed_midway_leaves_nothing_and_the_next_run_works(victim: str,
         assert not [*tmp_path.glob("firmloop*")]
     assert not (tmp_path / "out").exists()
     deadline = time.monotonic() + PATIENCE
-    while emulator_of(tmp_path, 0.0) and time.monotonic() < deadline:
+    while emulators(tmp_path) and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert not emulator_of(tmp_path, 0.0)
+    assert not emulators(tmp_path)
     with start_verify(tmp_path, 500, built) as again:
         again.communicate(timeout=PATIENCE)
     assert again.returncode == 0 and (tmp_path / "out" / "verdict.json").is_file()
