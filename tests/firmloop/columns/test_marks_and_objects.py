@@ -244,7 +244,7 @@ def test_one_json_text_is_rows(name: str, tmp_path: Path, capsys: pytest.Capture
         (json.dumps({"time_s": 1.0}), "has 1 rows"),
         ("[]", "is empty"),
         ("[1, 2]", "no rows"),
-        (json.dumps([SAMPLES[0]] * 300_000, indent=1), "is one document of"),
+        ("[\n" + ",\n".join([json.dumps(SAMPLES[0], indent=1)] * 300_000) + "\n]", "is one document of"),
     ],
 )
 def test_other_json_is_refused_with_a_sentence(
