@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,16 @@ IN_C = [
 ]
 
 
+@cache
+def designed(kind: str, place: int) -> Law:
+    """Return the law of an example, by its place in EXAMPLES: the same one for all tests, which leave it as it is."""
+    return kinds()[kind].design(EXAMPLES[place][2]).law
+
+
+def law_of(kind: str, wanted: Request) -> Law:
+    return designed(kind, next(k for k, each in enumerate(EXAMPLES) if each[2] is wanted))
+
+
 def rows_of(law: Law, steps: int, seed: int) -> np.ndarray:
     """Slow walks over each input's range with small departures, so that no limit holds for long."""
     random = np.random.default_rng(seed)
@@ -63,7 +75,7 @@ def test_every_kind_has_a_formula() -> None:
 
 @pytest.mark.parametrize(("kind", "wanted"), EVERY, ids=NAMES)
 def test_the_law_is_the_formula(kind: str, wanted: Request) -> None:
-    law = kinds()[kind].design(wanted).law
+    law = law_of(kind, wanted)
     free = 0.0
     for seed in range(4):
         rows = rows_of(law, 1500, seed)
@@ -77,7 +89,7 @@ def test_the_law_is_the_formula(kind: str, wanted: Request) -> None:
 
 @pytest.mark.parametrize(("kind", "wanted"), EVERY, ids=NAMES)
 def test_no_state_leaves_its_range_and_none_is_much_wider(kind: str, wanted: Request) -> None:
-    law = kinds()[kind].design(wanted).law
+    law = law_of(kind, wanted)
     random = np.random.default_rng(3)
     low, high = (np.array([getattr(wire, end) for wire in law.inputs]) for end in ("low", "high"))
     most = np.zeros(len(law.state))
@@ -100,7 +112,7 @@ def test_program_and_c(kind: str, wanted: Request, arithmetic: str) -> None:
 
     In float64 the C is also the formula, which a stranger may write from the contract alone.
     """
-    law = kinds()[kind].design(wanted).law
+    law = law_of(kind, wanted)
     if law.solve is not None and arithmetic.startswith("fixed"):
         with pytest.raises(QuantizeError, match="no fixed-point form"):
             lower(law, arithmetic)
