@@ -26,7 +26,7 @@ def scores(measured: Array, simulated: Array) -> Scores:
     miss = measured - simulated
     missed = float(np.sum(miss**2))
     moved = float(np.sum((measured - measured.mean()) ** 2))
-    share = missed / moved if moved > 0.0 else math.nan
+    share = missed / moved if np.ptp(measured) > 0.0 else math.nan  # `moved` may be the rounding of its mean
     return Scores(
         fit_percent=100.0 * (1.0 - math.sqrt(share)),
         rmse=math.sqrt(missed / len(miss)),

@@ -126,7 +126,7 @@ def moves(values: Array) -> bool:
     away = values - values.mean(axis=0)
     power, rows = np.sum(away**2, axis=0), len(away)
     ratio = np.sum(np.diff(away, axis=0) ** 2, axis=0) / np.where(power > 0.0, power, 1.0)
-    return bool(np.any((power > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))))
+    return bool(np.any((np.ptp(values, axis=0) > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))))
 
 
 def check_answer(plant: Plant, interval: tuple[float, float] | None, sources: Sequence[str]) -> None:

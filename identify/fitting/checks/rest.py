@@ -16,13 +16,14 @@ from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, independent, remainders
 from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
 from firmloop.identify.fitting.residual_tests import residual_tests
+from firmloop.identify.fitting.sufficiency import moves
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
-from firmloop.identify.simulation.simulate import rest_start, simulate
+from firmloop.identify.simulation.simulate import drive_of, rest_start, simulate
 from firmloop.identify.units import ending_of
 
 _Means = Callable[[], Plant | None]  # `about_means`, asked once
@@ -32,6 +33,8 @@ _SHARE = 0.2  # of what is left, that a level explains along the slopes: worth i
 _CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
 _SEVERAL = 2  # recordings, which may differ
 _SEEN = 0.01  # of the output's range: a level below it harms nobody
+_UNDRIVEN = 0.01  # of the largest input: less drives nothing
+_FEWEST = 5  # rows before an input, from which they tell where a plant rests
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -50,9 +53,43 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         samples = independent([part.residual[:, k] for part in parts])
         if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, parts, k):
             continue
+        reading, seen = _undriven(evidence, k), _SEEN * _spread(evidence, plant.outputs[k].name)
+        if reading is not None and abs(reading) < seen:  # it rests where the plant does, whatever a fit makes of it
+            if -samples * math.log1p(-min(hint.share, 1.0 - 1e-12)) > _CERTAIN and abs(hint.size) > seen:
+                found.append(_in_motion(plant.outputs[k], hint.size, reading))
+            continue
         said = _apart(evidence, k, means) or _fitted(evidence, k, hint.size, means)
         found += [said] if said else []
     return tuple(found)
+
+
+def _undriven(evidence: Evidence, k: int) -> float | None:
+    """Return what an output reads where recordings begin at rest, with no input yet; None where none does."""
+    plant = evidence.given
+    drives = [drive_of(plant, recording) for recording in evidence.recordings]
+    most = np.max(np.abs(np.concatenate(drives)), axis=0)
+    readings = []
+    for drive, recording in zip(drives, evidence.recordings, strict=True):
+        driven = np.any(np.abs(drive) > _UNDRIVEN * most, axis=1)
+        first = recording.columns[plant.outputs[k].name][: int(np.argmax(driven)) if np.any(driven) else None]
+        if len(first) >= _FEWEST and not moves(first[:, None]):
+            readings.append(first)
+    return float(np.mean(np.concatenate(readings))) if readings else None
+
+
+def _in_motion(output: Signal, level: float, reading: float) -> str:
+    """Say that what looks like a level is there only while the plant moves."""
+    unit = f" {output.unit}".rstrip()
+    return (
+        f"{output.name} is met better by {level:.4g}{unit} more than the plant gives, but reads {reading:.4g}{unit} "
+        "before anything drives it: no level at rest, but dry friction, a dead zone or a load; `firmloop diagnose` "
+        "says which"
+    )
+
+
+def _spread(evidence: Evidence, output: str) -> float:
+    """Return the widest range of an output in one recording."""
+    return max(float(np.ptp(recording.columns[output])) for recording in evidence.recordings)
 
 
 def _fitted(evidence: Evidence, k: int, level: float, means: _Means) -> str:
@@ -71,7 +108,7 @@ def _fitted(evidence: Evidence, k: int, level: float, means: _Means) -> str:
     if after is None:
         return ""
     found = next(p for p in after.plant.parameters if p.name == name)
-    spread = max(float(np.ptp(recording.columns[output.name])) for recording in evidence.recordings)
+    spread = _spread(evidence, output.name)
     half = 0.0 if found.interval_95 is None else found.interval_95[1] - found.value
     if _gain(evidence, before, after) < _CERTAIN or abs(found.value) < max(_SEEN * spread, half):
         return ""
@@ -105,7 +142,7 @@ def _apart(evidence: Evidence, k: int, means: _Means) -> str:
     except IdentifyError:
         return ""
     levels = {own.source: own.parameter.value for own in after.per_recording}
-    spread = max(float(np.ptp(recording.columns[output.name])) for recording in evidence.recordings)
+    spread = _spread(evidence, output.name)
     differs = max(levels.values()) - min(levels.values())
     if _gain(evidence, before, after) < count * _CERTAIN or differs < _SEEN * spread:
         return ""

@@ -139,30 +139,42 @@ delay_s = { value = 0.0, free = false }
 """
 
 
-def _started(folder: Path, held: float) -> Path:
-    """Write what a motor does at three duties, `held` the third; it starts at 0.3, and the third encoder reads 0."""
+def _started(folder: Path, weak: float, held: float, dead: bool = True) -> Path:
+    """Write what a motor does at three duties; it starts at 0.3. The third encoder reads 0, if it is `dead`."""
     (folder / "project.toml").write_text(STARTED)
     noise, time = np.random.default_rng(11), np.arange(500) * 2e-3
-    for name, duty in (("strong", 0.9), ("weak", -0.5), ("held", held)):
+    for name, duty in (("strong", 0.9), ("weak", weak), ("held", held)):
         drive = np.where(time < 0.1, 0.0, duty)
         speed = 55.0 * np.sign(duty) * (abs(duty) - 0.3) * -np.expm1(-np.maximum(time - 0.1, 0.0) / 0.05)
-        read = 0.0 * time if name == "held" else speed + noise.normal(0.0, 0.2, len(time))
+        read = 0.0 * time if dead and name == "held" else speed + noise.normal(0.0, 0.2, len(time))
         write_recording(make_recording(time, {"duty": drive, "speed_rad_s": read}, name, ""), folder / f"{name}.csv")
     return folder / "project.toml"
 
 
-def test_a_run_too_weak_to_start_the_motor_is_a_recording_like_the_others(tmp_path: Path) -> None:
+def test_a_run_too_weak_to_start_the_motor_is_a_recording_like_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Where a larger input moves the same output, friction holds it, and no sensor is dead."""
-    main(["diagnose", str(_started(tmp_path, 0.2)), "--out", str(tmp_path / "out")])
+    main(["diagnose", str(_started(tmp_path, -0.5, 0.2)), "--out", str(tmp_path / "out")])
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert {each["name"] for each in said["effects"]} <= {"dead_zone", "coulomb_friction"} and said["effects"]
     assert main(["identify", str(tmp_path / "project.toml"), "--out", str(tmp_path / "plant")]) == 0
+    told = capsys.readouterr().out
+    assert "held.csv    speed_rad_s  fit none" in told  # of what never moves there is no share to explain
+
+
+def test_what_rests_where_it_reads_has_no_level_of_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A level would make up for friction in the one direction that was recorded; at rest the encoder reads 0."""
+    project = _started(tmp_path, 0.6, 0.45, dead=False)
+    assert main(["identify", str(project), "--out", str(tmp_path / "plant")]) == 0
+    told = capsys.readouterr().out
+    assert "before anything drives it: no level at rest, but dry friction" in told and "output_at_rest" not in told
 
 
 def test_an_output_that_stands_still_at_the_largest_input_is_a_dead_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    project = _started(tmp_path, 1.0)
+    project = _started(tmp_path, -0.5, 1.0)
     assert main(["diagnose", str(project), "--out", str(tmp_path / "out")]) == 2
     assert main(["identify", str(project), "--out", str(tmp_path / "plant")]) == 2
     said = capsys.readouterr().err
