@@ -29,7 +29,10 @@ counted);
   reads (`design/quadratic/partition.py`, `design/quadratic/tree.py`); for few moves and states.
 - `solver = "fixed_iterations"`: the same number of iterations in every sample, in floating or fixed point
   (`design/quadratic/splitting.py`). It is chosen such that every output is within `accuracy`, a share of its range, of
-  the optimum wherever there is one; judged by states drawn over the ranges in [signals].
+  the optimum wherever there is one; judged by states drawn over the ranges in [signals]. It is for what "explicit" has
+  no room for, on targets without a floating-point unit or where every sample has to take the same time: of a small
+  servo `python -m bench.mpc.methods` counts 5,431 instructions in fixed32 against 112 of "explicit", and 1,561 of
+  "online", which is exact, in float32.
 - `solver = "auto"`: "explicit" where that is smaller than the search, else "online".
 """
 
