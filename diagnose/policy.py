@@ -106,6 +106,7 @@ WHITENESS_LAGS = 20  # over which whiteness is judged
 
 # Steps of a fit.
 STEPS_OF_A_TRIAL = 2  # of a trial that only has to promise something
+STEPS_OF_A_START = 4  # of one start of several, the best of which is gone on with: after two it may be another
 STEPS_OF_A_FIT = 24  # of a final fit
 STEPS_OF_A_LAST_FIT = 4  # of one that only follows a new noise model
 REFITS = 3  # by plain simulation error, each with the sizes that the last one left: they stay after two or three

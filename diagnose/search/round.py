@@ -27,6 +27,7 @@ from firmloop.diagnose.policy import (
     SMALL_GRID,
     STEPS_OF_A_FIT,
     STEPS_OF_A_LAST_FIT,
+    STEPS_OF_A_START,
     STEPS_OF_A_TRIAL,
     THRESHOLD,
     TRIED_IN_A_ROUND,
@@ -167,7 +168,7 @@ def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> 
         if problem.engine.steps - begun > INSISTING_PATIENCE:
             break
         begins = [extended(best.fitted, each.term, start) for start in _each_start(problem, each)]
-        trials = [fit(problem, problem.train, *begin, sizes, STEPS_OF_A_TRIAL) for begin in begins]
+        trials = [fit(problem, problem.train, *begin, sizes, STEPS_OF_A_START) for begin in begins]
         near = min(trials, key=lambda fitted: fitted.cost)
         fitted = fit(problem, problem.train, near.terms, near.point, sizes, STEPS_OF_A_FIT)
         if not _too_large(fitted):
