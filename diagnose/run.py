@@ -130,8 +130,6 @@ def _measured(
     values = {**(found.best if refit is None else found.nominal).fitted.point.values, **known}
     point = fit_starts(problem, problem.train, values, [white(size) for size in sizes])
     residuals = [residual_of(problem, recording, point, k) for k, recording in enumerate(problem.train)]
-    moved = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
-    plant = replace(problem.plant, parameters=moved)
     moves = np.std(np.concatenate([outputs_of(problem, recording) for recording in problem.train]), axis=0)
     missed = float(np.max(rms_of(residuals) / np.maximum(moves, 1e-300)))
     evidence = evidence_of(found)
@@ -141,7 +139,9 @@ def _measured(
         replace(
             finding,
             simulation_rms=figures,
-            disturbance=disturbances(plant, problem.train, residuals, list(finding.noise.values())),
+            disturbance=disturbances(
+                problem.plant.valued(values), problem.train, residuals, list(finding.noise.values())
+            ),
             evidence=evidence,
         ),
         missed,

@@ -38,9 +38,7 @@ class Latent:
 
 def nominal_plant(search: Search, candidate: Candidate) -> Plant:
     """Return the plant without effects, with the nominal parameters of an explanation."""
-    values = candidate.fitted.point.values
-    parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in search.problem.plant.parameters)
-    return without_varying(replace(search.problem.plant, parameters=parameters))
+    return without_varying(search.problem.plant.valued(candidate.fitted.point.values))
 
 
 def as_others(search: Search, recording: Recording, values: Mapping[str, float], start: Array) -> Recording:

@@ -40,8 +40,7 @@ def polished(problem: Problem, fitted: Fitted, noises: Sequence[Noise], most: in
     After `most` solves of a few steps each it stays where it is, and before one where that would take too long.
     """
     values = fitted.point.values
-    nominal = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
-    plant = replace(problem.plant, parameters=nominal)
+    plant = problem.plant.valued(values)
     plant = with_effects(plant, [*declared(plant, fitted.terms), *(term.use(values) for term in fitted.terms)])
     engine = simulator(plant, problem.train[0].hold)
     took = SumOfSquares(problem, problem.train, (), noises, np.zeros((0, 1))).at(fitted.point).took

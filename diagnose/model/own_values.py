@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from firmloop.diagnose.model.descent import SumOfSquares
@@ -17,8 +15,7 @@ def own_of_all(problem: Problem, fitted: Fitted) -> tuple[OwnValue, ...]:
     values = fitted.point.values
     if not problem.plant.varying:
         return ()
-    found = tuple(replace(p, value=values.get(p.name, p.value)) for p in problem.plant.parameters)
-    plant = replace(problem.plant, parameters=found)
+    plant = problem.plant.valued(values)
     count, states = len(fitted.coordinates), len(problem.engine.states)
     spread = np.sqrt(np.maximum(np.diag(inverse(fitted.normal))[count:], 0.0)).reshape(-1, states)
     known = [*zip(problem.train, fitted.point.starts, spread, strict=True)]

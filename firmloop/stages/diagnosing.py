@@ -68,10 +68,7 @@ def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding, ref
     """
     if (finding.train.after or finding.train.refit or 0.0) < _MUCH:
         return
-    begin = plant
-    if refit is not None:
-        known = {p.name: p.value for p in refit.parameters}
-        begin = replace(plant, parameters=tuple(replace(p, value=known.get(p.name, p.value)) for p in plant.parameters))
+    begin = plant if refit is None else plant.valued({p.name: p.value for p in refit.parameters})
     try:
         fitted = estimate(begin, train, (), NONE, near=refit is not None, doubt=untold)
     except IdentifyError:

@@ -180,8 +180,7 @@ def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning)
     if not named:
         return plant
     shared = estimate(in_common(plant, named), train, (), conditioning, doubt=untold).plant
-    values = {p.name: p.value for p in shared.parameters}
-    return replace(plant, parameters=tuple(replace(p, value=values[p.name]) for p in plant.parameters))
+    return plant.valued({p.name: p.value for p in shared.parameters})
 
 
 def _silent(fraction: float, label: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import casadi as ca
@@ -130,3 +130,7 @@ class Plant:
     inside: Inside | None = None
     varying: tuple[Varying, ...] = ()
     input_at_rest: str | None = None  # name of the parameter that the input is at before the first row; None: zero
+
+    def valued(self, values: Mapping[str, float]) -> Plant:
+        """Return the plant with these values of its parameters, by name; what is not among them stays."""
+        return replace(self, parameters=tuple(replace(p, value=values.get(p.name, p.value)) for p in self.parameters))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -38,11 +38,10 @@ class Response:
 
 def response(plant: Plant, values: Mapping[str, float], recording: Recording, number: int = 0) -> Response:
     """Return the response to a torque in the balance `number` (of those with a state)."""
-    plant = without_varying(plant)
-    parameters = tuple(replace(p, value=values.get(p.name, p.value)) for p in plant.parameters)
-    bare = linearize(replace(plant, parameters=parameters))
+    plant = without_varying(plant).valued(values)
+    bare = linearize(plant)
     balance = [each for each in plant.balances if each.state >= 0][number]
-    constants = np.array([p.value for p in parameters])[: plant.rate.numel_in(2)]
+    constants = np.array([p.value for p in plant.parameters])[: plant.rate.numel_in(2)]
     states = len(bare.a)
     whole = np.zeros((states + 1, states + 1))
     whole[:states, :states] = bare.a
