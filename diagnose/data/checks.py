@@ -76,14 +76,15 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
 
 def check_rows(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
     """Refuse a recording that is short, whose time jumps, or in which an output stands still that should move."""
-    for recording in (*train, *test):
+    every = (*train, *test)
+    for recording in every:
         _check_time(recording)
-    for recordings in (train, (*train, *test)):  # what moves in a test recording alone teaches nothing
-        readings = [measured(plant, each) for each in recordings]
-        for k, column in dead_outputs(readings, [drive_of(plant, each) for each in recordings]):
+    readings, drives = [measured(plant, each) for each in every], [drive_of(plant, each) for each in every]
+    for count in (len(train), len(every)):  # what moves in a test recording alone teaches nothing
+        for k, column in dead_outputs(readings[:count], drives[:count]):
             raise IdentifyError(
-                f"{recordings[k].source}: column {plant.outputs[column].name} is {readings[k][0, column] + 0.0:g} in "
-                "every row; check the sensor and its wire"
+                f"{every[k].source}: column {plant.outputs[column].name} is {readings[k][0, column] + 0.0:g} in every "
+                "row; check the sensor and its wire"
             )
 
 

@@ -72,7 +72,7 @@ class Tracker:
         rows, size = len(outputs), len(self.step)
         ahead, _ = self.filtered(outputs, np.zeros((rows, size)), np.zeros(size))
         left = outputs - ahead @ self.reading.T
-        seen = recurred(self.forgets.T, np.zeros((rows, *self.reading.shape)), self.reading)
+        seen = recurred(self.forgets.T, np.zeros((rows - 1, *self.reading.shape)), self.reading)
         root = np.linalg.inv(np.linalg.cholesky(self.innovation))
         start = np.linalg.lstsq((root @ seen).reshape(-1, size), (left @ root.T).ravel(), rcond=None)[0]
         return np.asarray(start), np.asarray(left - seen @ start)
@@ -87,14 +87,15 @@ class Tracker:
 
         The reading of row k comes before input k acts; a direct path is not corrected for.
         """
-        ahead = recurred(self.forgets, outputs @ (self.step @ self.kalman).T + forced, start)
+        pushes = outputs @ (self.step @ self.kalman).T + forced
+        ahead = recurred(self.forgets, pushes[:-1], start)
         return ahead, np.asarray(ahead + (outputs - ahead @ self.reading.T) @ self.kalman.T)
 
     def smoothed(self, outputs: Array, forced: Array, start: Array) -> Array:
         """Return states and disturbances (n, s + b) by all rows of outputs (n, r)."""
         ahead, here = self.filtered(outputs, forced, start)
         pushes = here[:-1] - ahead[1:] @ self.back.T
-        return recurred(self.back, np.concatenate([pushes[::-1], pushes[:1]]), here[-1])[::-1]
+        return recurred(self.back, pushes[::-1], here[-1])[::-1]
 
 
 def tracker(

@@ -210,7 +210,7 @@ def _simulated_states(plant: Plant, bare: Linear, recording: Recording) -> Array
     whole[:states, :states], whole[:states, states:] = bare.a, bare.b
     moved = scipy.linalg.expm(whole * course.step)
     step, pushed = moved[:states, :states], course.drive @ moved[:states, states:].T
-    return recurred(step, pushed, np.zeros(states))
+    return recurred(step, pushed[:-1], np.zeros(states))
 
 
 def _yielding(travel: Array, reaches: Array) -> Array:

@@ -81,12 +81,13 @@ class Gathering:
 def gathering(columns: Sequence[Array]) -> Gathering | None:
     """Return where readings (n,) gather near their largest magnitude, as at a limit with noise behind it, or None.
 
-    What comes to rest there gathers, too.
+    What comes to rest there gathers, too; what never changes gathers nowhere.
     """
-    sizes = np.sort(np.abs(np.concatenate(columns)))
-    top = float(sizes[-1])
-    if top == 0.0:
+    readings = np.concatenate(columns)
+    if np.ptp(readings) == 0.0:
         return None
+    sizes = np.sort(np.abs(readings))
+    top = float(sizes[-1])
     bends = np.abs(np.concatenate([np.diff(column, 2) for column in columns]))
     half = max(0.5 * _NEAR * top, _SPREAD * _MEDIAN * float(np.median(bends)) if len(bends) else 0.0)
     bands = np.arange(top - 2.0 * half, 0.5 * top, -0.25 * half)  # lower ends of bands of 2 half

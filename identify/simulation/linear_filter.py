@@ -17,7 +17,7 @@ def filtered(above: Array, below: Array, values: Array) -> Array:
 
     `below[0]` is 1. The recursion is a triangular system with `below` along its diagonals.
     """
-    values = np.ascontiguousarray(values)  # one column of many is read far slower
+    values = np.ascontiguousarray(values, dtype=np.float64)  # one column of many is read far slower
     result, part = above[0] * values, np.empty_like(values)
     for lag in range(1, min(len(above), len(values))):
         result[lag:] += np.multiply(above[lag], values[:-lag], out=part[lag:])
@@ -30,11 +30,11 @@ def filtered(above: Array, below: Array, values: Array) -> Array:
 
 
 def recurred(step: Array, pushes: Array, start: Array) -> Array:
-    """Return x (n, ..., s) of x[0] = start and x[k+1] = step x[k] + pushes[k], `pushes` (n, ..., s).
+    """Return x (n, ..., s) of x[0] = start and x[k+1] = step x[k] + pushes[k], `pushes` (n - 1, ..., s).
 
     By doubling (Hillis and Steele 1986): after each of log2(n) passes a row holds what twice as many before it did.
     """
-    rows = np.concatenate([start[None], pushes[:-1]])
+    rows = np.concatenate([start[None], pushes])
     power, reach = step.T, 1
     while reach < len(rows):
         rows[reach:] += rows[:-reach] @ power
