@@ -24,6 +24,9 @@ enum { PARTS = 8 }; /* of a substep, at most */
 
 static double sign(double x) { return (x > 0.0) - (x < 0.0); }
 
+/* Of what a case does not conceal no sine is computed: those took most of the time. */
+static double wave(double size, double angle) { return size != 0.0 ? size * sin(angle) : 0.0; }
+
 static double driver(const double *p, double u) {
     double v = u;
     if (p[DEAD_ZONE] > 0.0) {
@@ -44,7 +47,7 @@ static double motor_torque(const double *p, const double *x, double v) {
     if (p[KT_SATURATION] > 0.0) {
         kt /= 1.0 + i * i / (p[KT_SATURATION] * p[KT_SATURATION]);
     }
-    return kt * i * (1.0 - p[RIPPLE] * sin(p[RIPPLE_N] * x[POSITION] + p[RIPPLE_PHASE]));
+    return kt * i * (1.0 - wave(p[RIPPLE], p[RIPPLE_N] * x[POSITION] + p[RIPPLE_PHASE]));
 }
 
 static double friction(const double *p, const double *x, double v, double side) {
@@ -71,11 +74,11 @@ static void rates(const double *p, const double *x, double v, double torque, dou
                   double *d) {
     const double w = x[SPEED];
     const double a = x[POSITION];
-    double sum = motor_torque(p, x, v) + torque - p[B] * w * (1.0 + p[ANGLE_DAMPING] * sin(2.0 * a));
+    double sum = motor_torque(p, x, v) + torque - p[B] * w * (1.0 + wave(p[ANGLE_DAMPING], 2.0 * a));
     double resistance = p[R];
     sum -= p[DRAG] * fabs(w) * w + p[LOAD];
-    sum -= p[GRAVITY] * sin(a + p[GRAVITY_PHASE]) + p[COGGING] * sin(p[COGGING_N] * a + p[COGGING_PHASE]);
-    sum -= p[SPRING] * a + p[CUBIC] * a * a * a + p[PERIODIC] * sin(6.283185307179586 * p[PERIODIC_HZ] * t);
+    sum -= wave(p[GRAVITY], a + p[GRAVITY_PHASE]) + wave(p[COGGING], p[COGGING_N] * a + p[COGGING_PHASE]);
+    sum -= p[SPRING] * a + p[CUBIC] * a * a * a + wave(p[PERIODIC], 6.283185307179586 * p[PERIODIC_HZ] * t);
     if (p[STOP_STIFFNESS] > 0.0 && a > p[STOP]) {
         sum -= p[STOP_STIFFNESS] * (a - p[STOP]);
     }
@@ -124,14 +127,13 @@ static void rates(const double *p, const double *x, double v, double torque, dou
     }
 }
 
-static void step(const double *p, const double *x, double v, double torque, double t, double h, const struct side *on,
-                 double *moved) {
-    double a[STATES];
+/* `a` are the rates at x. */
+static void step(const double *p, const double *x, const double *a, double v, double torque, double t, double h,
+                 const struct side *on, double *moved) {
     double b[STATES];
     double c[STATES];
     double d[STATES];
     double y[STATES];
-    rates(p, x, v, torque, t, on, a);
     for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * a[s];
     rates(p, y, v, torque, t, on, b);
     for (int s = 0; s < STATES; ++s) y[s] = x[s] + 0.5 * h * b[s];
@@ -158,12 +160,15 @@ static void move(const double *p, double *x, double v, double torque, double t, 
             on.dark = fabs(inductance(p, 0.0) * free[CURRENT]) <= p[BRUSH];
             on.current = on.dark ? 0.0 : sign(free[CURRENT]);
         }
-        step(p, x, v, torque, t, h, &on, y);
+        if (x[SPEED] == 0.0 || x[CURRENT] == 0.0) {
+            rates(p, x, v, torque, t, &on, free);
+        }
+        step(p, x, free, v, torque, t, h, &on, y);
         const double speed = until_rest(x[SPEED], y[SPEED]);
         const double current = until_rest(x[CURRENT], y[CURRENT]);
         const double share = part + 1 < PARTS ? fmin(speed, current) : 1.0;
         if (share < 1.0) {
-            step(p, x, v, torque, t, share * h, &on, y);
+            step(p, x, free, v, torque, t, share * h, &on, y);
             y[speed <= current ? SPEED : CURRENT] = 0.0;
         }
         for (int s = 0; s < STATES; ++s) x[s] = y[s];
