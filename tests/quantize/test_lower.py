@@ -12,7 +12,7 @@ from firmloop.design.kinds import kinds
 from firmloop.design.law import Flag, Law, Scalar
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import ARITHMETICS, lower
-from firmloop.quantize.program import Program, QuantizeError
+from firmloop.quantize.program import Program, QuantizeError, Value
 from firmloop.verify.block import Block, run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
@@ -44,16 +44,30 @@ def leaves_bounds(program: Program, blocks: list[Block]) -> list[str]:
             row = [inputs[:, k, j].astype(working_type(program)) for j in range(len(program.inputs))]
             for j, value in enumerate(program.parameters if settings is not None else ()):
                 state[first + j] = set_parameter(value, state[first + j], settings[:, k, j])
+            if k % 4:  # every fourth step is enough: lanes are many
+                state = machine.after(row, state)
+                continue
             values = machine.step(row, state)
-            state = [np.broadcast_to(values[s], lanes) for s in machine.next]
-            if k % 4:
-                continue  # every fourth step is enough: lanes are many
+            state = machine.following(values, lanes)
             named = machine.named(values)
             checked = [(op.result, named[op.result.name]) for op in program.body]
-            for value, got in [*checked, *zip(program.state, state, strict=True)]:
-                if np.min(got) < value.low or np.max(got) > value.high:
-                    wrong.add(value.name)
+            wrong |= _outside([*checked, *zip(program.state, state, strict=True)])
     return sorted(wrong)
+
+
+def _outside(checked: list[tuple[Value, np.ndarray]]) -> set[str]:
+    """Return the names of the values that are beyond their bounds in a lane; those of a kind are looked at at once."""
+    alike: dict[tuple[object, ...], list[tuple[Value, np.ndarray]]] = {}
+    for value, got in checked:
+        row = np.asarray(got)
+        alike.setdefault((row.dtype, row.shape), []).append((value, row))
+    wrong = set()
+    for group in alike.values():
+        rows = np.array([row for _, row in group]).reshape(len(group), -1)
+        for (value, _), least, most in zip(group, rows.min(axis=1), rows.max(axis=1), strict=True):
+            if least < value.low or most > value.high:
+                wrong.add(value.name)
+    return wrong
 
 
 def _calm(program: Program, lane: np.ndarray) -> list[bool]:
