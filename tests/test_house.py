@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -97,6 +98,16 @@ def _names(path: Path) -> frozenset[str]:
     """Return the names and attributes that a file uses."""
     attributes = {node.attr for node in _nodes(path) if isinstance(node, ast.Attribute)}
     return frozenset(attributes | {node.id for node in _nodes(path) if isinstance(node, ast.Name)})
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _kept_trees() -> Iterator[None]:
+    """Keep the trees of all files while these tests run: a million nodes, which no collector need look through."""
+    gc.disable()
+    yield
+    _tree.cache_clear()
+    _nodes.cache_clear()
+    gc.enable()
 
 
 def test_every_floor_is_there() -> None:
