@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.covariance import Doubt, uncertainty
 from firmloop.identify.fitting.experiment import best_start, experiments, misfit
 from firmloop.identify.fitting.least_squares import descend, triangle
+from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
@@ -85,12 +86,12 @@ def usual_start(plant: Plant, recording: Recording) -> Array:
     """Return the initial state (n,) at rest; of what moves by itself as its own readings begin.
 
     From rest, a search for that may end in another turn. A state that is read begins there, one that is the
-    rate of such a state as quickly as its readings begin to move.
+    rate of such a state as quickly as its readings begin to move. What effects bring of their own begins with them.
     """
     found = rest_start(plant, recording)
     if not by_itself(plant, recording):
         return found
-    line, few = linearize(plant), max(len(recording.time) // _BEGINNING, _FEWEST)
+    line, few = linearize(with_effects(plant, ())), max(len(recording.time) // _BEGINNING, _FEWEST)
     read = {int(np.argmax(row)): k for k, row in enumerate(line.c) if _picks_one(row)}
     columns = {state: recording.columns.get(plant.outputs[k].name) for state, k in read.items()}
     for index in range(len(line.a)):

@@ -57,6 +57,17 @@ def test_a_free_swing_begins_as_its_readings_do_whatever_its_states_are_called()
     assert np.all(usual_start(PENDULUM, swinging(0.1)) == 0.0)
 
 
+def test_what_moves_by_itself_begins_as_it_reads_behind_a_sensor_that_lags() -> None:
+    """A state of the sensor is none of the plant's; a lag under a constant input ended in an index error."""
+    values = {"gain": 500.0, "time_constant_s": 0.1, "delay_s": 0.0}
+    lag = [EffectUse("sensor_lag", None, {"time_constant_s": 0.07})]
+    plant = with_effects(make_plant("first_order", "voltage_V", ["speed_rad_s"], values), lag)
+    time = np.arange(0.0, 3.0, 0.05)
+    columns = {"voltage_V": np.full(60, 3.0), "speed_rad_s": 1500.0 - 1380.0 * np.exp(-10.0 * time)}
+    recording = make_recording(time, columns, "run.csv", "")
+    assert usual_start(plant, recording) == pytest.approx([120.0])
+
+
 def test_a_clock_on_which_all_is_over_before_the_next_row_is_not_simulated(tried: list[float]) -> None:
     """Of a stage of 0.07 s and rows 10 ms apart."""
     values = {"J_kg_m2": 7e-5, "b_N_m_s_rad": 1e-3, "torque_per_unit": 0.02}
