@@ -250,7 +250,7 @@ CROSS_PATIENCE = 20.0  # million steps of simulation, after which no further par
 CROSS_FIT_PATIENCE = 3.0  # of one fit to the rest
 
 # Recordings: what is refused, and what is cut.
-FEWEST_ROWS = 60  # a shorter recording, or stretch without a missing row, tells nothing
+FEWEST_ROWS = 60  # of all train recordings, of a block left out, or without a missing one: fewer tell nothing
 CLOCK_JUMP_ROWS = 50.0  # rows; a gap longer than this is no jitter
 SIGNLESS_NOISE = 0.03  # of the largest reading: noise of one that has no sign
 MISLABELLED_CORRELATION = 0.85  # correlation from which a column is taken to follow the simulation of another

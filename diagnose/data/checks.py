@@ -75,8 +75,15 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
 
 
 def check_rows(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]) -> None:
-    """Refuse a recording that is short, whose time jumps, or in which an output stands still that should move."""
+    """Refuse recordings too short, one whose time jumps, or in which an output stands still that should move."""
     every = (*train, *test)
+    rows = sum(len(recording.time) for recording in train)
+    if rows < FEWEST_ROWS:
+        files = ", ".join(recording.source for recording in train)
+        raise IdentifyError(
+            f"{files}: has {rows} rows to train on; a diagnosis needs at least {FEWEST_ROWS}, better a thousand: "
+            "record longer, or more often"
+        )
     for recording in every:
         _check_time(recording)
     readings, drives = [measured(plant, each) for each in every], [drive_of(plant, each) for each in every]
@@ -89,12 +96,6 @@ def check_rows(plant: Plant, train: Sequence[Recording], test: Sequence[Recordin
 
 
 def _check_time(recording: Recording) -> None:
-    rows = len(recording.time)
-    if rows < FEWEST_ROWS:
-        raise IdentifyError(
-            f"{recording.source}: has {rows} rows; a diagnosis needs at least {FEWEST_ROWS}, "
-            f"better a thousand: record longer"
-        )
     gaps = np.diff(recording.time)
     step = float(np.median(gaps))
     worst = int(np.argmax(gaps))

@@ -42,9 +42,10 @@ def evidence_of(search: Search) -> Gained:
 
     Where nothing is named, the chance is that of the largest drop that any term promises. The chance is a parametric
     bootstrap of the largest drop (Davison & Hinkley 1997, section 4.2): the noise that the nominal plant leaves is
-    drawn anew, and each term takes what its trace and the slopes of its parameters can take, at every start. For
-    several effects, and where that is as little as draws can tell, Bonferroni's bound over all such sets, by the law of
-    each drop (Wilks 1938) in noise as loud as the loudest of its spectrum.
+    drawn anew, and each term takes what its trace and the slopes of its parameters can take, at every start. Several
+    effects are held against as many of the largest such drops, which two starts of one term may both hold: chance does
+    less. Where that is as little as draws can tell, Bonferroni's bound over all such sets, by the law of each drop
+    (Wilks 1938) in noise as loud as the loudest of its spectrum.
     """
     problem, nominal, best = search.problem, search.nominal, search.best
     gain = nominal.score - best.score
@@ -60,12 +61,12 @@ def evidence_of(search: Search) -> Gained:
         loudest = max(float(np.max(factors)) ** 2 for factors in _louder(search))
         bound = _bound(_most(problem), share * _likelier(search) / loudest, count)
     # Below the least that draws can tell, none would say more.
-    p_value = bound if count > 1 or bound < least else _by_draws(search, share)
+    p_value = bound if bound < least else _by_draws(search, share, max(count, 1))
     return Gained("BIC", gain, None if p_value is None else min(max(p_value, least), 1.0), library)
 
 
-def _by_draws(search: Search, share: float) -> float | None:
-    """Return how often noise that is drawn anew gains as much, for a `share` of the drop; None where nothing can."""
+def _by_draws(search: Search, share: float, count: int) -> float | None:
+    """Return how often `count` terms gain a `share` of the drop from noise drawn anew; None where nothing can."""
     best = search.best
     innovations = [replace(noise, weight=0.0) for noise in best.noises]  # what is drawn anew has a row for each of them
     under = ground(search.problem, search.problem.train, search.nominal.fitted, innovations)
@@ -75,8 +76,8 @@ def _by_draws(search: Search, share: float) -> float | None:
     promised = [float(np.sum((each.T @ under.left) ** 2)) for each in groups]
     drop = share * (_likelier(search) if best.fitted.terms else max(promised, default=0.0))
     if groups and sum(each.size for each in groups) <= MOST_DIRECTION_VALUES:
-        return _drawn(search, groups, drop) + _bound(untraced, drop, 1)
-    return _bound([*(each.shape[1] for each in groups), *untraced], drop, 1)
+        return _drawn(search, groups, drop, count) + _bound(untraced, drop / count, 1)
+    return _bound([*(each.shape[1] for each in groups), *untraced], drop, count)
 
 
 def _most(problem: Problem) -> list[int]:
@@ -186,8 +187,8 @@ def _levels(innovations: Array) -> Array:
     return np.asarray(np.sqrt(np.interp(np.arange(len(powers)), middles, levels)))
 
 
-def _drawn(search: Search, groups: Sequence[Array], drop: float) -> float:
-    """Return the share of draws of innovations of which some group takes at least `drop`."""
+def _drawn(search: Search, groups: Sequence[Array], drop: float, count: int) -> float:
+    """Return the share of draws of innovations of which the `count` groups that take most take at least `drop`."""
     whole, first = np.concatenate(groups, axis=1), 0
     for residual, factors in zip(search.best.fitted.residuals, _louder(search), strict=True):
         rows = len(residual)
@@ -199,7 +200,8 @@ def _drawn(search: Search, groups: Sequence[Array], drop: float) -> float:
     root = (turned * np.sqrt(np.maximum(powers, 0.0))) @ turned.T
     drawn = np.random.default_rng(_seed(search.problem)).normal(size=(CHANCE_DRAWS, len(root))) @ root
     firsts = np.cumsum([0, *(each.shape[1] for each in groups[:-1])])
-    largest = np.max(np.add.reduceat(drawn**2, firsts, axis=1), axis=1)
+    taken = np.sort(np.add.reduceat(drawn**2, firsts, axis=1), axis=1)
+    largest = np.sum(taken[:, -count:], axis=1)
     return float((1 + np.count_nonzero(largest >= drop)) / (CHANCE_DRAWS + 1))
 
 

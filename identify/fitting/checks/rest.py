@@ -34,6 +34,7 @@ _CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chanc
 _SEVERAL = 2  # recordings, which may differ
 _SEEN = 0.01  # of the output's range: a level below it harms nobody
 _UNDRIVEN = 0.01  # of the largest input: less drives nothing
+_APART = 0.1  # of the largest input: recordings whose first inputs differ by more begin under different ones
 _FEWEST = 5  # rows before an input, from which they tell where a plant rests
 
 
@@ -64,7 +65,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
 
 
 def _undriven(evidence: Evidence, k: int) -> float | None:
-    """Return what an output reads where recordings begin at rest, with no input yet; None where none does."""
+    """Return what an output reads where recordings begin at rest; None where none is known to.
+
+    They do with no input yet, or where they begin alike whatever the input then is: no two inputs hold a plant there.
+    """
     plant = evidence.given
     drives = [drive_of(plant, recording) for recording in evidence.recordings]
     most = np.max(np.abs(np.concatenate(drives)), axis=0)
@@ -74,7 +78,12 @@ def _undriven(evidence: Evidence, k: int) -> float | None:
         first = recording.columns[plant.outputs[k].name][: int(np.argmax(driven)) if np.any(driven) else None]
         if len(first) >= _FEWEST and not moves(first[:, None]):
             readings.append(first)
-    return float(np.mean(np.concatenate(readings))) if readings else None
+    if readings:
+        return float(np.mean(np.concatenate(readings)))
+    firsts = np.array([recording.columns[plant.outputs[k].name][0] for recording in evidence.recordings])
+    apart = np.ptp([drive[0] for drive in drives], axis=0) > _APART * most
+    alike = float(np.ptp(firsts)) < _SEEN * _spread(evidence, plant.outputs[k].name)
+    return float(np.mean(firsts)) if np.any(apart & (most > 0.0)) and alike else None
 
 
 def _in_motion(output: Signal, level: float, reading: float) -> str:

@@ -139,15 +139,17 @@ delay_s = { value = 0.0, free = false }
 """
 
 
-def _started(folder: Path, weak: float, held: float, dead: bool = True) -> Path:
-    """Write what a motor does at three duties; it starts at 0.3. The third encoder reads 0, if it is `dead`."""
+def _started(folder: Path, weak: float, held: float, dead: bool = True, first: float = 0.0) -> Path:
+    """Write what a motor does at three duties from `first`; it starts at 0.3. If `dead`, the third encoder reads 0."""
     (folder / "project.toml").write_text(STARTED)
     noise, time = np.random.default_rng(11), np.arange(500) * 2e-3
     for name, duty in (("strong", 0.9), ("weak", weak), ("held", held)):
         drive = np.where(time < 0.1, 0.0, duty)
         speed = 55.0 * np.sign(duty) * (abs(duty) - 0.3) * -np.expm1(-np.maximum(time - 0.1, 0.0) / 0.05)
         read = 0.0 * time if dead and name == "held" else speed + noise.normal(0.0, 0.2, len(time))
-        write_recording(make_recording(time, {"duty": drive, "speed_rad_s": read}, name, ""), folder / f"{name}.csv")
+        kept = time >= first
+        columns = {"duty": drive[kept], "speed_rad_s": read[kept]}
+        write_recording(make_recording(time[kept] - first, columns, name, ""), folder / f"{name}.csv")
     return folder / "project.toml"
 
 
@@ -163,9 +165,15 @@ def test_a_run_too_weak_to_start_the_motor_is_a_recording_like_the_others(
     assert "held.csv    speed_rad_s  fit none" in told  # of what never moves there is no share to explain
 
 
-def test_what_rests_where_it_reads_has_no_level_of_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A level would make up for friction in the one direction that was recorded; at rest the encoder reads 0."""
-    project = _started(tmp_path, 0.6, 0.45, dead=False)
+@pytest.mark.parametrize(("weak", "held", "first"), [(0.6, 0.45, 0.0), (0.8, 0.7, 0.1)])
+def test_what_rests_where_it_reads_has_no_level_of_rest(
+    weak: float, held: float, first: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A level would make up for friction in the one direction that was recorded; at rest the encoder reads 0.
+
+    Runs that are driven from their first row on, each by another duty, all read 0 there: no level holds them so.
+    """
+    project = _started(tmp_path, weak, held, dead=False, first=first)
     assert main(["identify", str(project), "--out", str(tmp_path / "plant")]) == 0
     told = capsys.readouterr().out
     assert "before anything drives it: no level at rest, but dry friction" in told and "output_at_rest" not in told
