@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.own_values import by_itself, own_start
-from firmloop.identify.fitting.sufficiency import dead_outputs, moves
+from firmloop.identify.fitting.sufficiency import dead_outputs
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.recordings.stillness import moves
 from firmloop.identify.simulation.linear_filter import integrated
 from firmloop.identify.simulation.simulate import course_of, drive_of, measured, simulator
 

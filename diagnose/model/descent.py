@@ -381,12 +381,13 @@ def start_slopes(problem: Problem, recording: Recording, point: Point, index: in
 
 
 def _anchored(problem: Problem, recording: Recording, slopes: Array) -> Array:
-    """Hold the place where the first train recording begins if nobody measures it: all others count from there.
+    """Hold what a recording that begins at rest tells, and the place where the first one begins if nobody measures it.
 
-    Not in equations of one's own, which may depend on it.
+    All others count from there. Not in equations of one's own, which may depend on it.
     """
     for index, state in enumerate(problem.engine.states):
         unseen = state.startswith("position") and state not in recording.columns
         if unseen and recording is problem.train[0] and problem.plant.kind != "ode":
             slopes[..., index] = 0.0
+    slopes[..., list(problem.engine.known_states(recording))] = 0.0
     return _shown(problem, recording, slopes)

@@ -22,6 +22,7 @@ from firmloop.identify.recordings.conditioning import (
     windows,
 )
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.at_rest import known_states
 from firmloop.identify.simulation.course import Course, Engine
 from firmloop.identify.simulation.simulate import course_of, measured
 
@@ -42,6 +43,7 @@ class Experiment:
     names: tuple[str, ...]  # of the r outputs
     conditioning: Conditioning
     lags: Mapping[str, float]  # s by which an output's clock is late
+    known: tuple[int, ...] = ()  # states that are zero at its first row, see `known_states`
 
 
 def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) -> tuple[Experiment, ...]:
@@ -53,14 +55,14 @@ def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) 
     course = replace(course, drive=np.ascontiguousarray(drive))
     values = measured(plant, recording)
     check_parts(conditioning, recording.source, course.time)
-    made = []
+    made, known = [], known_states(plant, recording)
     for first, end in windows(conditioning, course.time, 2 * len(plant.states) + 2):
         check_conditioning(conditioning, (*inputs, *names), recording.source, course.time[first:end])
         part = values[first:end]
         bare = Experiment(
             recording.source, replace(course, first=first, end=end), part, part, names, conditioning, lags={}
         )
-        made.append(replace(bare, target=conditioned(bare, part)))
+        made.append(replace(bare, target=conditioned(bare, part), known=() if first else known))
     return tuple(made)
 
 
@@ -137,6 +139,7 @@ def misfit(
     spread, own = np.std(made.target, axis=0), slopes[..., len(which) :]
     traces = np.maximum(own.max(axis=0), -own.min(axis=0)) / np.where(spread > 0.0, spread, 1.0)[:, None]
     own[..., traces.max(axis=0) < _FORGOTTEN] = 0.0
+    own[..., list(made.known)] = 0.0
     return residual, slopes
 
 
@@ -150,11 +153,12 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
     if not len(guess):  # a plant without memory
         return guess
     usual = simulator.usual_state(made.course, constants, guess)
+    usual[list(made.known)] = guess[list(made.known)]
     guesses = [guess] if np.array_equal(usual, guess) else [guess, usual]
     small = _start_triangle(made, simulator, constants, guess, weights)
     if small is not None:
         pace = float(np.max(np.ptp(made.target, axis=0))) / (made.course.step * len(made.target))
-        for held in simulator.sticking:
+        for held in set(simulator.sticking) - set(made.known):
             if np.linalg.norm(small[:, held]) < _HELD * np.linalg.norm(small[:, :-1]):
                 guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.stillness import moves
 from firmloop.identify.simulation.linearize import linearize
 
 Array = NDArray[np.float64]
@@ -18,7 +19,6 @@ _BY_PARAMETER = 5  # readings: fewer, and an interval rests on a guess of the no
 _BY_STATE = 2  # readings for each initial state, of which every window has its own
 _SETTLED = 3.0  # time constants: within 5 % of the final value
 _DRIFTS = 100.0  # recordings: a time constant as long as that is none
-_STILL = 4.0  # deviations by which the differences of white noise may be smaller than they should be
 _NOISE_FREE = 1e-6  # of a state's largest slope: a pole of zero and what rounding makes of it
 
 
@@ -115,18 +115,6 @@ def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
         f"{parts[0].source}: the step never comes: {held} in every row, and {', '.join(parts[0].names)} "
         f"show{'s' if len(parts[0].names) == 1 else ''} nothing but noise; record the plant while its input changes"
     )
-
-
-def moves(values: Array) -> bool:
-    """Tell whether one of several readings (n, r) does more than white noise.
-
-    Successive differences of white noise have twice its variance (J. von Neumann, Annals of Mathematical Statistics 12
-    (1941) 367-395); those of anything that moves have less.
-    """
-    away = values - values.mean(axis=0)
-    power, rows = np.sum(away**2, axis=0), len(away)
-    ratio = np.sum(np.diff(away, axis=0) ** 2, axis=0) / np.where(power > 0.0, power, 1.0)
-    return bool(np.any((np.ptp(values, axis=0) > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))))
 
 
 def check_answer(plant: Plant, interval: tuple[float, float] | None, sources: Sequence[str]) -> None:

@@ -20,6 +20,7 @@ from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.clipping import gathering, rested
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.at_rest import known_states
 from firmloop.identify.simulation.course import LONGEST_CHANGE, MOST_STEPS, Course
 from firmloop.identify.simulation.engine import EffectSimulator, effect_simulator
 from firmloop.identify.simulation.linear_filter import integrated
@@ -51,6 +52,7 @@ class Superset:
     lost: float = math.inf
     longest_change: float = LONGEST_CHANGE
     strayed: Mapping[int, Array] = field(default_factory=dict)  # (n,) in rad, by the recording's identity
+    known: dict[int, tuple[Recording, tuple[int, ...]]] = field(default_factory=dict)  # states, as `courses` are
     places: Mapping[str, int] = field(init=False)  # of the names
     still: Array = field(init=False)  # (k,) the neutral values
 
@@ -108,6 +110,12 @@ class Superset:
             return start
         rest = rest_start(self.plant, recording)
         return rest if start is None else np.concatenate([start, rest[len(start) :]])
+
+    def known_states(self, recording: Recording) -> tuple[int, ...]:
+        """Return the states that a recording that begins at rest has as `begin` has them, see `known_states`."""
+        if id(recording) not in self.known:
+            self.known[id(recording)] = recording, known_states(self.plant, recording)
+        return self.known[id(recording)][1]
 
     def hasten(self, longest_change: float) -> None:
         """Take longer steps from now on."""

@@ -16,12 +16,12 @@ from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, independent, remainders
 from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
 from firmloop.identify.fitting.residual_tests import residual_tests
-from firmloop.identify.fitting.sufficiency import moves
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.recordings.stillness import resting
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import drive_of, rest_start, simulate
 from firmloop.identify.units import ending_of
@@ -33,9 +33,7 @@ _SHARE = 0.2  # of what is left, that a level explains along the slopes: worth i
 _CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
 _SEVERAL = 2  # recordings, which may differ
 _SEEN = 0.01  # of the output's range: a level below it harms nobody
-_UNDRIVEN = 0.01  # of the largest input: less drives nothing
 _APART = 0.1  # of the largest input: recordings whose first inputs differ by more begin under different ones
-_FEWEST = 5  # rows before an input, from which they tell where a plant rests
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -72,15 +70,11 @@ def _undriven(evidence: Evidence, k: int) -> float | None:
     plant = evidence.given
     drives = [drive_of(plant, recording) for recording in evidence.recordings]
     most = np.max(np.abs(np.concatenate(drives)), axis=0)
-    readings = []
-    for drive, recording in zip(drives, evidence.recordings, strict=True):
-        driven = np.any(np.abs(drive) > _UNDRIVEN * most, axis=1)
-        first = recording.columns[plant.outputs[k].name][: int(np.argmax(driven)) if np.any(driven) else None]
-        if len(first) >= _FEWEST and not moves(first[:, None]):
-            readings.append(first)
-    if readings:
-        return float(np.mean(np.concatenate(readings)))
-    firsts = np.array([recording.columns[plant.outputs[k].name][0] for recording in evidence.recordings])
+    readings = [recording.columns[plant.outputs[k].name][:, None] for recording in evidence.recordings]
+    rest = np.concatenate([resting(*each, most) for each in zip(readings, drives, strict=True)])
+    if len(rest):
+        return float(np.mean(rest))
+    firsts = np.array([each[0] for each in readings])
     apart = np.ptp([drive[0] for drive in drives], axis=0) > _APART * most
     alike = float(np.ptp(firsts)) < _SEEN * _spread(evidence, plant.outputs[k].name)
     return float(np.mean(firsts)) if np.any(apart & (most > 0.0)) and alike else None

@@ -1,0 +1,68 @@
+"""Which initial states are known, because a recording begins at rest: with no input yet, its readings do not move."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.recordings.stillness import resting
+from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.simulate import constants_of, drive_of, measured, seen_places
+
+Array = NDArray[np.float64]
+
+_SEEN = 0.01  # of an output's range: an initial state that moves it by less, or by less than its noise, is known
+_VAGUE = 1e-6  # of what an initial state does to the outputs: what is known of it without any row
+_MOMENTS = 60  # of a recording, at which that is looked at
+
+
+def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
+    """Return the states of the plant without effects that a recording begins with at rest, as far as its rows tell.
+
+    Before anything drives, readings that stand still leave no initial state but those that hold every output where it
+    is, such as a position. How well they tell the others follows from the plant, linear, with levels of the outputs
+    unknown; one whose doubt would never move an output by more than its noise, or a hundredth of its range, is known to
+    be zero.
+    """
+    drive, outputs = drive_of(plant, recording), measured(plant, recording)
+    rest = resting(outputs, drive, np.max(np.abs(drive), axis=0))
+    bare = with_effects(plant, ())
+    if not 0 < len(rest) < len(drive) or not _rests_at_zero(bare):
+        return ()
+    line = linearize(bare)
+    span, time = np.ptp(outputs, axis=0), recording.time - recording.time[0]
+    noise = _noise(rest, outputs)
+    seen = line.c / np.maximum(_SEEN * span, noise)[:, None]
+    far = np.stack([seen @ scipy.linalg.expm(line.a * moment) for moment in np.geomspace(time[1], time[-1], _MOMENTS)])
+    reach = np.max(np.sum(far**2, axis=1), axis=0)
+    step = scipy.linalg.expm(line.a * (time[len(rest) - 1] / (len(rest) - 1)))
+    traces = [line.c / noise[:, None]]
+    for _ in rest[1:]:
+        traces.append(traces[-1] @ step)
+    told = np.stack(traces)  # (rows, r, n)
+    told = (told - told.mean(axis=0)).reshape(-1, len(line.a))
+    shown = np.flatnonzero(np.isfinite(reach) & (reach > 0.0))
+    scale = np.sqrt(reach[shown])
+    scaled = told[:, shown] / scale
+    doubt = np.diag(np.linalg.inv(scaled.T @ scaled + _VAGUE * np.eye(len(shown))))
+    told_otherwise = {*(one.state for one in plant.varying), *(state for state, _ in seen_places(plant))}
+    return tuple(int(k) for k, size in zip(shown, doubt, strict=True) if size <= 1.0 and k not in told_otherwise)
+
+
+def _rests_at_zero(bare: Plant) -> bool:
+    """Tell whether a plant with neither state nor input stays there, and has slopes there."""
+    line, states, inputs = linearize(bare), np.zeros(len(bare.states)), np.zeros(len(bare.inputs))
+    rates = np.array(bare.rate(states, inputs, constants_of(bare)))
+    return bool(len(states) and not np.any(rates) and np.all(np.isfinite(line.a)) and np.all(np.isfinite(line.c)))
+
+
+def _noise(rest: Array, outputs: Array) -> Array:
+    """Return the noise (r,) of readings that rest, no less than the rounding that all readings have."""
+    steps = np.abs(np.diff(outputs, axis=0))
+    least = [float(np.min(column[column > 0.0], initial=np.inf)) for column in steps.T]
+    grid = np.where(np.isfinite(least), least, 1.0) / np.sqrt(12.0)
+    return np.asarray(np.maximum(np.std(rest, axis=0), grid))
