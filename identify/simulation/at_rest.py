@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -30,7 +33,7 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     """
     drive, outputs = drive_of(plant, recording), measured(plant, recording)
     rest = resting(outputs, drive, np.max(np.abs(drive), axis=0))
-    bare = with_effects(plant, ())
+    bare = _undelayed(with_effects(plant, ()))
     if not 0 < len(rest) < len(drive) or not _rests_at_zero(bare):
         return ()
     line = linearize(bare)
@@ -53,8 +56,18 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     return tuple(int(k) for k, size in zip(shown, doubt, strict=True) if size <= 1.0 and k not in told_otherwise)
 
 
+def _undelayed(plant: Plant) -> Plant:
+    """Return a plant whose input, of which there is none yet, comes at once: a fit may not have found its delay."""
+    return replace(
+        plant,
+        parameters=tuple(replace(each, value=0.0) if each.name == plant.delay else each for each in plant.parameters),
+    )
+
+
 def _rests_at_zero(bare: Plant) -> bool:
     """Tell whether a plant with neither state nor input stays there, and has slopes there."""
+    if any(math.isnan(parameter.value) for parameter in bare.parameters):
+        return False
     line, states, inputs = linearize(bare), np.zeros(len(bare.states)), np.zeros(len(bare.inputs))
     rates = np.array(bare.rate(states, inputs, constants_of(bare)))
     return bool(len(states) and not np.any(rates) and np.all(np.isfinite(line.a)) and np.all(np.isfinite(line.c)))
