@@ -118,7 +118,10 @@ def spoiled(finding: Finding) -> Finding:
         "therefore is the refit."
     )
     others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
-    return replace(finding, verdict="unknown_physics", effects=(), alternatives=(), says=(said, *others))
+    train = replace(finding.train, after=finding.train.refit)
+    test = None if finding.test is None else replace(finding.test, after=finding.test.refit)
+    none = replace(finding, effects=(), alternatives=(), train=train, test=test)
+    return replace(none, verdict="unknown_physics", says=(said, *others))
 
 
 def withheld(finding: Finding) -> Finding:

@@ -30,7 +30,6 @@ from firmloop.diagnose.policy import (
     RANGE_DIFFERENCE_STEP,
     RANGE_NEAR_SPAN,
     RANGE_REFINED,
-    RARE_WRAPS,
     RIM,
     SEEN_SHARES,
     TELLING_WRAP,
@@ -108,8 +107,7 @@ def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float,
     found = None
     for _ in range(RANGE_REFINED):
         turns = np.round((wanted - seen) / reach)
-        moved = turns != 0.0
-        if np.mean(moved) < RARE_WRAPS or np.max(np.abs(turns)) > MOST_TURNS_OFF:
+        if np.count_nonzero(np.diff(turns)) < FEWEST_LEAPS or np.max(np.abs(turns)) > MOST_TURNS_OFF:
             return found
         table = np.column_stack([turns, wanted, np.ones(len(seen))])
         answer = np.linalg.lstsq(table, seen, rcond=None)[0]
