@@ -297,7 +297,7 @@ def _equation(problem: Problem, term: LibraryTerm) -> str:
 def _with_interval(each: Estimate) -> str:
     unit = "" if each.unit in ("", "1") else f" {each.unit}"
     if each.interval is None:
-        return f"{each.value:.4g}{unit}"
+        return f"{each.value:.4g}{unit} (interval unknown)"
     half = 0.5 * (each.interval[1] - each.interval[0])
     told = math.log10(abs(each.value) / half) if half > 0.0 and each.value != 0.0 else 0.0
     digits = min(max(4, math.ceil(told) + 2), MOST_DIGITS)  # a gain of 1.0003 that is known to 3e-5 is not 1

@@ -24,11 +24,16 @@ def moves(values: Array) -> bool:
     return bool(np.any((np.ptp(values, axis=0) > 0.0) & (ratio < 2.0 - 2.0 * _STILL / np.sqrt(rows))))
 
 
+def driven(drive: Array, most: Array) -> NDArray[np.bool_]:
+    """Tell the rows (n,) in which an input (n, m) drives something; `most` (m,) are the largest inputs."""
+    return np.asarray(np.any(np.abs(drive) > _UNDRIVEN * most, axis=1))
+
+
 def resting(readings: Array, drive: Array, most: Array) -> Array:
     """Return the readings (q, r) of (n, r) before an input (n, m) drives anything, if the plant rests there, else none.
 
     `most` (m,) are the largest inputs.
     """
-    driven = np.any(np.abs(drive) > _UNDRIVEN * most, axis=1)
-    first = readings[: int(np.argmax(driven)) if np.any(driven) else None]
+    acts = driven(drive, most)
+    first = readings[: int(np.argmax(acts)) if np.any(acts) else None]
     return first if len(first) >= _FEWEST and not moves(first) else first[:0]

@@ -9,6 +9,7 @@ from functools import cache, partial
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
@@ -21,11 +22,12 @@ from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Parameter, Plant
-from firmloop.identify.recordings.stillness import resting
+from firmloop.identify.recordings.stillness import driven, resting
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import drive_of, rest_start, simulate
 from firmloop.identify.units import ending_of
 
+Array = NDArray[np.float64]
 _Means = Callable[[], Plant | None]  # `about_means`, asked once
 
 _HINT = 6.0  # independent samples times the share explained, from which a fit with the level is worth its time
@@ -44,16 +46,22 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
     found, refused = [], _refused(evidence)
     means = cache(partial(about_means, evidence.given, evidence.recordings, evidence.conditioning))
+    drives = [drive_of(evidence.given, recording) for recording in evidence.recordings]
+    most = np.max(np.abs(np.concatenate(drives)), axis=0)
     for k in range(len(plant.outputs)):
         columns = [np.zeros_like(part.residual) for part in parts]
+        reading, seen = _undriven(evidence, drives, most, k), _SEEN * _spread(evidence, plant.outputs[k].name)
+        resting_at_zero = reading is not None and abs(reading) < seen
         for column in columns:
             column[:, k] = 1.0
+        if resting_at_zero and [len(column) for column in columns] == [len(drive) for drive in drives]:
+            for column, drive in zip(columns, drives, strict=True):
+                column[~driven(drive, most)] = 0.0
         hint = explained(parts, weights, columns)
         samples = independent([part.residual[:, k] for part in parts])
         if hint.share * samples < _HINT and hint.share < _SHARE and not refused and not _astray(evidence, parts, k):
             continue
-        reading, seen = _undriven(evidence, k), _SEEN * _spread(evidence, plant.outputs[k].name)
-        if reading is not None and abs(reading) < seen:  # it rests where the plant does, whatever a fit makes of it
+        if reading is not None and resting_at_zero:  # it rests where the plant does, whatever a fit makes of it
             if -samples * math.log1p(-min(hint.share, 1.0 - 1e-12)) > _CERTAIN and abs(hint.size) > seen:
                 found.append(_in_motion(plant.outputs[k], hint.size, reading))
             continue
@@ -62,14 +70,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _undriven(evidence: Evidence, k: int) -> float | None:
+def _undriven(evidence: Evidence, drives: Sequence[Array], most: Array, k: int) -> float | None:
     """Return what an output reads where recordings begin at rest; None where none is known to.
 
     They do with no input yet, or where they begin alike whatever the input then is: no two inputs hold a plant there.
     """
     plant = evidence.given
-    drives = [drive_of(plant, recording) for recording in evidence.recordings]
-    most = np.max(np.abs(np.concatenate(drives)), axis=0)
     readings = [recording.columns[plant.outputs[k].name][:, None] for recording in evidence.recordings]
     rest = np.concatenate([resting(*each, most) for each in zip(readings, drives, strict=True)])
     if len(rest):
