@@ -200,14 +200,16 @@ def alike(one: LibraryTerm, other: LibraryTerm) -> dict[str, str]:
 def exchanged(
     base: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float]
 ) -> tuple[tuple[LibraryTerm, ...], Point]:
-    """Put one term at its start in the place of another; the nominal inertia stays beside a load that both have.
+    """Put one term at its start in the place of another.
 
-    What it contains gives way, too.
+    The nominal inertia stays beside a load that both have, and in the place of one by which they are the same: too
+    large to move. What the other contains gives way, too.
     """
     kept, rest = without(base, gone, *_contained(base, gone, come))
     values, before = dict(entered(rest.values, come, start)), base.point.values
-    if gone.taken is not None and come.taken is not None and start[come.taken[0]] == before[gone.taken[0]]:
-        values[come.taken[1]] = before[come.taken[1]]
+    shared = gone.taken is not None and come.taken is not None and start[come.taken[0]] == before[gone.taken[0]]
+    if gone.taken is not None and (shared or amounts_to(base, gone) == come.effect.name):
+        values[gone.taken[1]] = before[gone.taken[1]]
     return (*kept, come), Point(values, rest.starts)
 
 

@@ -15,6 +15,7 @@ from firmloop.diagnose.model.descent import SumOfSquares, residual_of
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of, tethers
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coordinates, entered, first_point
 from firmloop.diagnose.model.torque_scale import near_given
+from firmloop.diagnose.search.exchange import exchanged
 from firmloop.diagnose.search.from_given import runaways
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.fitting.problem import FitPoint, FitProblem
@@ -65,14 +66,41 @@ def test_an_inertia_that_was_split_has_not_run_away(share: float, away: bool, tm
     assert (held in runaways(problem, fitted)) is away
 
 
-@pytest.mark.parametrize(("levels", "simpler"), [((1.0, 1.02), "coulomb_friction"), ((1.0, 1.2), "")])
-def test_friction_alike_in_both_directions_is_dry_friction(
-    levels: tuple[float, float], simpler: str, tmp_path: Path
+@pytest.mark.parametrize(("share", "carried"), [(1e9, False), (0.5, True)])
+def test_a_load_too_large_to_move_is_not_carried_by_what_comes_in_its_place(
+    share: float, carried: bool, tmp_path: Path
 ) -> None:
-    becomes = find_effect("asymmetric_friction").becomes
-    term = problem_of(drawn(tmp_path, 470076)).term("asymmetric_friction")
+    problem = problem_of(drawn(tmp_path, 470076))
+    coupling, spring, begin = (
+        problem.term("flexible_coupling"),
+        problem.term("return_spring"),
+        first_point(problem, problem.train),
+    )
+    assert coupling is not None and spring is not None and coupling.taken is not None
+    load, held = coupling.taken
+    given = begin.values[held]
+    start = {**problem.starts[coupling.label][0], load: share * given}
+    values = {**entered(begin.values, coupling, start), held: given}
+    fitted = Fitted((coupling,), (), Point(values, begin.starts), (), 0.0, (), np.zeros((0, 0)))
+    _, point = exchanged(fitted, coupling, spring, problem.starts[spring.label][0])
+    assert point.values[held] == pytest.approx(given * (1.0 + share if carried else 1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "simpler"),
+    [
+        pytest.param("asymmetric_friction", (1.0, 1.02), "coulomb_friction", id="alike in both directions"),
+        pytest.param("asymmetric_friction", (1.0, 1.2), "", id="not alike"),
+        pytest.param("flexible_coupling", (5e-3, 10.0, 0.0), "return_spring", id="to what is too large to move"),
+        pytest.param("flexible_coupling", (5e-3, 1e-3, 0.0), "", id="to what moves"),
+    ],
+)
+def test_an_effect_whose_values_amount_to_a_simpler_one_is_that(
+    name: str, values: tuple[float, ...], simpler: str, tmp_path: Path
+) -> None:
+    becomes, term = find_effect(name).becomes, problem_of(drawn(tmp_path, 470076)).term(name)
     assert becomes is not None and term is not None
-    assert becomes(levels, term.scales) == simpler
+    assert becomes(values, term.scales) == simpler
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, damping, shape, size
+
+_STILL = 0.05  # of a twist, that the second inertia turns by in a whole recording: it may as well be held
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -44,6 +47,12 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.a[twist, load] -= 1.0
 
 
+def becomes(values: Sequence[float], scales: Scales) -> str:
+    """Name a spring to where it began where the second inertia is too large to follow."""
+    stiffness, inertia, _damping = values
+    return "return_spring" if 0.5 * stiffness * scales.span**2 < _STILL * inertia else ""
+
+
 EFFECT = Effect(
     name="flexible_coupling",
     equation="torque",
@@ -59,6 +68,7 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(1,),
+    becomes=becomes,
     unmet="the second body moves by itself; an observer or a notch meets that",
     coordinate="frequency",
 )
