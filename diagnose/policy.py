@@ -10,6 +10,7 @@ import numpy as np
 THRESHOLD = 28.0  # drop of BIC below which nothing is said; bench/diagnose/nulls.py measures the rate of false alarms
 COLORED_THRESHOLD = 60.0  # drop of BIC below which nothing is said where there is a slow disturbance
 SLOW_THRESHOLD = 80.0  # and there for effects that look like one
+UNLIKE_NOISE = 300.0  # of an effect that leads simulations further off: nulls.py lets 1 of 100 bring more than 60
 STEPPED_LIMIT_THRESHOLD = 500.0  # for a limit of a sensor of coarse steps: the last of them looks like one
 SEARCHED_PRICE = 8.0  # more where a parameter was searched over dozens of values: twice the logarithm of how many
 TIE = 10.0  # explanations closer than this in BIC are not told apart

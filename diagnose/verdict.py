@@ -16,7 +16,7 @@ from firmloop.diagnose.discrepancy.disturbance import rivals_noise
 from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
-from firmloop.diagnose.model.candidate import Candidate, relative, residual_sizes, unseen_residuals, without
+from firmloop.diagnose.model.candidate import Candidate, larger, relative, residual_sizes, unseen_residuals, without
 from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
@@ -34,6 +34,7 @@ from firmloop.diagnose.policy import (
     SOFT_EVIDENCE,
     STEPS_OF_A_FIT,
     TIE,
+    UNLIKE_NOISE,
     USUAL_WITHIN,
     WHITENESS_LAGS,
 )
@@ -138,7 +139,8 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
     if not search.best.fitted.terms:
         # What a sensor in wide steps leaves may be as large as those.
         stepped = any(find_effect(each.effect).seen_by == "steps" for each in read)
-        missing = outweighs(shape, search.best.noises, 0.0) or (not stepped and rivals_noise(search))
+        unlike_noise = rivals_noise(search) or refused(search)
+        missing = outweighs(shape, search.best.noises, 0.0) or (not stepped and unlike_noise)
         return ("unknown_physics" if missing else "no_mismatch"), ()
     explained = search.nominal.score - search.best.score
     if outweighs(shape, search.best.noises, explained):
@@ -158,6 +160,12 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
     # What shows has to be met clearly better, for all its usual values; below the noise it is enough to be met as well.
     tied += [each for each in untold(search, -TIE if shows else USUAL_WITHIN) if each.fitted.terms[-1] not in known]
     return ("ambiguous" if tied else "explained"), tuple(tied)
+
+
+def refused(search: Search) -> bool:
+    """Tell whether an effect that leads simulations further off brought more than noise lets one bring."""
+    tried = (each for candidates in search.rounds for each in candidates)
+    return any(search.nominal.score - each.score > UNLIKE_NOISE and larger(each, search.nominal) for each in tried)
 
 
 def _needed(search: Search, term: LibraryTerm) -> bool:

@@ -7,8 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.model.fit import Fitted
+from firmloop.diagnose.model.hypothesis import first_point
+from firmloop.diagnose.search.found import Search
+from firmloop.diagnose.verdict import refused
+from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.recordings.recording import make_recording, write_recording
-from tests.diagnose.cases import said_of
+from tests.diagnose.cases import problem_of, said_of
 
 DUCT = """schema = 1
 name = "duct"
@@ -65,6 +71,26 @@ def test_a_second_way_for_the_heat_is_said_to_be_missing(slow: float, verdict: s
     said = said_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=readings))
     assert said["verdict"] == verdict
     assert any("times the sensors' noise" in line for line in said["says"]) == (verdict == "unknown_physics")
+
+
+@pytest.mark.parametrize(
+    ("drop", "rms", "unlike"),
+    [
+        pytest.param(1500.0, 1.3, True, id="whiter by far, and further off"),
+        pytest.param(70.0, 1.3, False, id="as much as a slow disturbance gives"),
+        pytest.param(1500.0, 0.9, False, id="nearer, and refused for another reason"),
+    ],
+)
+def test_what_only_whitens_far_more_than_noise_would_let_it_is_no_noise(
+    drop: float, rms: float, unlike: bool, tmp_path: Path
+) -> None:
+    drive = np.repeat([1.0, 0.0, 2.0], 50)
+    problem = problem_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=22.0 + 2.0 * warmed(drive, 1.5)))
+    fitted = Fitted((), (), first_point(problem, problem.train), (), 0.0, (), np.zeros((0, 0)))
+    nominal, tried = (
+        Candidate(fitted, (Noise(np.zeros(0), size, size),), score) for size, score in ((1.0, 0.0), (rms, -drop))
+    )
+    assert refused(Search(problem, nominal, nominal, ((tried,),), (), ())) == unlike
 
 
 def test_steps_of_a_sensor_wider_than_noise_may_be_are_all_that_is_missing(tmp_path: Path) -> None:
