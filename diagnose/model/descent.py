@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -360,9 +360,8 @@ def start_slopes(problem: Problem, recording: Recording, point: Point, index: in
     accepts only what lowers the cost can do with that, but for its end, where `exact` ones are. In any other plant they
     depend on where it goes, and a phase of the mains never dies out.
     """
-    names = [f"start.{state}" for state in problem.engine.states]
     if exact:
-        return _anchored(problem, recording, problem.engine.slopes(recording, point.values, names, point.starts[index]))
+        return _anchored(problem, recording, point.values, point.starts[index])
     linear = problem.engine.engine.equations is None
     values, start = ({}, full_start(problem, recording)) if linear else (point.values, point.starts[index])
     key = (id(recording), tuple(sorted(values.items())), start.tobytes())
@@ -370,24 +369,31 @@ def start_slopes(problem: Problem, recording: Recording, point: Point, index: in
     if found is None:
         while len(problem.memory) >= max(KEPT_SLOPES, len(problem.train) + len(problem.test)):
             problem.memory.pop(next(iter(problem.memory)))
-        found = problem.engine.slopes(recording, values, names, start)
-        problem.memory[key] = found = _anchored(problem, recording, found)
+        problem.memory[key] = found = _anchored(problem, recording, values, start)
     own = [one.state for one in problem.plant.varying]
     if own and linear:  # these do not die out
         found = found.copy()
-        chosen = [names[state] for state in own]
+        chosen = [f"start.{problem.engine.states[state]}" for state in own]
         found[..., own] = problem.engine.slopes(recording, point.values, chosen, point.starts[index])
     return found
 
 
-def _anchored(problem: Problem, recording: Recording, slopes: Array) -> Array:
-    """Hold what a recording that begins at rest tells, and the place where the first one begins if nobody measures it.
+def _anchored(problem: Problem, recording: Recording, values: Mapping[str, float], start: Array) -> Array:
+    """Return exact slopes (n, r, s) that hold what a recording that begins at rest tells of its initial state.
 
-    All others count from there. Not in equations of one's own, which may depend on it.
+    They hold the place where the first train recording begins, too, if nobody measures it: all others count from there.
+    Not in equations of one's own, which may depend on it.
     """
-    for index, state in enumerate(problem.engine.states):
-        unseen = state.startswith("position") and state not in recording.columns
-        if unseen and recording is problem.train[0] and problem.plant.kind != "ode":
-            slopes[..., index] = 0.0
-    slopes[..., list(problem.engine.known_states(recording))] = 0.0
+    held = set(problem.engine.known_states(recording))
+    if recording is problem.train[0] and problem.plant.kind != "ode":
+        held |= {
+            k
+            for k, name in enumerate(problem.engine.states)
+            if name.startswith("position") and name not in recording.columns
+        }
+    free = [k for k in range(len(problem.engine.states)) if k not in held]
+    names = [f"start.{problem.engine.states[k]}" for k in free]
+    moved = problem.engine.slopes(recording, values, names, start)
+    slopes = np.zeros((*moved.shape[:2], len(start)))
+    slopes[..., free] = moved
     return _shown(problem, recording, slopes)
