@@ -104,6 +104,16 @@ def test_an_effect_whose_values_amount_to_a_simpler_one_is_that(
 
 
 @pytest.mark.parametrize(
+    ("stiffness", "pushes"),
+    [pytest.param(0.0, True, id="as hard as usual"), (1e6, True), pytest.param(1e-200, False, id="no flank at all")],
+)
+def test_a_gap_whose_flanks_never_push_is_none(stiffness: float, pushes: bool, tmp_path: Path) -> None:
+    believable, term = find_effect("backlash").believable, problem_of(drawn(tmp_path, 470076)).term("backlash")
+    assert believable is not None and term is not None
+    assert believable((0.1, term.scales.inertia, stiffness, 1e-3), term.scales) is pushes
+
+
+@pytest.mark.parametrize(
     "seed",
     [
         pytest.param(490063, id="a load beside a slow disturbance"),

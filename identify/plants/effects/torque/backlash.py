@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from firmloop.identify.plants.assembly import Assembly, ringing
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, damping, shape, size
@@ -58,6 +59,13 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.a[twist, load] -= 1.0
 
 
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether the flanks push at all: bodies between softer ones would not ring once in a whole recording."""
+    _gap, inertia, stiffness, _damping = values
+    reduced = inertia * scales.inertia / (inertia + scales.inertia)
+    return stiffness == 0.0 or stiffness * scales.span**2 > reduced * (2.0 * math.pi) ** 2
+
+
 EFFECT = Effect(
     name="backlash",
     equation="torque",
@@ -81,6 +89,7 @@ EFFECT = Effect(
         ),
     ),
     switches=(1,),
+    believable=believable,
     unmet="which flank bears cannot be seen from the reference",
     coordinate="reversals",
     contains=("flexible_coupling",),
