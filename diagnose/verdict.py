@@ -134,6 +134,15 @@ def withheld(finding: Finding) -> Finding:
     return replace(finding, says=(*finding.says, said))
 
 
+def unsimulated(finding: Finding) -> Finding:
+    """Return the finding where its explanation simulates a train recording worse than the refit from its first row."""
+    said = (
+        "The written project is the plain refit: begun at the first reading of a train recording alone, what explains "
+        "it leads a simulation further off, as where a rotor slips from one tooth to the next."
+    )
+    return replace(finding, says=(*finding.says, said))
+
+
 def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tuple[Verdict, tuple[Candidate, ...]]:
     """Return the verdict, and the explanations that stand beside the best one; `read` is what needs no search."""
     if not search.best.fitted.terms:

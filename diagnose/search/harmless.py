@@ -75,6 +75,11 @@ def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> boo
     return no_worse(both_starts(plant, recordings), both_starts(refit, recordings))
 
 
+def as_simulated(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
+    """Tell the same of simulations that begin where the first reading says, as `firmloop simulate` begins them."""
+    return no_worse(simulation_rms(plant, recordings), simulation_rms(refit, recordings))
+
+
 def both_starts(plant: Plant, recordings: Sequence[Recording]) -> Array:
     """Return the rms (2, recordings, r) from rest and from where the readings say: a recording may begin in motion.
 

@@ -13,7 +13,7 @@ from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
-from firmloop.diagnose.search.harmless import by_simulation_error, harmless, simulation_rms
+from firmloop.diagnose.search.harmless import as_simulated, by_simulation_error, harmless, simulation_rms
 from firmloop.diagnose.search.run_to_run import differing
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.kinds import make_plant
@@ -74,6 +74,7 @@ def test_the_noise_of_the_first_reading_tells_no_better_plant() -> None:
     seen = [make_recording(time, driven, "log.csv", "")]
     assert simulation_rms(true, seen) > 1.3 * simulation_rms(off, seen)
     assert harmless(true, off, seen) and not harmless(off, true, seen)
+    assert as_simulated(off, true, seen) and not as_simulated(true, off, seen)  # where it begins there all the same
     assert not harmless(wrong, true, seen)
 
 
