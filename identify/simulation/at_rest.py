@@ -13,7 +13,7 @@ from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.recordings.stillness import resting
-from firmloop.identify.simulation.linearize import linearize
+from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.identify.simulation.simulate import constants_of, drive_of, measured, seen_places
 
 Array = NDArray[np.float64]
@@ -33,10 +33,9 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     """
     drive, outputs = drive_of(plant, recording), measured(plant, recording)
     rest = resting(outputs, drive, np.max(np.abs(drive), axis=0))
-    bare = _undelayed(with_effects(plant, ()))
-    if not 0 < len(rest) < len(drive) or not _rests_at_zero(bare):
+    line = _at_zero(_undelayed(with_effects(plant, ()))) if 0 < len(rest) < len(drive) else None
+    if line is None:
         return ()
-    line = linearize(bare)
     span, time = np.ptp(outputs, axis=0), recording.time - recording.time[0]
     noise = _noise(rest, outputs)
     seen = line.c / np.maximum(_SEEN * span, noise)[:, None]
@@ -64,13 +63,13 @@ def _undelayed(plant: Plant) -> Plant:
     )
 
 
-def _rests_at_zero(bare: Plant) -> bool:
-    """Tell whether a plant with neither state nor input stays there, and has slopes there."""
-    if any(math.isnan(parameter.value) for parameter in bare.parameters):
-        return False
-    line, states, inputs = linearize(bare), np.zeros(len(bare.states)), np.zeros(len(bare.inputs))
-    rates = np.array(bare.rate(states, inputs, constants_of(bare)))
-    return bool(len(states) and not np.any(rates) and np.all(np.isfinite(line.a)) and np.all(np.isfinite(line.c)))
+def _at_zero(bare: Plant) -> Linear | None:
+    """Linearize a plant with neither state nor input; None where it does not stay there, or has no slopes there."""
+    if not bare.states or any(math.isnan(parameter.value) for parameter in bare.parameters):
+        return None
+    line = linearize(bare)
+    rates = np.array(bare.rate(np.zeros(len(bare.states)), np.zeros(len(bare.inputs)), constants_of(bare)))
+    return line if not np.any(rates) and np.all(np.isfinite(line.a)) and np.all(np.isfinite(line.c)) else None
 
 
 def _noise(rest: Array, outputs: Array) -> Array:
