@@ -117,7 +117,7 @@ def says(plant: Plant, quantity: str, factor: float) -> str:
     wires = [signal.name for signal in (*plant.inputs, *plant.outputs)]
     names = ["supply_V"] if quantity == "voltage" and "supply_V" in wires else []
     names = names or [name for name in wires if name.startswith(f"{quantity}_")]
-    unit = unit_of_factor(factor, _UNIT)
+    unit = unit_of_factor(factor, _UNIT, names[0] if names else "")
     named = f" ({unit})" if unit in ELECTRIC else ""
     factor = FACTORS[str(unit)] if named else float(f"{factor:.2g}")  # a data sheet knows no more
     lines = " and ".join(f'{name} = {{ name = "{name}", scale = {1.0 / factor:.4g} }}' for name in names)

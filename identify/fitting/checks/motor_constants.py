@@ -35,8 +35,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     says = f"ke / kt is {ratio:.4g}, and 1 where no power is lost or made: "
     if _follows(ratio, held, evidence):
         return (f"{says}{_of_the_voltage(ratio, plant.inputs[0].name)}",)
-    unit = unit_of_factor(1.0 / factor, _UNIT)
     turning = next((each.name for each in plant.outputs if unit_of(each.name) in ("rad", "rad/s")), "")
+    unit = unit_of_factor(1.0 / factor, _UNIT, turning)
     counts, cure = counts_of(turning, 1.0 / factor)
     gear = factor * held[GEAR].value if GEAR in held else factor
     key = f"write {GEAR} = {{ value = {gear:.4g}, free = false }} in [plant.parameters]"
@@ -64,7 +64,7 @@ def _follows(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) ->
 
 def _of_the_voltage(ratio: float, name: str) -> str:
     """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it."""
-    unit = unit_of_factor(ratio, _UNIT)
+    unit = unit_of_factor(ratio, _UNIT, name)
     looks = unit if unit in ELECTRIC else "in another unit, or a share of the supply (the duty of a PWM)"
     return f"{name} looks {looks}, for R_ohm is off alike; if so, {scaled(name, 1.0 / ratio)}"
 

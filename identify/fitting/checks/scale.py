@@ -28,14 +28,24 @@ FACTORS = {
     "in thousands of the unit": 1e-3,
     "in millionths of the unit": 1e6,
 }
+_TURNING = {  # what only a shaft is read in, and how it is read
+    "in revolutions per minute": ("rad/s",),
+    "in degrees": ("rad", "rad/s"),
+    "in turns": ("rad", "rad/s"),
+}
 ELECTRIC = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
 
 
-def unit_of_factor(factor: float, near: float) -> str | None:
-    """Return which unit makes a reading `factor` times as large, within a natural logarithm of `near`."""
-    away = {says: abs(math.log(factor / known)) for says, known in FACTORS.items()}
-    says = min(away, key=lambda each: away[each])
-    return says if away[says] < near else None
+def unit_of_factor(factor: float, near: float, name: str) -> str | None:
+    """Return which unit makes a reading `factor` times as large, within a natural logarithm of `near`.
+
+    Of a signal of that name: only a shaft turns, and only what has a time in its unit is counted by the minute.
+    """
+    unit, found = unit_of(name), [(near, "")]
+    for says, known in FACTORS.items():
+        if unit in _TURNING.get(says, (unit,)) and (says != "per minute" or unit.endswith("/s")):
+            found.append((abs(math.log(factor / known)), says))
+    return min(found)[1] or None
 
 
 def counts_of(name: str, factor: float) -> tuple[str, str]:
@@ -75,13 +85,13 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     found = []
     for name, seen in factors.items():
         factor = float(np.median(seen))
-        unit = unit_of_factor(factor, _NEAR if abs(math.log(factor)) < _HUGE else _NEAR_HUGE)
+        unit = unit_of_factor(factor, _NEAR if abs(math.log(factor)) < _HUGE else _NEAR_HUGE, name)
         if abs(math.log(factor)) < _FAR and (unit is None or abs(math.log(factor)) < 1.5):
             continue
         if claimed and unit is None:
             continue
         counts, scale = counts_of(name, factor)
-        named = unit if not counts or _near(factor) else None
+        named = unit if not counts or _near(factor, name) else None
         doubt = f"it may be {counts}, or a nominal value is wrong" if counts else "a unit or a nominal value is wrong"
         reason = f"it looks {' or '.join(filter(None, (named, counts)))}" if named else doubt
         cure = f"{scale}, or its unit" if counts else "give the column its unit in [recordings.rename]"
@@ -92,8 +102,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _near(factor: float) -> bool:
-    return unit_of_factor(factor, _NEAR) is not None
+def _near(factor: float, name: str) -> bool:
+    return unit_of_factor(factor, _NEAR, name) is not None
 
 
 CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)

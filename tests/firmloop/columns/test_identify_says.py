@@ -212,6 +212,16 @@ def test_a_unit_is_told_by_name(change, says, tmp_path, capsys):
     assert re.search(says, found[0])
 
 
+@pytest.mark.parametrize(("factor", "looks"), [(np.degrees(1.0), ""), (1.0 / (2.0 * np.pi), ""), (1e3, "thousandths")])
+def test_a_position_along_a_rail_is_in_no_unit_of_a_shaft(factor, looks, tmp_path, capsys):
+    found, _ = identified(
+        written(tmp_path / "unit", changed(stage(seeded(3)), position_m=lambda v: factor * v)), capsys
+    )
+    said = " ".join(found)
+    assert "position_m is " in said and looks in said
+    assert not re.search("degrees|turns|revolutions|per minute", said), said
+
+
 def pushed(rows: slice, to: float, drive):
     drive = drive.copy()
     drive[rows] = to
