@@ -21,14 +21,14 @@ from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
-from firmloop.diagnose.search.harmless import as_simulated, harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.search.harmless import harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.search.held_out import holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
-from firmloop.diagnose.verdict import judge, spoiled, unsimulated, withheld
+from firmloop.diagnose.verdict import judge, spoiled, withheld
 from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -101,10 +101,10 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
             found = replace(found, best=found.nominal, rounds=(), gains=())
             finding, unnamed = judge(found, made.checks, None)
     written = improved_plant(found, found.best) if explained else refit
-    if explained and not harmless(written, refit, later):
-        finding, written = withheld(finding), refit
-    elif explained and not as_simulated(written, refit, whole):
-        finding, written = unsimulated(finding), refit
+    if explained:
+        harmed = [name for name, each in (("train", whole), ("test", later)) if not harmless(written, refit, each)]
+        if harmed:
+            finding, written = withheld(finding, harmed[0]), refit
     plants = {"before": plant, "refit": refit, "after": written}
     figures = simulated_figures(plants, {"train": whole, "test": later})
     if crossed:

@@ -125,22 +125,17 @@ def spoiled(finding: Finding) -> Finding:
     return replace(none, verdict="unknown_physics", says=(said, *others))
 
 
-def withheld(finding: Finding) -> Finding:
-    """Return the finding where its explanation, right on train, simulates a test recording worse than the refit."""
-    said = (
-        "The written project is the plain refit: what explains the train recordings simulates a test recording worse. "
-        "Something differs between these recordings; take one more like the test recording into train."
-    )
-    return replace(finding, says=(*finding.says, said))
+_HARMED = {
+    "train": "begun at the first reading of a train recording alone, what explains it leads a simulation further off, "
+    "as where a rotor slips from one tooth to the next.",
+    "test": "what explains the train recordings simulates a test recording worse. Something differs between these "
+    "recordings; take one more like the test recording into train.",
+}
 
 
-def unsimulated(finding: Finding) -> Finding:
-    """Return the finding where its explanation simulates a train recording worse than the refit from its first row."""
-    said = (
-        "The written project is the plain refit: begun at the first reading of a train recording alone, what explains "
-        "it leads a simulation further off, as where a rotor slips from one tooth to the next."
-    )
-    return replace(finding, says=(*finding.says, said))
+def withheld(finding: Finding, harmed: str) -> Finding:
+    """Return the finding where its explanation simulates what it harms, "train" or "test", worse than the refit."""
+    return replace(finding, says=(*finding.says, f"The written project is the plain refit: {_HARMED[harmed]}"))
 
 
 def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tuple[Verdict, tuple[Candidate, ...]]:

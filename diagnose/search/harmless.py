@@ -28,6 +28,14 @@ Array = NDArray[np.float64]
 Start = Callable[[Plant, Recording, Array], Array]
 
 
+def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
+    return fit_start(plant, recording, constants, NONE)
+
+
+TOLD: tuple[Start, ...] = (placed_start, _as_recorded)  # by all readings, so that no noise of one of them decides
+_STARTS = (own_start, *TOLD)  # and as `firmloop simulate` begins, at the first reading
+
+
 def plain_refit(found: Search, plant: Plant, train: Sequence[Recording]) -> Plant:
     """Return the plant that `identify` would write of recordings; the search's where it would not, or that diverges."""
     other = improved_plant(found, found.nominal)
@@ -71,25 +79,17 @@ def overall_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = ow
 
 
 def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
-    """Tell whether a plant simulates every output of every recording no worse than the plain refit does."""
-    return no_worse(both_starts(plant, recordings), both_starts(refit, recordings))
+    """Tell whether a plant simulates every output of every recording no worse than the refit, wherever it begins."""
+    return no_worse(from_starts(plant, recordings, _STARTS), from_starts(refit, recordings, _STARTS))
 
 
-def as_simulated(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
-    """Tell the same of simulations that begin where the first reading says, as `firmloop simulate` begins them."""
-    return no_worse(simulation_rms(plant, recordings), simulation_rms(refit, recordings))
+def from_starts(plant: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = TOLD) -> Array:
+    """Return the rms (starts, recordings, r) of simulations that begin in several ways.
 
-
-def both_starts(plant: Plant, recordings: Sequence[Recording]) -> Array:
-    """Return the rms (2, recordings, r) from rest and from where the readings say: a recording may begin in motion.
-
-    At rest, too, a place is where all its readings say: the noise of the first alone is no property of a plant.
+    At rest and where the readings say, as a recording may begin in motion. At rest, too, a place is where all its
+    readings say: the noise of the first alone is no property of a plant.
     """
-    return np.stack([simulation_rms(plant, recordings, begin) for begin in (placed_start, _as_recorded)])
-
-
-def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
-    return fit_start(plant, recording, constants, NONE)
+    return np.stack([simulation_rms(plant, recordings, begin) for begin in starts])
 
 
 def no_worse(rms: Array, refit: Array) -> bool:

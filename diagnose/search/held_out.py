@@ -21,7 +21,7 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.harmless import both_starts, no_worse, same_function
+from firmloop.diagnose.search.harmless import from_starts, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
 from firmloop.diagnose.search.simulation_error import independent
@@ -66,7 +66,7 @@ class _Bench:
 
     def part(self, search: Search) -> _Part:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
-        rms = both_starts(improved_plant(search, search.best), self.recordings)
+        rms = from_starts(improved_plant(search, search.best), self.recordings)
         safe = believable(search.best.fitted) and no_worse(rms, self.refit_rms)
         seen = float(np.sqrt(np.mean((rms[1] / np.maximum(self.refit_rms[1], 1e-300)) ** 2)))
         return _Part(search, safe, self.left_out(search), seen if np.isfinite(seen) else 0.0)
@@ -99,7 +99,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
     them than by chance.
     """
-    bench = _Bench(refit, recordings, both_starts(refit, recordings))
+    bench = _Bench(refit, recordings, from_starts(refit, recordings))
     if not found.best.fitted.terms:
         return found, bench.left_out(found).figures
     here = _whole(found, bench)

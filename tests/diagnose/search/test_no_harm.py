@@ -13,7 +13,7 @@ from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
-from firmloop.diagnose.search.harmless import as_simulated, by_simulation_error, harmless, simulation_rms
+from firmloop.diagnose.search.harmless import by_simulation_error, from_starts, harmless, no_worse, simulation_rms
 from firmloop.diagnose.search.run_to_run import differing
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.kinds import make_plant
@@ -73,9 +73,10 @@ def test_the_noise_of_the_first_reading_tells_no_better_plant() -> None:
     driven["position_rad"] = simulate(true, make_recording(time, driven, "bare.csv", ""), None)[:, 0] + noise
     seen = [make_recording(time, driven, "log.csv", "")]
     assert simulation_rms(true, seen) > 1.3 * simulation_rms(off, seen)
-    assert harmless(true, off, seen) and not harmless(off, true, seen)
-    assert as_simulated(off, true, seen) and not as_simulated(true, off, seen)  # where it begins there all the same
-    assert not harmless(wrong, true, seen)
+    rms = {name: from_starts(each, seen) for name, each in (("true", true), ("off", off), ("wrong", wrong))}
+    assert no_worse(rms["true"], rms["off"]) and not no_worse(rms["off"], rms["true"])
+    assert not no_worse(rms["wrong"], rms["true"])
+    assert not harmless(true, off, seen) and not harmless(off, true, seen)  # where it begins there all the same
 
 
 def test_recordings_that_begin_at_other_noise_do_not_differ() -> None:
