@@ -10,7 +10,7 @@ import numpy as np
 from firmloop.diagnose.completion import completed
 from firmloop.diagnose.data.channels import check_sound
 from firmloop.diagnose.data.checks import Preflight, preflight
-from firmloop.diagnose.data.prepare import prepared
+from firmloop.diagnose.data.prepare import prepared, two_machines
 from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape
 from firmloop.diagnose.finding import Finding
@@ -29,6 +29,7 @@ from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
 from firmloop.diagnose.verdict import judge, spoiled, withheld
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
@@ -74,6 +75,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     check_sound(plant, train, test)
     given = train[0].hold
     seen, unseen = prepared(plant, train, test)
+    apart = two_machines(plant, train)
     preflight(plant, seen, unseen)  # a test recording that cannot be of this plant is refused as well
     made = _explained(plant, seen, progress)
     if seen[0].hold != given and any(term.effect.late for term in made.search.best.fitted.terms):
@@ -101,6 +103,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
             found = replace(found, best=found.nominal, rounds=(), gains=())
             finding, unnamed = judge(found, made.checks, None)
     written = improved_plant(found, found.best) if explained else refit
+    if apart and (not explained or two_machines(written, whole)):
+        raise IdentifyError(apart)
     if explained:
         harmed = [name for name, each in (("train", whole), ("test", later)) if not harmless(written, refit, each)]
         if harmed:

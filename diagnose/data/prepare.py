@@ -17,11 +17,7 @@ from firmloop.diagnose.policy import (
     CONSTANT_WEIGHT,
     COPIED_ROWS,
     COPIED_VALUES,
-    FAR_BETTER_POWER,
     FAR_START,
-    INPUT_GOES_ON,
-    LATEST_ROWS,
-    LOAD_MOMENTS,
     MET_POWER,
     MOST_ROWS,
     NONLINEAR_ROW_COST,
@@ -37,11 +33,8 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.linear_forms import form_writer
 from firmloop.identify.plants.per_recording import ways_to_differ, with_varying, without_varying
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.recordings.clipping import gathering
 from firmloop.identify.recordings.hold import FINER, HOLDS
 from firmloop.identify.recordings.recording import Recording, make_recording
-from firmloop.identify.simulation.linear_response import disturbed
-from firmloop.identify.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
 
@@ -55,8 +48,6 @@ def prepared(
     """Return the recordings to search, those that are too long cut to their liveliest stretch."""
     check_apart(plant, train, test)
     check_clock(plant, (*train, *test))
-    check_nominal(plant, train)
-    check_same(plant, train)
     hold = believed_hold(plant, shortened(plant, train, MOST_ROWS // (2 * FINER))) if train else HOLDS[0]
     rows = MOST_ROWS // (2 * FINER if hold == "band_limited" else 1)
     if not form_writer(plant).linear_rate:
@@ -109,122 +100,29 @@ def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
             )
 
 
-def check_nominal(plant: Plant, train: Sequence[Recording]) -> None:
-    """Refuse nominal parameters that are far off: what is missing would then be named after them.
+def two_machines(plant: Plant, train: Sequence[Recording]) -> str:
+    """Say why train recordings are of two machines: each alone is met well, by other parameters than the next.
 
-    The nominal plant is fitted from where it is given and from a tenth and ten times each free parameter; the last is
-    believed where it leaves much less. Parameters that move far only to imitate an effect are not judged, nor are
-    combinations that the outputs cannot see.
-    """
-    # No linear fit meets a sensor that ends: what it says of the parameters is worth nothing, unless it does meet it.
-    ends = any(_at_limit(plant, each, signal.name) for each in train for signal in plant.outputs)
-    given = {p.name: p.value for p in plant.parameters if p.free and p.value > 0.0}
-    short = shortened(plant, train, TRIAL_ROWS)
-    try:
-        begun = _trial(plant, short)
-        best = _best_trial(plant, short, begun)
-    except IdentifyError:
-        return  # preflight will say it better
-    found = best if best.power < FAR_BETTER_POWER * begun.power else begun
-    shifts = _seen_shifts(found, given)
-    far, rows = [name for name in _far(shifts) if _tells(found, name)], found.slopes.shape[0]
-    met = found.power < (CLOSE_POWER if ends else MET_POWER) * rows
-    near = found is not begun and not _far(_seen_shifts(begun, given))
-    if not (far and met) or (near and _pushed(plant, short, begun, found.power)) or _late(plant, short, found.power):
-        return
-    said = ", ".join(f"{name} = {given[name] * np.exp(shifts[name]):.3g} instead of {given[name]:.3g}" for name in far)
-    raise IdentifyError(
-        f"plant.parameters are far off: the recordings are met best with {said}, and what is missing would be "
-        "named after that; check the values and their units, or identify the plant first"
-    )
-
-
-def _far(shifts: Mapping[str, float]) -> list[str]:
-    """Return the parameters that have moved too far, by their logarithms, furthest first."""
-    return sorted(
-        (name for name in shifts if abs(shifts[name]) > np.log(FAR_START)), key=lambda each: -abs(shifts[each])
-    )
-
-
-def _tells(found: _Trial, name: str) -> bool:
-    """Tell whether a parameter e times as large would move the outputs by more than what is left.
-
-    A mass may grow until no input moves it, and how each recording began is all that such a fit follows.
-    """
-    return float(np.sum(found.slopes[:, found.names.index(name)] ** 2)) > found.power
-
-
-def _late(plant: Plant, train: Sequence[Recording], power: float) -> bool:
-    """Tell whether readings that come late or early, all by as much, leave no more than `power` beside the plant.
-
-    A clock that runs slow has fallen behind where a stretch of a long recording begins.
-    """
-    try:
-        return _trial(plant, [_aligned(plant, recording) for recording in train]).power < power
-    except IdentifyError:
-        return False
-
-
-def _pushed(plant: Plant, train: Sequence[Recording], begun: _Trial, power: float) -> bool:
-    """Tell whether loads that change now and then leave no more than `power` beside a fit near where it began."""
-    balances = sum(each.state >= 0 for each in plant.balances)
-    total = 0.0
-    for recording, (residual, slopes) in zip(train, begun.pairs, strict=True):
-        moments = np.linspace(recording.time[0], recording.time[-1], LOAD_MOMENTS, endpoint=False)
-        pushes = (recording.time[:, None] >= moments).astype(float)
-        loads = [disturbed(plant, begun.values, recording, pushes, k) * begun.weights[:, None] for k in range(balances)]
-        tall = np.concatenate([slopes, *loads], axis=2).reshape(residual.size, -1)
-        sizes = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-        answer = np.linalg.lstsq(tall / sizes, residual.ravel(), rcond=None)[0]
-        total += float(np.sum((residual.ravel() - tall / sizes @ answer) ** 2))
-    return total < power
-
-
-def _aligned(plant: Plant, recording: Recording) -> Recording:
-    """Return the recording with its outputs moved to where the first of them is most like the simulated one."""
-    outputs = [each.name for each in plant.outputs]
-    ours = simulate(plant, recording, None)[:, 0]
-    most = min(LATEST_ROWS, len(ours) // 4)
-    inner = recording.columns[outputs[0]][most : len(ours) - most]
-    alike = [float(np.corrcoef(inner, ours[lag : lag + len(inner)])[0, 1]) for lag in range(2 * most + 1)]
-    lag = most - int(np.argmax(np.nan_to_num(alike)))
-    late, early = slice(max(lag, 0), len(ours) + min(lag, 0)), slice(max(-lag, 0), len(ours) + min(-lag, 0))
-    columns = {name: values[late if name in outputs else early] for name, values in recording.columns.items()}
-    return replace(recording, time=recording.time[early], columns=columns)
-
-
-def _at_limit(plant: Plant, recording: Recording, output: str) -> bool:
-    """Tell whether readings gather at their largest magnitude while the input goes on: rest needs one that stays."""
-    column, drive = recording.columns[output], recording.columns[plant.inputs[0].name]
-    found = gathering([column])
-    if found is None:
-        return False
-    standing = np.abs(np.abs(column) - found.level) <= found.half
-    pushed = (drive * np.sign(column))[standing]
-    return float(np.std(pushed)) > INPUT_GOES_ON * float(np.ptp(drive))
-
-
-def check_same(plant: Plant, train: Sequence[Recording]) -> None:
-    """Refuse train recordings of two machines: each alone is met well, and by other parameters than the next.
-
-    Where there are more than two, all of either machine must be met together: what a missing effect makes of one
-    machine's parameters differs from recording to recording.
+    Empty where they may be of one. Where there are more than two, all of either machine must be met together: what a
+    missing effect makes of one machine's parameters differs from recording to recording. As it may with two of them,
+    a finding that is met in both takes this back.
     """
     short = shortened(plant, train, TRIAL_ROWS)
     if len(short) < 2:
-        return
+        return ""
     columns = [np.column_stack([each.columns[signal.name] for signal in plant.outputs]) for each in short]
     whole = np.std(np.concatenate(columns), axis=0)
     if any(np.any(np.std(each, axis=0) == 0.0) for each in columns):
-        return
+        return ""
     try:
         alone = [_best_trial(plant, [each], _trial(plant, [each])) for each in short]
         together = _trial(plant, short)
     except IdentifyError:
-        return
+        return ""
     powers = [_scaled(each, [column], whole) for each, column in zip(alone, columns, strict=True)]
-    if together.power < APART_POWER * sum(powers):
-        return
+    met = all(each.power < MET_POWER * len(each.slopes) for each in alone)
+    if not met or together.power < APART_POWER * sum(powers):
+        return ""
     free = {p.name for p in plant.parameters if p.free}
     first = {name: value for name, value in alone[0].values.items() if name in free}
     shifts = [_seen_shifts(other, first) for other in alone]
@@ -242,12 +140,13 @@ def check_same(plant: Plant, train: Sequence[Recording]) -> None:
                 both += _scaled(found, parts, whole)
             if together.power < APART_POWER * both:
                 continue
-            raise IdentifyError(
+            return (
                 f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
                 f"{far} = {first[far]:.3g} and {first[far] * np.exp(moved[far]):.3g}, together "
                 f"{together.power / sum(powers):.2g} times as much is left. {_question(plant, short, both, far)}; else "
                 "diagnose one machine at a time"
             )
+    return ""
 
 
 def _question(plant: Plant, train: Sequence[Recording], power: float, far: str) -> str:

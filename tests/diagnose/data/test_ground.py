@@ -1,17 +1,18 @@
-"""What a diagnosis may not stand on: parameters that are far off, a clock that jumps, a test that was fitted."""
+"""What a diagnosis may not stand on: values far from what is met, a clock that jumps, a test that was fitted."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 from bench.diagnose.truth import FINE, run
-from firmloop.diagnose.data.prepare import check_apart, check_clock, check_nominal, check_same
+from firmloop.diagnose.data.prepare import check_apart, check_clock, two_machines
 from firmloop.diagnose.model.hypothesis import make_problem
+from firmloop.diagnose.run import diagnose
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.kinds import make_plant
@@ -19,10 +20,6 @@ from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate
-from firmloop.project.project import read_project
-from firmloop.stages.data import read_data
-from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import drawn
 from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 
 NOISE = {"speed_rad_s": 0.3, "current_A": 0.005, "position_m": 2e-5, "speed_m_s": 2e-3}
@@ -52,20 +49,35 @@ def given(machine: str, name: str, factor: float) -> Plant:
     return make_plant(plant.kind, plant.inputs[0].name, [signal.name for signal in plant.outputs], free)
 
 
+def noted(plant: Plant, recording: Recording, *effects: str) -> str:
+    """Return the notes of a diagnosis, which has to name these effects and to meet the recording."""
+    finding = diagnose(plant, [recording], [], lambda *_: None).finding
+    assert [each.name for each in finding.effects] == list(effects)
+    assert finding.train.after < 1.1
+    return "; ".join(finding.notes)
+
+
+def met(name: str, factor: float) -> str:
+    return rf"met with {name} = [^,;]*, {1.0 / (1.04 * factor):.2g} times what the project gives; check its value"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize(
     ("machine", "name"),
-    [*(("motor", name) for name in ("R_ohm", "ke_V_s_rad", "kt_N_m_A", "J_kg_m2")), ("stage", "mass_kg")],
+    [*(("motor", name) for name in ("ke_V_s_rad", "J_kg_m2")), ("stage", "mass_kg")],
 )
-def test_a_parameter_that_is_ten_times_off_is_told(machine: str, name: str, factor: float) -> None:
-    with pytest.raises(IdentifyError, match=r"plant\.parameters are far off") as caught:
-        check_nominal(given(machine, name, factor), [SEEN[machine]])
-    if name not in ("kt_N_m_A", "J_kg_m2"):  # of those two the outputs show the ratio alone
-        assert name in str(caught.value)
+def test_a_parameter_that_is_ten_times_off_is_told_beside_what_is_missing(
+    machine: str, name: str, factor: float
+) -> None:
+    said = noted(given(machine, name, factor), SEEN[machine], "coulomb_friction")
+    assert re.search(met(name, factor), said)
 
 
-@pytest.mark.parametrize("seen", ["plain", "with friction"])
-@pytest.mark.parametrize("factor", [0.1, 10.0])
+@pytest.mark.parametrize(
+    ("seen", "factor"),
+    [("plain", 10.0), *(pytest.param(*each, marks=pytest.mark.slow) for each in (("plain", 0.1), ("friction", 10.0)))],
+)
 def test_two_constants_that_are_ten_times_off_are_told(seen: str, factor: float) -> None:
     plant = given("motor", "ke_V_s_rad", factor)
     torque = next(p for p in plant.parameters if p.name == "kt_N_m_A")
@@ -73,32 +85,9 @@ def test_two_constants_that_are_ten_times_off_are_told(seen: str, factor: float)
         plant,
         parameters=tuple(replace(p, value=p.value * factor) if p is torque else p for p in plant.parameters),
     )
-    recording = SEEN["motor"] if seen == "with friction" else recorded(BARE["motor"], 10.0)
-    with pytest.raises(IdentifyError, match=r"plant\.parameters are far off.*ke_V_s_rad"):
-        check_nominal(plant, [recording])
-
-
-@pytest.mark.parametrize(
-    ("machine", "effect"),
-    [
-        ("motor", "coulomb_friction"),
-        ("motor", "flexible_coupling"),
-        ("motor", "brush_drop"),
-        ("motor", "sensor_lag"),
-        ("stage", "stribeck_friction"),
-        ("stage", "input_delay"),
-    ],
-)
-def test_an_effect_is_no_wrong_parameter(machine: str, effect: str) -> None:
-    plant = BARE[machine]
-    name = "R_ohm" if machine == "motor" else "mass_kg"
-    check_nominal(given(machine, name, 1.0), [recorded(with_effects(plant, [use_of(plant, effect)]), 10.0)])
-
-
-def test_a_mass_that_no_input_moves_is_no_wrong_mass(tmp_path: Path) -> None:
-    """A stage is pressed against its stop: a hundredfold mass that was moving when the recording began comes near."""
-    project = read_project(drawn(tmp_path, 740065))
-    check_nominal(plant_of(project), read_data(project).train)
+    effects = ["coulomb_friction"] if seen == "friction" else []
+    said = noted(plant, SEEN["motor"] if effects else recorded(BARE["motor"], 10.0), *effects)
+    assert re.search(met("ke_V_s_rad", factor), said) and re.search(met("kt_N_m_A", factor), said)
 
 
 @pytest.mark.parametrize("machine", ["motor", "stage"])
@@ -112,12 +101,12 @@ def test_recordings_of_two_machines_are_told(machine: str) -> None:
     )
     friction = [use_of(plant, "coulomb_friction")]
     second = recorded(with_effects(other, friction), 10.0, seed=3)
-    with pytest.raises(IdentifyError, match=r"1\.csv and 3\.csv are not of one plant") as caught:
-        check_same(plant, [SEEN[machine], second])
+    said = two_machines(plant, [SEEN[machine], second])
+    assert "1.csv and 3.csv are not of one plant" in said
     listed = "J_kg_m2" if machine == "motor" else "mass_kg"
-    assert f'per_recording = ["{listed}"]' in str(caught.value)
-    check_same(with_varying(plant, [listed]), [SEEN[machine], second])
-    check_same(plant, [SEEN[machine], recorded(with_effects(plant, friction), 4.0, seed=3)])
+    assert f'per_recording = ["{listed}"]' in said
+    assert not two_machines(with_varying(plant, [listed]), [SEEN[machine], second])
+    assert not two_machines(plant, [SEEN[machine], recorded(with_effects(plant, friction), 4.0, seed=3)])
 
 
 def shifted(seen: Recording, by: float) -> Recording:
