@@ -32,6 +32,9 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         if -samples * math.log(max(1.0 - line.share, 1e-300)) < _CERTAIN:
             continue
         span = max(float(np.ptp(part.time)) for part in parts)
+        moves = max(float(np.ptp(each.columns[output.name])) for each in evidence.recordings)
+        if abs(line.size) * span > moves:
+            continue  # where each window begins anew a line is hardly seen, and what looks like one is no drift
         found.append(
             f"what {plant.kind} leaves of {output.name} drifts by {line.size * span:.3g} {output.unit} in {span:.3g} s"
             f': write detrend = ["{output.name}"] in [recordings.conditioning], let the plant warm up first, '

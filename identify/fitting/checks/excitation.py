@@ -41,7 +41,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if poor:
         return (
             f"{', '.join(poor)}: known to no better than {100.0 * _POOR:.0f} %; the input moves the plant too little "
-            "against the noise: drive it further, or longer",
+            "against what is left: drive it further, or longer, or ask firmloop diagnose whether that is noise",
         )
     return ()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,22 @@ def test_a_clock_on_which_rows_would_miss_whole_swings_is_not_simulated(tried: l
     evidence = Evidence(PENDULUM, (swinging(0.0),), NONE, None)
     assert clock_unit.look(evidence) == ()
     assert max(tried) == pytest.approx(9.99)  # rows 0.6 s apart hide half a swing of 1.15 s and more
+
+
+def test_a_clock_that_the_plant_follows_is_not_said_to_be_another() -> None:
+    """A pot that loses less than is given sums up its heat, as it would on any quick clock, only better."""
+    table = {
+        "kind": "ode",
+        "states": ["above_K"],
+        "inputs": ["heater_on"],
+        "outputs": {"above_K": "above_K"},
+        "derivatives": {"above_K": "(power_W*heater_on - h_W_K*above_K)/84000.0"},
+        "parameters": {"power_W": 1800.0, "h_W_K": 5.0},
+    }
+    given, time = make_ode(table), np.arange(0.0, 2500.0, 5.0)
+    columns = {"heater_on": 1.0 * (np.arange(500) % 50 > 20), "above_K": np.zeros(500)}
+    pot = make_ode({**table, "parameters": {"power_W": 1800.0, "h_W_K": 0.0}})
+    columns["above_K"] = simulate(pot, make_recording(time, columns, "bare.csv", ""), None)[:, 0]
+    recording = make_recording(time, columns, "pot.csv", "")
+    assert clock_unit.look(Evidence(given, (recording,), NONE, None)) == ()
+    assert "microseconds" in clock_unit.look(Evidence(given, (replace(recording, time=1e6 * time),), NONE, None))[0]
