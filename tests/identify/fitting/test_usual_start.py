@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmloop.identify.fitting.checks import clock_unit
-from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.checks import clock_unit, drift
+from firmloop.identify.fitting.evidence import Evidence, Explanation
 from firmloop.identify.fitting.experiment import experiments
+from firmloop.identify.fitting.fit import fit
 from firmloop.identify.fitting.own_values import usual_start
 from firmloop.identify.fitting.problem import bounded, make_problem
 from firmloop.identify.fitting.stretches import stretches
@@ -130,3 +131,20 @@ def test_a_clock_that_the_plant_follows_is_not_said_to_be_another() -> None:
     recording = make_recording(time, columns, "pot.csv", "")
     assert clock_unit.look(Evidence(given, (recording,), NONE, None)) == ()
     assert "microseconds" in clock_unit.look(Evidence(given, (replace(recording, time=1e6 * time),), NONE, None))[0]
+
+
+@pytest.mark.parametrize(("turns", "told"), [(0.5, True), (3.0, False)])
+def test_a_line_beyond_all_that_moves_is_no_drift(turns: float, told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every window begins anew, next to nothing of a line is left to be seen, and its slope is any number."""
+    free = {"J_kg_m2": {"value": 7e-5, "free": True}, "b_N_m_s_rad": {"value": 1e-3, "free": True}}
+    stage = make_plant("rotary_stage", "torque_N_m", ["position_rad"], free)
+    time = np.arange(0.0, 4.0, 0.01)
+    columns = {"torque_N_m": np.sin(9.0 * time), "position_rad": np.zeros_like(time)}
+    columns["position_rad"] = simulate(stage, make_recording(time, columns, "bare.csv", ""), None)[:, 0] + 0.1 * time
+    recording = make_recording(time, columns, "run.csv", "")
+    windows = replace(NONE, window_s=1.0)
+    evidence = Evidence(stage, (recording,), windows, fit(stage, [recording], (), windows))
+    slope = turns * float(np.ptp(columns["position_rad"])) / 4.0
+    monkeypatch.setattr(drift, "explained", lambda *_: Explanation(0.9, slope, np.zeros(2)))
+    said = drift.look(evidence)
+    assert bool(said) == told and all("drifts by" in each for each in said)
