@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, MISLABELLED_CORRELATION, SIGNLESS_NOISE
+from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, HARDLY_MEANT, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.own_values import by_itself, own_start
 from firmloop.identify.fitting.sufficiency import dead_outputs
 from firmloop.identify.plants.effects import effects
+from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.recordings.stillness import moves
@@ -56,6 +57,7 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
             "no derivative is known as a balance of torques, forces, voltages or flows, so nothing that acts there was "
             "looked for; name it in [plant.balances]"
         )
+    notes += _constants_apart(plant)
     check_rows(plant, train, test)
     for recording in (*train, *test):
         notes += [*_held(plant, recording), *_clock(recording)]
@@ -105,6 +107,18 @@ def _check_time(recording: Recording) -> None:
             f"{recording.source}: time_s jumps by {gaps[worst]:.4g} s after {recording.time[worst]:.6g} s "
             f"(usual step {step:.4g} s); cut the recording there into two files"
         )
+
+
+def _constants_apart(plant: Plant) -> list[str]:
+    """Tell a torque constant that is given far from the voltage constant: all torques are on its scale."""
+    given = {each.name: each.value for each in plant.parameters if each.value > 0.0}
+    torque, voltage = given.get("kt_N_m_A"), given.get("ke_V_s_rad")
+    if torque is None or voltage is None or abs(np.log(torque / voltage)) < np.log(HARDLY_MEANT):
+        return []
+    return [
+        f"kt_N_m_A is given as {torque:.4g} and ke_V_s_rad as {voltage:.4g}, which are one constant in SI units: "
+        "torques and inertias are on the scale of the first; check both"
+    ]
 
 
 def _held(plant: Plant, recording: Recording) -> list[str]:
@@ -190,6 +204,8 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
                         f"{recording.source}: columns {name} and {names[other]} look swapped (each follows the "
                         f"simulation of the other); map them in [recordings.rename]"
                     )
+        if _guessed(plant):
+            continue
         if alike < -MISLABELLED_CORRELATION and name not in folded:
             raise IdentifyError(
                 f"{recording.source}: column {name} runs against the simulation (correlation {alike:.2f}); "
@@ -201,11 +217,12 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
                     f"{recording.source}: column {name} is {factor:.4g} times what the nominal plant does; it looks "
                     f"like {unit}. Convert the column, or correct the nominal parameters if it is right"
                 )
-        if alike > MISLABELLED_CORRELATION and not 0.15 < factor < 6.5:
-            raise IdentifyError(
-                f"{recording.source}: column {name} is {factor:.3g} times what the nominal plant does; the nominal "
-                f"parameters or a unit are wrong: correct them, or run firmloop identify first"
-            )
+
+
+def _guessed(plant: Plant) -> bool:
+    """Tell whether what the output is proportional to is free: its value says nothing of a unit or a sign."""
+    kind = kinds().get(plant.kind)
+    return kind is not None and any(each.free and each.name == kind.scale for each in plant.parameters)
 
 
 def _alike(real: Array, model: Array) -> tuple[float, float]:

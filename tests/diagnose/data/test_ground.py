@@ -65,7 +65,7 @@ def met(name: str, factor: float) -> str:
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize(
     ("machine", "name"),
-    [*(("motor", name) for name in ("ke_V_s_rad", "J_kg_m2")), ("stage", "mass_kg")],
+    [*(("motor", name) for name in ("R_ohm", "ke_V_s_rad", "J_kg_m2")), ("stage", "mass_kg")],
 )
 def test_a_parameter_that_is_ten_times_off_is_told_beside_what_is_missing(
     machine: str, name: str, factor: float
@@ -88,6 +88,23 @@ def test_two_constants_that_are_ten_times_off_are_told(seen: str, factor: float)
     effects = ["coulomb_friction"] if seen == "friction" else []
     said = noted(plant, SEEN["motor"] if effects else recorded(BARE["motor"], 10.0), *effects)
     assert re.search(met("ke_V_s_rad", factor), said) and re.search(met("kt_N_m_A", factor), said)
+
+
+@pytest.mark.parametrize(
+    ("gain", "told"),
+    [
+        (3.1, "9.7 times what the project gives; check its value and unit"),
+        (-30.0, "-1 times what the project gives; check its value and sign"),
+    ],
+)
+def test_a_gain_that_is_only_a_start_is_told_and_stops_nothing(gain: float, told: str) -> None:
+    """It may be off by what another unit would be, or by its sign."""
+    lag = {"time_constant_s": {"value": 0.05, "free": True}, "delay_s": 0.0}
+    true, given_one = (
+        make_plant("first_order", "voltage_V", ["speed_rad_s"], {"gain": {"value": value, "free": True}, **lag})
+        for value in (30.0, gain)
+    )
+    assert f"met with gain = 30, {told}" in noted(given_one, recorded(true, 10.0))
 
 
 @pytest.mark.parametrize("machine", ["motor", "stage"])
