@@ -146,19 +146,19 @@ FINE_DIFFERENCE_STEP = 1e-8  # the same where waves follow the simulated angle, 
 ROUGH_DIFFERENCE_STEP = 3e-3  # the same where bodies meet: each time a moment later, outputs move by a small leap
 
 # Budgets, in million steps of simulation; one in which all but the input is linear counts half.
-SEARCH_PATIENCE = 180.0  # after which no further effect is looked for
-CONTACT_SEARCH_PATIENCE = 240.0  # the same beside bodies that meet, whose fits take far longer
-COMPLETION_PATIENCE = 100.0  # after which nothing further is looked for
-CONTACT_COMPLETION_PATIENCE = 80.0  # the same where bodies meet
-EXCHANGE_PATIENCE = 40.0  # after which nothing further is put in another's place
+SEARCH_PATIENCE = 50.0  # after which no further effect is looked for
+CONTACT_SEARCH_PATIENCE = 80.0  # the same beside bodies that meet, whose fits take far longer
+COMPLETION_PATIENCE = 30.0  # after which nothing further is looked for
+CONTACT_COMPLETION_PATIENCE = 30.0  # the same where bodies meet
+EXCHANGE_PATIENCE = 15.0  # after which nothing further is put in another's place
 EXCHANGE_TRIAL_PATIENCE = 2.0  # of one such trial, after which no further step is made
-ROUND_PATIENCE = 40.0  # after which a round tries no further term
-INSISTING_PATIENCE = 20.0  # for what had promised much and gained nothing
-EXHAUSTIVE_PATIENCE = 32.0  # after which no further term is tried
+ROUND_PATIENCE = 15.0  # after which a round tries no further term
+INSISTING_PATIENCE = 8.0  # for what had promised much and gained nothing
+EXHAUSTIVE_PATIENCE = 12.0  # after which no further term is tried
 SCREEN_PATIENCE = 4.0  # for one term: stiff corners of some effects simulate very slowly
 FIT_PATIENCE = 10.0  # for one fit, for the same reason
 CONTACT_FIT_PATIENCE = 20.0  # for moving contacts past their kinks
-GROWTH_PATIENCE = 24.0  # after which no stretch begins to grow
+GROWTH_PATIENCE = 10.0  # after which no stretch begins to grow
 
 # How many are tried, and how often.
 MOST_EFFECTS = 4  # in one explanation
