@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import believable, by_simulation_error, rms_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.policy import SAME_RMS, STEPS_OF_A_FIT
+from firmloop.diagnose.policy import EXCHANGE_PATIENCE, SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.improved import improved_plant
@@ -33,7 +33,7 @@ def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
 
 
 TOLD: tuple[Start, ...] = (placed_start, _as_recorded)  # by all readings, so that no noise of one of them decides
-_STARTS = (own_start, *TOLD)  # and as `firmloop simulate` begins, at the first reading
+FIRST: tuple[Start, ...] = (own_start,)  # as `firmloop simulate` begins, at the first reading alone
 
 
 def plain_refit(found: Search, plant: Plant, train: Sequence[Recording]) -> Plant:
@@ -78,9 +78,11 @@ def overall_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = ow
     return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings, begin) ** 2 / weights.sum()))
 
 
-def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording]) -> bool:
+def harmless(
+    plant: Plant, refit: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = (*FIRST, *TOLD)
+) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the refit, wherever it begins."""
-    return no_worse(from_starts(plant, recordings, _STARTS), from_starts(refit, recordings, _STARTS))
+    return no_worse(from_starts(plant, recordings, starts), from_starts(refit, recordings, starts))
 
 
 def from_starts(plant: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = TOLD) -> Array:
@@ -101,8 +103,10 @@ def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:
     """Return the explanations with one effect exchanged for what it may be mistaken for that simulate just as well."""
     left = rms_of(fitted.residuals)
     sizes = [white(float(size)) for size in left]
-    found = []
+    found, begun = [], problem.engine.steps
     for gone, come in mistaken(problem, fitted):
+        if problem.engine.steps - begun > EXCHANGE_PATIENCE:
+            break
         first = next(iter(problem.starts[come.label]), None)
         start = None if first is None else as_large(problem, fitted, gone, come, first)
         if start is None:
