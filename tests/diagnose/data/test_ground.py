@@ -14,7 +14,7 @@ from firmloop.diagnose.data.prepare import check_apart, check_clock, two_machine
 from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.diagnose.run import diagnose
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.attach import EffectUse, with_effects
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Plant
@@ -25,10 +25,12 @@ from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 NOISE = {"speed_rad_s": 0.3, "current_A": 0.005, "position_m": 2e-5, "speed_m_s": 2e-3}
 
 
-def recorded(plant: Plant, size: float, seed: int = 1, rows: int = 1600) -> Recording:
-    """Record what the plant does at random steps, with noise."""
+def recorded(plant: Plant, size: float, seed: int = 1, rows: int = 1600, to_and_fro: bool = False) -> Recording:
+    """Record what the plant does at random steps, or at random turns of one size, with noise."""
     random = np.random.default_rng(seed)
     time, drive = np.arange(rows) * 1e-3, np.repeat(random.uniform(-size, size, rows // 40), 40)
+    if to_and_fro:
+        drive = size * np.sign(drive)
     still = {signal.name: np.zeros(rows) for signal in plant.outputs}
     bare = make_recording(time, {plant.inputs[0].name: drive, **still}, "train.csv", "")
     shown = simulate(plant, bare, None)
@@ -124,6 +126,27 @@ def test_recordings_of_two_machines_are_told(machine: str) -> None:
     assert f'per_recording = ["{listed}"]' in said
     assert not two_machines(with_varying(plant, [listed]), [SEEN[machine], second])
     assert not two_machines(plant, [SEEN[machine], recorded(with_effects(plant, friction), 4.0, seed=3)])
+
+
+def test_what_an_effect_makes_two_machines_of_is_one_beside_it() -> None:
+    """Pushed to and fro beyond its limit, a drive has a smaller gain."""
+    lag = {"time_constant_s": {"value": 0.05, "free": True}, "delay_s": 0.0}
+    plant = make_plant("first_order", "voltage_V", ["speed_rad_s"], {"gain": {"value": 30.0, "free": True}, **lag})
+    true = with_effects(plant, [EffectUse("input_saturation", None, {"limit_V": 4.0})])
+    seen = [recorded(true, size, seed, to_and_fro=True) for seed, size in ((1, 3.0), (3, 10.0))]
+    assert "are not of one plant" in two_machines(plant, seen)
+    assert [each.name for each in diagnose(plant, seen, [], lambda *_: None).finding.effects] == ["input_saturation"]
+
+
+@pytest.mark.slow
+def test_two_machines_that_no_effect_makes_one_are_refused() -> None:
+    lag = {"time_constant_s": {"value": 0.05, "free": True}, "delay_s": 0.0}
+    plant, other = (
+        make_plant("first_order", "voltage_V", ["speed_rad_s"], {"gain": {"value": gain, "free": True}, **lag})
+        for gain in (30.0, 20.0)
+    )
+    with pytest.raises(IdentifyError, match=r"are not of one plant.*per_recording = \["):
+        diagnose(plant, [recorded(plant, 10.0), recorded(other, 10.0, seed=3)], [], lambda *_: None)
 
 
 def shifted(seen: Recording, by: float) -> Recording:
