@@ -19,7 +19,6 @@ from firmloop.diagnose.model.scale_doubt import with_scale_doubt
 from firmloop.diagnose.policy import (
     CHANCE_GAIN,
     COMPLETION_PATIENCE,
-    CONTACT_COMPLETION_PATIENCE,
     CURVED_VALLEYS,
     KINK_SOLVES,
     LEFT_GAIN,
@@ -188,9 +187,7 @@ def _met(problem: Problem, candidate: Candidate) -> Fitted:
     """Lead a fit past the kinks of contacts, where there are any, by finer steps."""
     if not meeting(candidate.fitted.terms):
         return candidate.fitted
-    return met(
-        problem, ended(problem, candidate.fitted, candidate.noises), candidate.noises, CONTACT_COMPLETION_PATIENCE
-    )
+    return met(problem, ended(problem, candidate.fitted, candidate.noises), candidate.noises, COMPLETION_PATIENCE)
 
 
 def _finer(problem: Problem, candidate: Candidate) -> Fitted:

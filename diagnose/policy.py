@@ -149,7 +149,6 @@ ROUGH_DIFFERENCE_STEP = 3e-3  # the same where bodies meet: each time a moment l
 SEARCH_PATIENCE = 50.0  # after which no further effect is looked for
 CONTACT_SEARCH_PATIENCE = 80.0  # the same beside bodies that meet, whose fits take far longer
 COMPLETION_PATIENCE = 30.0  # after which nothing further is looked for
-CONTACT_COMPLETION_PATIENCE = 30.0  # the same where bodies meet
 EXCHANGE_PATIENCE = 15.0  # after which nothing further is put in another's place
 EXCHANGE_TRIAL_PATIENCE = 2.0  # of one such trial, after which no further step is made
 ROUND_PATIENCE = 15.0  # after which a round tries no further term
