@@ -13,7 +13,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.own_values import by_itself, own_start
 from firmloop.identify.fitting.sufficiency import dead_outputs
 from firmloop.identify.plants.effects import effects
-from firmloop.identify.plants.kinds import kinds
+from firmloop.identify.plants.kinds import free_scale
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.recordings.stillness import moves
@@ -190,7 +190,7 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
     values = measured(plant, recording)
     moved = [np.diff(values[:, k], prepend=values[0, k]) for k in range(values.shape[1])]
     ours = [np.diff(simulated[:, k], prepend=simulated[0, k]) for k in range(values.shape[1])]
-    names = [signal.name for signal in plant.outputs]
+    names, guessed = [signal.name for signal in plant.outputs], free_scale(plant) is not None
     for k, name in enumerate(names):
         place = name.startswith("position")
         real, model = (moved[k], ours[k]) if place else (values[:, k], simulated[:, k])
@@ -204,8 +204,8 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
                         f"{recording.source}: columns {name} and {names[other]} look swapped (each follows the "
                         f"simulation of the other); map them in [recordings.rename]"
                     )
-        if _guessed(plant):
-            continue
+        if guessed:
+            continue  # a value that is only a start says nothing of a sign or a unit
         if alike < -MISLABELLED_CORRELATION and name not in folded:
             raise IdentifyError(
                 f"{recording.source}: column {name} runs against the simulation (correlation {alike:.2f}); "
@@ -217,12 +217,6 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
                     f"{recording.source}: column {name} is {factor:.4g} times what the nominal plant does; it looks "
                     f"like {unit}. Convert the column, or correct the nominal parameters if it is right"
                 )
-
-
-def _guessed(plant: Plant) -> bool:
-    """Tell whether what the output is proportional to is free: its value says nothing of a unit or a sign."""
-    kind = kinds().get(plant.kind)
-    return kind is not None and any(each.free and each.name == kind.scale for each in plant.parameters)
 
 
 def _alike(real: Array, model: Array) -> tuple[float, float]:

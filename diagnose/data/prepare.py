@@ -182,17 +182,12 @@ def _scaled(trial: _Trial, columns: Sequence[Array], whole: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms.
-
-    `pairs` are the residuals (n, r) of every recording and the slopes (n, r, c) of all unknowns, times `weights` (r,).
-    """
+    """Where a fit of the nominal plant ended: what is left, the values, and the slopes (q, k) for their logarithms."""
 
     power: float
     values: Mapping[str, float]
     slopes: Array
     names: tuple[str, ...]
-    pairs: Sequence[tuple[Array, Array]]
-    weights: Array
 
 
 def _best_trial(plant: Plant, train: Sequence[Recording], begun: _Trial) -> _Trial:
@@ -227,7 +222,7 @@ def _trial(plant: Plant, train: Sequence[Recording]) -> _Trial:
     names = tuple(every[index] for index in problem.free)
     scale = np.where(problem.logarithmic, 1.0, [values[name] for name in names])
     slopes = np.concatenate([part[..., : len(names)].reshape(-1, len(names)) * scale for _, part in pairs])
-    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names, pairs, problem.weights)
+    return _Trial(power if np.isfinite(power) else np.inf, values, slopes, names)
 
 
 def _seen_shifts(found: _Trial, given: Mapping[str, float]) -> dict[str, float]:

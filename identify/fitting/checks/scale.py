@@ -8,7 +8,7 @@ import numpy as np
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
-from firmloop.identify.plants.kinds import kinds
+from firmloop.identify.plants.kinds import free_scale
 from firmloop.identify.units import unit_of
 
 _ALIKE = 0.8  # correlation from which a reading follows the plant
@@ -69,9 +69,8 @@ def scaled(name: str, scale: float) -> str:
 def look(evidence: Evidence) -> tuple[str, ...]:
     """Compare every output with the plant as given; a black box whose gain is only a start claims nothing."""
     plant = evidence.given
-    scale = kinds()[plant.kind].scale if plant.kind in kinds() else None
-    claimed = [parameter for parameter in plant.parameters if parameter.name == scale and parameter.free]
-    if claimed and claimed[0].value == _PLACEHOLDER:
+    claimed = free_scale(plant)
+    if claimed is not None and claimed.value == _PLACEHOLDER:
         return ()
     factors: dict[str, list[float]] = {}
     for recording in evidence.recordings:
@@ -88,7 +87,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         unit = unit_of_factor(factor, _NEAR if abs(math.log(factor)) < _HUGE else _NEAR_HUGE, name)
         if abs(math.log(factor)) < _FAR and (unit is None or abs(math.log(factor)) < 1.5):
             continue
-        if claimed and unit is None:
+        if claimed is not None and unit is None:
             continue
         counts, scale = counts_of(name, factor)
         named = unit if not counts or _near(factor, name) else None

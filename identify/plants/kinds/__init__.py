@@ -32,6 +32,15 @@ def find_kind(name: str) -> PlantKind:
     return kinds()[name]
 
 
+def free_scale(plant: Plant) -> Parameter | None:
+    """Return the free parameter that the output is proportional to; None where there is none.
+
+    Its value may be only a start, which says nothing of a unit or a sign.
+    """
+    kind = kinds().get(plant.kind)
+    return next((p for p in plant.parameters if kind is not None and p.name == kind.scale and p.free), None)
+
+
 def make_plant(
     kind: str,
     inputs: str | Sequence[str],
