@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 from firmloop.diagnose.discrepancy.disturbance import rivals_noise
@@ -60,16 +60,23 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             break
         found, shape = more, rest
     alone = _alone(found)
-    whole = not outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
+    shaped = outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
     tried = None
-    if strays(found) or alone is not None or not whole or (not found.best.fitted.terms and rivals_noise(found)):
+    if strays(found) or alone is not None or shaped or (not found.best.fitted.terms and rivals_noise(found)):
         other, tried = exhausted(found) or in_pieces(found, progress), found
         if other is not None:
             found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)
     if alone is not None:
         return replace(found, best=found.nominal), alone
-    sure = _confirmed(rested(levelled(retimed(found))))
+    whole = rested(levelled(retimed(found)))
+    sure = _confirmed(whole)
+    instead, changed = None, set(sure.best.fitted.terms) != set(found.best.fitted.terms)
+    if changed and found.problem.engine.steps - begun < COMPLETION_PATIENCE:
+        instead = _instead_of(set(whole.best.fitted.terms) - set(sure.best.fitted.terms), sure)
+    if instead is not None:
+        sure = _confirmed(rested(levelled(instead)))
+        shape = best_shape(sure, sure.best)
     if doubtful(sure.best.fitted, sure.best.noises) is not None:
         other = exhausted(found) if found is not tried else None  # it would end as before
         if other is not None:
@@ -89,6 +96,19 @@ def _may_be_chance(found: Search) -> bool:
     if len(best.fitted.terms) != 1 or nominal.score - best.score >= CHANCE_GAIN:
         return False
     return best.fitted.terms[0].effect.lasting or not closer(best, nominal)
+
+
+def _instead_of(gone: Set[LibraryTerm], found: Search) -> Search | None:
+    """Return the search gone on with once its best is another, which the last had hidden more beside; None if nothing.
+
+    Terms that are gone, of which nothing was certain, are not tried again.
+    """
+    if len(found.best.fitted.terms) == MOST_EFFECTS or not found.best.fitted.terms:
+        return None
+    problem = replace(found.problem, terms=tuple(each for each in found.problem.terms if each not in gone))
+    rounds = tuple(tuple(each for each in turn if not gone & set(each.fitted.terms)) for turn in found.rounds)
+    more = further(replace(found, problem=problem, best=rated(problem, found.best.fitted), rounds=rounds))
+    return more and replace(more, problem=found.problem)
 
 
 def _resumed(found: Search) -> Search:

@@ -146,8 +146,7 @@ FINE_DIFFERENCE_STEP = 1e-8  # the same where waves follow the simulated angle, 
 ROUGH_DIFFERENCE_STEP = 3e-3  # the same where bodies meet: each time a moment later, outputs move by a small leap
 
 # Budgets, in million steps of simulation; one in which all but the input is linear counts half.
-SEARCH_PATIENCE = 50.0  # after which no further effect is looked for
-CONTACT_SEARCH_PATIENCE = 80.0  # the same beside bodies that meet, whose fits take far longer
+SEARCH_PATIENCE = 80.0  # after which no further effect is looked for
 COMPLETION_PATIENCE = 30.0  # after which nothing further is looked for
 EXCHANGE_PATIENCE = 15.0  # after which nothing further is put in another's place
 EXCHANGE_TRIAL_PATIENCE = 2.0  # of one such trial, after which no further step is made

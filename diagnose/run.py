@@ -21,7 +21,7 @@ from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
-from firmloop.diagnose.search.harmless import FIRST, harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.search.harmless import harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.search.held_out import holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
@@ -107,7 +107,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         raise IdentifyError(apart)
     if explained:
         # What is kept of a finding harms no simulation of train that begins where all its readings say.
-        safe_in = {"train": harmless(written, refit, whole, FIRST), "test": harmless(written, refit, later)}
+        safe_in = {"train": harmless(written, refit, whole), "test": harmless(written, refit, later)}
         harmed = [name for name, each in safe_in.items() if not each]
         if harmed:
             finding, written = withheld(finding, harmed[0]), refit

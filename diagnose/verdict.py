@@ -126,8 +126,8 @@ def spoiled(finding: Finding) -> Finding:
 
 
 _HARMED = {
-    "train": "begun at the first reading of a train recording alone, what explains it leads a simulation further off, "
-    "as where a rotor slips from one tooth to the next.",
+    "train": "begun where the readings of a train recording say, what explains it leads a simulation further off, as "
+    "where a rotor slips from one tooth to the next.",
     "test": "what explains the train recordings simulates a test recording worse. Something differs between these "
     "recordings; take one more like the test recording into train.",
 }
@@ -168,8 +168,8 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
 
 def refused(search: Search) -> bool:
     """Tell whether an effect that leads simulations further off brought more than noise lets one bring."""
-    tried = (each for candidates in search.rounds for each in candidates)
-    return any(search.nominal.score - each.score > UNLIKE_NOISE and larger(each, search.nominal) for each in tried)
+    tried, base = (each for candidates in search.rounds for each in candidates), search.nominal.likeliest
+    return any(base.score - each.score > UNLIKE_NOISE and larger(each, base) for each in tried)
 
 
 def _needed(search: Search, term: LibraryTerm) -> bool:

@@ -37,13 +37,18 @@ Array = NDArray[np.float64]
 class Candidate:
     """One explanation with the noise it leaves.
 
-    `likeliest` is the best score of its effects that is known, also of a fit that simulates farther off.
+    `likelier` is a fit of the same effects that is likelier, but simulates farther off.
     """
 
     fitted: Fitted
     noises: tuple[Noise, ...]
     score: float  # BIC
-    likeliest: float = np.inf
+    likelier: Candidate | None = None
+
+    @property
+    def likeliest(self) -> Candidate:
+        """The likeliest fit of the same effects that is known, however far off it simulates."""
+        return self.likelier or self
 
 
 def rated(problem: Problem, fitted: Fitted) -> Candidate:
@@ -141,11 +146,16 @@ def larger(candidate: Candidate, base: Candidate) -> bool:
     return farther(candidate, base) and not any(mine.rms <= theirs.rms for mine, theirs in pairs)
 
 
-def by_simulation_error(problem: Problem, begin: Fitted) -> Fitted:
-    """Fit the same terms by plain simulation error, each output weighed by 1 / its own residual rms."""
+def by_simulation_error(problem: Problem, begin: Fitted, beside: Array | None = None) -> Fitted:
+    """Fit the same terms by plain simulation error, each output weighed by 1 / its own residual rms.
+
+    Where sizes `beside` (r,) are given, by 1 / those, and all by one factor.
+    """
     fitted = begin
     for _ in range(REFITS):
         left = np.maximum(np.maximum(rms_of(fitted.residuals), problem.floors), 1e-30)
+        if beside is not None:
+            left = beside * np.sqrt(np.mean((left / beside) ** 2))
         sizes = [white(float(rms)) for rms in left]
         fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
     return fitted

@@ -23,7 +23,10 @@ def beside(base: Candidate, terms: Sequence[Screened]) -> frozenset[Hypothesis]:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What the search found: the nominal refit, the best explanation, and what it was chosen against, by round."""
+    """What the search found: the nominal refit, the best explanation, and what it was chosen against, by round.
+
+    The nominal refit is the one that simulates nearest, with the score of what the first effect was held against.
+    """
 
     problem: Problem
     nominal: Candidate

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import Candidate, extended, joined
+from firmloop.diagnose.model.candidate import Candidate, extended, farther, joined, rated
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import Fitted, fit, fit_starts
+from firmloop.diagnose.model.fit import Fitted, fit, fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point
 from firmloop.diagnose.model.lost_sign import from_unfolded
 from firmloop.diagnose.policy import (
@@ -18,13 +21,18 @@ from firmloop.diagnose.policy import (
     RUN_AWAY,
     SIGNLESS_NOISE,
     STEPS_FROM_GIVEN,
+    STEPS_OF_A_FIT,
+    STEPS_OF_A_TRIAL,
     TRIED_FROM_GIVEN,
 )
 from firmloop.diagnose.search.orders import best_orders
 from firmloop.diagnose.search.screen import Screened, ground, screen
 from firmloop.identify.fitting.fit import about_means
-from firmloop.identify.fitting.noise import colored, flat, oversized
+from firmloop.identify.fitting.noise import colored, flat, oversized, white
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
+
+Array = NDArray[np.float64]
 
 
 def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]) -> tuple[Fitted, ...]:
@@ -132,3 +140,39 @@ def afresh(problem: Problem, base: Fitted, screened: Screened) -> tuple[tuple[Li
         grid = problem.starts[term.label]
         values = entered(values, term, grid[len(grid) // 2] if grid else {})
     return terms, Point(values, begin.starts)
+
+
+def nominal_fit(problem: Problem, refit: Plant | None) -> Candidate:
+    """Fit the nominal plant from where `identify` ends with white noise, then with the noise it left over."""
+    begin = first_point(problem, problem.train)
+    known = {p.name: p.value for p in refit.parameters} if refit else {}
+    spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
+    whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
+    trials = [
+        fit(problem, problem.train, (), each, whole, STEPS_OF_A_TRIAL * 2)
+        for each in (begin, Point({**begin.values, **known}, begin.starts))
+    ]
+    fitted = min(trials, key=lambda each: each.cost if math.isfinite(each.cost) else math.inf)
+    for _ in range(2):
+        fitted = fit(
+            problem, problem.train, (), fitted.point, flat(noises_of(problem, fitted.residuals)), STEPS_OF_A_FIT
+        )
+    fits = [rated(problem, fitted)]
+    for _ in range(3):
+        last = fits[-1]
+        fits.append(rated(problem, fit(problem, problem.train, (), last.fitted.point, last.noises, STEPS_OF_A_FIT)))
+    return with_likelier(fits)
+
+
+def with_likelier(fits: Sequence[Candidate]) -> Candidate:
+    """Return the likeliest of some fits of the same effects that simulate no farther off than the first of them does.
+
+    With it a likelier one that does, which may have made noise of the motion, or leaves to a drift what is its.
+    """
+    near = min((each for each in fits if not farther(each, fits[0])), key=lambda each: each.score)
+    likeliest = min((each.likeliest for each in fits), key=lambda each: each.score)
+    return replace(near, likelier=likeliest if likeliest.score < near.score else None)
+
+
+def _columns(problem: Problem) -> list[list[Array]]:
+    return [[recording.columns[signal.name] for recording in problem.train] for signal in problem.plant.outputs]

@@ -16,7 +16,7 @@ from firmloop.diagnose.model.candidate import (
     clearly_nearer,
     residual_sizes,
 )
-from firmloop.diagnose.model.fit import Fitted, ended, noises_of, strength, with_other_answer
+from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS
 from firmloop.diagnose.search.exchange import slimmer
@@ -25,11 +25,12 @@ from firmloop.diagnose.search.harmless import from_starts, no_worse, same_functi
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
 from firmloop.diagnose.search.simulation_error import independent
-from firmloop.identify.fitting.noise import oversized
+from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
+Array = NDArray[np.float64]
 Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms where it was left out
 
 
@@ -55,6 +56,12 @@ class _Part:
         """The rms over the refit's of what was left out, squares averaged over outputs; of train where none is told."""
         return _ratio(self.left.figures) or self.seen
 
+    @property
+    def foresees(self) -> bool:
+        """What was left out comes far nearer than by the refit, and none of its outputs less near."""
+        pairs = [(each.get("after", np.inf), each.get("refit", 0.0)) for each in self.left.figures.values()]
+        return 0.0 < _ratio(self.left.figures) < CLOSER_RMS and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
+
 
 @dataclass(frozen=True, slots=True)
 class _Bench:
@@ -62,7 +69,7 @@ class _Bench:
 
     refit: Plant
     recordings: Sequence[Recording]
-    refit_rms: NDArray[np.float64]  # (2, recordings, r)
+    refit_rms: Array  # (2, recordings, r)
 
     def part(self, search: Search) -> _Part:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
@@ -70,6 +77,14 @@ class _Bench:
         safe = believable(search.best.fitted) and no_worse(rms, self.refit_rms)
         seen = float(np.sqrt(np.mean((rms[1] / np.maximum(self.refit_rms[1], 1e-300)) ** 2)))
         return _Part(search, safe, self.left_out(search), seen if np.isfinite(seen) else 0.0)
+
+    def plain(self, found: Search) -> _Part:
+        """Return a fit of the best's effects by plain simulation error, one that harms no output where there is one."""
+        part = self.part(found)
+        if part.safe or len(found.problem.plant.outputs) == 1:
+            return part
+        other = self.part(_untraded(found, np.sqrt(np.mean(self.refit_rms[1] ** 2, axis=0))))
+        return other if other.safe else part
 
     def left_out(self, found: Search) -> LeftOut:
         """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
@@ -94,6 +109,7 @@ def _ratio(figures: Figures) -> float:
 def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tuple[Search | None, Figures]:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
+    Where there is none, it is the whole if what was left out is simulated far nearer once its start is fitted.
     With it the figures of what was left out. Effects go one by one, each time the one without which that is simulated
     nearest: as long as some recording is harmed; where it is not simulated clearly nearer than by the plain refit, as
     long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
@@ -102,7 +118,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     bench = _Bench(refit, recordings, from_starts(refit, recordings))
     if not found.best.fitted.terms:
         return found, bench.left_out(found).figures
-    here = _whole(found, bench)
+    here = whole = _whole(found, bench)
     while (slim := _slimmed(here, bench)) is not None:
         here = slim
     fitted = here.search.best.fitted
@@ -112,6 +128,8 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     most = 1.0 / (SAME_RMS if oversized(found.nominal.noises) else NEARER_RMS)
     if oversized(noises_of(found.problem, fitted.residuals)):
         most = CLOSER_RMS
+    if not here.safe and whole.foresees:
+        return whole.search, whole.left.figures  # it is right, but no simulation may begin where readings say
     if none or not here.safe or here.ratio >= most:
         return None, here.left.figures
     return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.left.figures
@@ -149,9 +167,11 @@ def _shows(here: _Part) -> bool:
 
 
 def _needs(here: _Part, slim: _Part) -> bool:
-    """Tell whether what was left out is nearer than by a smaller part by more than chance."""
+    """Tell whether what was left out is nearer than by a smaller part, by more than chance where it is the same."""
     mine, theirs = here.left.residuals.get("after", ()), slim.left.residuals.get("after", ())
-    return len(mine) != len(theirs) or (len(mine) > 0 and beyond_chance(mine, theirs))
+    if len(mine) != len(theirs):
+        return here.ratio < slim.ratio
+    return len(mine) > 0 and beyond_chance(mine, theirs)
 
 
 def _smaller(found: Search, bench: _Bench, some: Sequence[LibraryTerm]) -> Iterator[_Part]:
@@ -161,9 +181,7 @@ def _smaller(found: Search, bench: _Bench, some: Sequence[LibraryTerm]) -> Itera
     for gone in some:
         for terms, point in slimmer(problem, fitted, gone):
             if terms:
-                yield bench.part(
-                    _plainly(bare, by_simulation_error(problem, replace(fitted, terms=terms, point=point)))
-                )
+                yield bench.part(_plainly(bare, replace(fitted, terms=terms, point=point)))
 
 
 def _whole(found: Search, bench: _Bench) -> _Part:
@@ -173,23 +191,38 @@ def _whole(found: Search, bench: _Bench) -> _Part:
     only starts that nobody reads make them nearer, and as written they are not.
     """
     before = found.best.fitted
-    fitted = by_simulation_error(found.problem, before)
-    nearer = clearly_nearer(fitted, before)
-    plain = bench.part(_plainly(found, fitted)) if nearer else None
+    plainly = _plainly(found, before)
+    nearer = clearly_nearer(plainly.best.fitted, before)
+    plain = bench.plain(plainly) if nearer else None
     if plain is None or not plain.safe:
-        other = before if nearer else with_other_answer(before, fitted.point.values)
+        other = before if nearer else with_other_answer(before, plainly.best.fitted.point.values)
         noisy = not oversized(found.best.noises)  # else intervals are those of a misfit
         if noisy or all(strength(other, term) > NORMAL_95 for term in before.terms):
             made = bench.part(replace(found, best=replace(found.best, fitted=other)))
             if made.safe:
                 return made
-    return plain or bench.part(_plainly(found, fitted))
+    return plain or bench.plain(plainly)
 
 
-def _plainly(found: Search, fitted: Fitted) -> Search:
+def _plainly(found: Search, begin: Fitted) -> Search:
     """Return the search with a fit by plain simulation error as its best, independent samples counted."""
-    fitted = ended(found.problem, fitted, independent(fitted.residuals))
-    return replace(found, best=replace(found.best, fitted=fitted, noises=independent(fitted.residuals)))
+    fitted = by_simulation_error(found.problem, begin)
+    noises = independent(fitted.residuals)
+    return replace(found, best=replace(found.best, fitted=ended(found.problem, fitted, noises), noises=noises))
+
+
+def _untraded(found: Search, left: Array) -> Search:
+    """Return the search with its best fitted anew, each output weighed by what the refit has `left` (r,) of it.
+
+    So none is traded for another. What that leaves uncertain is the sandwich of Huber, filled by independent samples.
+    """
+    problem = found.problem
+    fitted = by_simulation_error(problem, found.best.fitted, np.maximum(np.maximum(left, problem.floors), 1e-30))
+    fitted, noises = ended(problem, fitted, fitted.noises), independent(fitted.residuals)
+    filling = [white(one.scale**2 / other.scale) for one, other in zip(fitted.noises, noises, strict=True)]
+    inner = fit(problem, problem.train, fitted.terms, fitted.point, filling, 0).normal
+    fitted = replace(fitted, noises=noises, normal=fitted.normal @ inverse(inner) @ fitted.normal)
+    return replace(found, best=replace(found.best, fitted=fitted, noises=noises))
 
 
 def _as_found(here: Search, found: Search) -> bool:

@@ -18,7 +18,6 @@ from firmloop.diagnose.model.candidate import (
     closer,
     creeps,
     faint,
-    farther,
     larger,
     rated,
     relieved,
@@ -32,14 +31,12 @@ from firmloop.diagnose.model.hypothesis import (
     LibraryTerm,
     Point,
     Problem,
-    first_point,
     meeting,
     rescaled,
     turning,
 )
 from firmloop.diagnose.policy import (
     COLORED_THRESHOLD,
-    CONTACT_SEARCH_PATIENCE,
     EXCHANGES,
     LEVELLED,
     LEVELLED_WITHIN,
@@ -54,19 +51,17 @@ from firmloop.diagnose.policy import (
     SLOW_THRESHOLD,
     STEPPED_LIMIT_THRESHOLD,
     STEPS_OF_A_FIT,
-    STEPS_OF_A_TRIAL,
     THRESHOLD,
     TIE,
     WORTH_A_REFIT,
 )
 from firmloop.diagnose.search.exchange import amounting, merged, parted, retied, swapped
 from firmloop.diagnose.search.found import Hypothesis, Progress, Search, beside, candidates_of
-from firmloop.diagnose.search.from_given import from_given, from_means, runaways
+from firmloop.diagnose.search.from_given import from_given, from_means, nominal_fit, runaways, with_likelier
 from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import promising, screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
-from firmloop.identify.fitting.noise import colored, flat, white
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.fitting.noise import Noise, colored, flat, white
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
@@ -78,7 +73,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
     """Explain the train recordings of a problem by at most so many effects."""
     progress(0.05, "refitting the nominal plant")
     refit = as_identified(problem.plant, problem.train)
-    nominal = _nominal(problem, refit)
+    nominal = nominal_fit(problem, refit)
     if runaways(problem, nominal.fitted):
         problem = rescaled(problem, nominal.fitted.point.values)
     best = nominal
@@ -90,48 +85,43 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
     barren = frozenset[Hypothesis]()
     begun = problem.engine.steps
     for turn in range(most):
-        patience = CONTACT_SEARCH_PATIENCE if meeting(best.fitted.terms) else SEARCH_PATIENCE
-        if turn and problem.engine.steps - begun > patience:
+        if turn and problem.engine.steps - begun > SEARCH_PATIENCE:
             break
         progress(0.15 + 0.2 * turn, f"looking for effect {turn + 1}")
-        table = screened(problem, best)
-        first = first or table
         # Where noise alone is left, no term gains more than it promises; where not, a soaked one hides another.
         whole = not colored(best.noises)
         worth = max(WORTH_A_REFIT, 0.5 * MINOR_SHARE * sum(gains)) if whole else WORTH_A_REFIT
-        others = (*from_given(problem, best, table), *from_means(problem, best))
-        barren = beside(best, promising(table, worth))
-        candidates = tried_beside(problem, best, table, others, worth)
-        if not candidates:
+        chosen, nearest = None, best
+        for begin in filter(None, (best, best.likelier)):  # what the nearest fit misses may be what drifts
+            table = screened(problem, begin)
+            first = first or table
+            others = (*from_given(problem, best, table), *from_means(problem, best)) if begin is best else ()
+            barren = beside(best, promising(table, worth))
+            candidates = tried_beside(problem, begin, table, others, worth)
+            if not candidates:
+                continue
+            if best.score > candidates[0].score:  # what it won may be that the others were further from their end
+                nearest = with_likelier((best, _gone_on(problem, best, candidates[0].noises)))
+            rounds.append(candidates)
+            chosen = _chosen(problem, candidates, nearest, worth, sum(gains))
+            if chosen is not None:
+                break
+        if chosen is None:
+            best = nearest
             break
-        base = best
-        if best.score > candidates[0].score:  # what it won may be that the others were further from their end
-            again = fit(
-                problem, problem.train, best.fitted.terms, best.fitted.point, candidates[0].noises, STEPS_OF_A_FIT
-            )
-            further_on = rated(problem, again)
-            base = _likeliest((best, further_on))
-        chosen = _nearer(problem, simplest(candidates, base.score), base)
-        rounds.append(candidates)
-        if larger(chosen, base):
-            chosen = _accompanied(problem, chosen, base, worth)
-        gain = base.score - chosen.score
-        trace = gain < MINOR_SHARE * sum(gains) and not closer(chosen, base)
-        if trace or not _earned(problem, chosen, base) or lost_count(problem, chosen, base):
-            best = base
-            break
-        gains.append(gain)
+        without = _without(nearest, chosen)
+        gains.append(without - chosen.score)
         best, barren = accepted(problem, chosen), frozenset()
         if turn == 0:
-            nominal = base
+            nominal = replace(nearest, score=without)
     if not gains:
         return Search(problem, best, best, tuple(rounds), first, (), refit, barren)
     before = set(best.fitted.terms)
     best, tried = _settled(problem, best, gains)
-    found = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit, barren)
+    made = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit, barren)
     if set(best.fitted.terms) - before and len(best.fitted.terms) < most:
-        return further(found) or found  # what was mistaken for it had hidden the rest
-    return found
+        return further(made) or made  # what was mistaken for it had hidden the rest
+    return made
 
 
 def further(found: Search, table: Sequence[Screened] | None = None) -> Search | None:
@@ -139,19 +129,20 @@ def further(found: Search, table: Sequence[Screened] | None = None) -> Search | 
 
     `table` are the terms as screened, best first; None screens them. What was tried beside the best is not tried again.
     """
-    problem, base = found.problem, found.best
-    table = screened(problem, base) if table is None else table
-    if beside(base, promising(table, WORTH_A_REFIT)) <= found.barren:
+    problem, nearest = found.problem, found.best
+    table = screened(problem, nearest) if table is None else table
+    if beside(nearest, promising(table, WORTH_A_REFIT)) <= found.barren:
         return None
-    candidates = tried_beside(problem, base, table, (), WORTH_A_REFIT)
+    candidates = tried_beside(problem, nearest, table, (), WORTH_A_REFIT)
     if not candidates:
         return None
-    chosen = _nearer(problem, simplest(candidates, base.score), base)
-    if not _earned(problem, chosen, base) or lost_count(problem, chosen, base):
+    chosen = _chosen(problem, candidates, nearest, WORTH_A_REFIT, 0.0)
+    if chosen is None:
         return None
-    gains = (*found.gains, base.score - chosen.score)
+    without = _without(nearest, chosen)
+    gains = (*found.gains, without - chosen.score)
     best, tried = _settled(problem, _refollowed(problem, _unwhitened(problem, chosen)), gains)
-    nominal = found.nominal if found.gains else base
+    nominal = found.nominal if found.gains else replace(nearest, score=without)
     return replace(found, nominal=nominal, best=best, rounds=(*found.rounds, candidates, tried), gains=gains)
 
 
@@ -210,9 +201,7 @@ def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
             continue
         engine.follow(recorded)
         engine.amend(off)
-        fitted = amended.fitted
-        other = rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, amended.noises, STEPS_OF_A_FIT))
-        other = _unwhitened(problem, other)
+        other = _unwhitened(problem, _gone_on(problem, amended, amended.noises))
         if recorded:
             amended = other
         if best.score - other.score > TIE:
@@ -220,6 +209,11 @@ def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
     engine.follow(held[0])
     engine.amend(held[1])
     return best
+
+
+def _gone_on(problem: Problem, candidate: Candidate, noises: Sequence[Noise]) -> Candidate:
+    fitted = candidate.fitted
+    return rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, noises, STEPS_OF_A_FIT))
 
 
 def _refined(problem: Problem, candidate: Candidate) -> Candidate:
@@ -232,7 +226,7 @@ def _refined(problem: Problem, candidate: Candidate) -> Candidate:
     finer = [residual_of(problem, recording, fitted.point, k) for k, recording in enumerate(problem.train)]
     pairs = zip(finer, fitted.residuals, strict=True)
     if sum(float(np.sum(whitened(one - other, candidate.noises) ** 2)) for one, other in pairs) > TIE:
-        return rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, candidate.noises, STEPS_OF_A_FIT))
+        return _gone_on(problem, candidate, candidate.noises)
     engine.hasten(coarse)
     return candidate
 
@@ -257,6 +251,29 @@ def _unwhitened(problem: Problem, candidate: Candidate) -> Candidate:
         begin = Point({**plain.point.values, **given}, plain.point.starts)
         found.append(rated(problem, fit(problem, problem.train, fitted.terms, begin, noises, STEPS_OF_A_FIT)))
     return min((each for each in found if not larger(each, candidate)), key=lambda each: each.score)
+
+
+def _chosen(
+    problem: Problem, candidates: Sequence[Candidate], nearest: Candidate, worth: float, known: float
+) -> Candidate | None:
+    """Return the best explanation that brings what it must; None where none does.
+
+    If the best does not, one that comes far closer in simulations may. `known` is the drop of BIC by all effects
+    before: of what it is far larger than a trace may be left.
+    """
+    best = simplest(candidates, nearest.score)
+    for each in (best, *(each for each in candidates if each is not best and closer(each, nearest))):
+        led = _nearer(problem, each, nearest)
+        led = _accompanied(problem, led, nearest, worth) if larger(led, nearest) else led
+        trace = nearest.score - led.score < MINOR_SHARE * known and not closer(led, nearest)
+        if not trace and _earned(problem, led, nearest) and not lost_count(problem, led, nearest):
+            return led
+    return None
+
+
+def _without(nearest: Candidate, chosen: Candidate) -> float:
+    """Return the score that an explanation is held against: the likeliest without, if it is likelier than that."""
+    return nearest.likeliest.score if chosen.score < nearest.likeliest.score else nearest.score
 
 
 def _nearer(problem: Problem, candidate: Candidate, base: Candidate) -> Candidate:
@@ -287,66 +304,33 @@ def _earned(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
 
 
 def _pays(problem: Problem, candidate: Candidate, base: Candidate) -> bool:
-    """Tell whether the newest effect brings what it must, on train too."""
-    gain = base.score - candidate.score
+    """Tell whether the newest effect brings what it must, on train too, beside the likeliest fit without it."""
+    gain = base.likeliest.score - candidate.score
     return gain >= _bar(problem, candidate, base, gain) and not faint(problem, candidate, base)
 
 
 def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -> float:
     """Return the drop of BIC the newest effect must bring: more where a slow disturbance could be all it is.
 
-    Of an effect that lasts batches tell that, where simulations come nearer; `gain` is what it did bring. Beside the
-    likeliest fit there is without it that may be far less.
+    Of an effect that lasts batches tell that, where simulations come nearer, and where they come far nearer batches
+    alone; `gain` is what it did bring.
     """
     newest, values = candidate.fitted.terms[-1], candidate.fitted.point.values
     least = THRESHOLD
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in candidate.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
         times = times_chance(problem, candidate.fitted, candidate.noises, newest)
-        if accidental(newest, times, min(gain, base.likeliest - candidate.score)):
+        if accidental(newest, times, gain):
             return np.inf
-        nearer = any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True))
-        if closer(candidate, base) or (nearer and NEVER_BY_CHANCE < times < np.inf):
-            least = THRESHOLD  # what lasts hardly shows in innovations
+        certain = NEVER_BY_CHANCE < times < np.inf
+        if closer(candidate, base):  # what lasts hardly shows in innovations, whose noise a constant may be
+            least = -np.inf if certain else THRESHOLD
+        elif certain and any(mine.rms < theirs.rms for mine, theirs in zip(candidate.noises, base.noises, strict=True)):
+            least = THRESHOLD
     sizes = [noise.rms for noise in candidate.noises]
     if newest.effect.limits and newest.output in {each.output for each in coarse(problem.plant, problem.train, sizes)}:
         least = STEPPED_LIMIT_THRESHOLD
     return least + (SEARCHED_PRICE if any(key.endswith(_SOUGHT) for key in newest.keys) else 0.0)
-
-
-def _nominal(problem: Problem, refit: Plant | None) -> Candidate:
-    """Fit the nominal plant from where `identify` ends with white noise, then with the noise it left over."""
-    begin = first_point(problem, problem.train)
-    known = {p.name: p.value for p in refit.parameters} if refit else {}
-    spread = [np.std(np.concatenate([outputs for outputs in column])) for column in _columns(problem)]
-    whole = [white(max(float(size), float(floor), 1e-12)) for size, floor in zip(spread, problem.floors, strict=True)]
-    trials = [
-        fit(problem, problem.train, (), each, whole, STEPS_OF_A_TRIAL * 2)
-        for each in (begin, Point({**begin.values, **known}, begin.starts))
-    ]
-    fitted = min(trials, key=lambda each: each.cost if math.isfinite(each.cost) else math.inf)
-    for _ in range(2):
-        fitted = fit(
-            problem, problem.train, (), fitted.point, flat(noises_of(problem, fitted.residuals)), STEPS_OF_A_FIT
-        )
-    fits = [rated(problem, fitted)]
-    for _ in range(3):
-        last = fits[-1]
-        fits.append(rated(problem, fit(problem, problem.train, (), last.fitted.point, last.noises, STEPS_OF_A_FIT)))
-    return _likeliest(fits)
-
-
-def _likeliest(fits: Sequence[Candidate]) -> Candidate:
-    """Return the likeliest of some fits of the same effects that simulate no farther off than the first of them does.
-
-    Those that do have made noise of the motion.
-    """
-    near = min((each for each in fits if not farther(each, fits[0])), key=lambda each: each.score)
-    return replace(near, likeliest=min(min(each.score, each.likeliest) for each in fits))
-
-
-def _columns(problem: Problem) -> list[list[Array]]:
-    return [[recording.columns[signal.name] for recording in problem.train] for signal in problem.plant.outputs]
 
 
 def pruned(problem: Problem, best: Candidate) -> Candidate:

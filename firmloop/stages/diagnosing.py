@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from firmloop.diagnose.controller.replay import Cut, cut
 from firmloop.diagnose.controller.report import with_controller
 from firmloop.diagnose.data.conditioned import as_conditioned
-from firmloop.diagnose.finding import Finding
+from firmloop.diagnose.model.candidate import rms_of
 from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.diagnose.sentences import with_doubt
 from firmloop.identify.error import IdentifyError
@@ -51,7 +52,7 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
         (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
             made = diagnose(plant, train, test, report)
-            _check_early(plant, train, made.finding, made.search.refit)
+            _check_early(plant, train, made)
         controller = controller_of(project)
         replayed = None if controller is None else cut(plant, controller, (*data.train, *data.test))
         told = (*data.notes, *notes)
@@ -60,12 +61,13 @@ def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis
         return replace(made, finding=with_controller(with_doubt(finding), replayed)), replayed
 
 
-def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding, refit: Plant | None) -> None:
+def _check_early(plant: Plant, train: Sequence[Recording], made: Diagnosis) -> None:
     """Refuse outputs that move before their input, where to shift them leaves less than the best explanation does.
 
-    No physics does so; what was named instead would be chased in vain. It is asked only where much is left. The fit
-    begins at the `refit`, where there is one.
+    No physics does so; what was named instead would be chased in vain. It is asked only where much is left, of either
+    with its initial states fitted. The fit begins at the refit, where there is one.
     """
+    finding, refit = made.finding, made.search.refit
     if (finding.train.after or finding.train.refit or 0.0) < _MUCH:
         return
     begin = plant if refit is None else plant.valued({p.name: p.value for p in refit.parameters})
@@ -73,7 +75,8 @@ def _check_early(plant: Plant, train: Sequence[Recording], finding: Finding, ref
         fitted = estimate(begin, train, (), NONE, near=refit is not None, doubt=untold)
     except IdentifyError:
         return  # what identify cannot fit has no lag that could be told
-    left = {name: min(of.values()) for name, of in finding.simulation_rms.get("train", {}).items()}
+    sizes = [rms_of(each.fitted.residuals) for each in (made.search.nominal, made.shown)]
+    left = dict(zip((signal.name for signal in plant.outputs), map(float, np.minimum(*sizes)), strict=True))
     said = early_outputs(Evidence(plant, tuple(train), NONE, fitted), left)
     if said:
         raise IdentifyError(said)

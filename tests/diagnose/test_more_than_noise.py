@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,8 @@ def test_what_only_whitens_far_more_than_noise_would_let_it_is_no_noise(
         Candidate(fitted, (Noise(np.zeros(0), size, size),), score) for size, score in ((1.0, 0.0), (rms, -drop))
     )
     assert refused(Search(problem, nominal, nominal, ((tried,),), (), ())) == unlike
+    as_white = replace(nominal, likelier=replace(tried, score=-drop + 70.0))
+    assert not refused(Search(problem, as_white, as_white, ((tried,),), (), ()))
 
 
 def test_steps_of_a_sensor_wider_than_noise_may_be_are_all_that_is_missing(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from bench.host.identify_faults import MOTOR, heater, motor, swing
@@ -68,8 +69,21 @@ def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monk
         raise IdentifyError("parameters far off")
 
     monkeypatch.setattr(diagnosing, "estimate", refusing)
-    finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0), simulation_rms={})
-    diagnosing._check_early(None, (), finding, None)
+    finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0))
+    diagnosing._check_early(None, (), SimpleNamespace(finding=finding, search=SimpleNamespace(refit=None)))
+
+
+def test_a_shifted_column_is_held_against_an_explanation_whose_start_is_fitted_too(monkeypatch):
+    """Begun at the first reading alone, the drift of a position hid that a clock explains it."""
+    asked = {}
+    monkeypatch.setattr(diagnosing, "estimate", lambda *_, **__: None)
+    monkeypatch.setattr(diagnosing, "early_outputs", lambda _, left: asked.update(left) or "")
+    finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0))
+    left = [SimpleNamespace(fitted=SimpleNamespace(residuals=(np.full((9, 1), size),))) for size in (0.02, 0.003)]
+    plant = SimpleNamespace(outputs=(SimpleNamespace(name="level"),))
+    search = SimpleNamespace(refit=None, nominal=left[0])
+    diagnosing._check_early(plant, (), SimpleNamespace(finding=finding, search=search, shown=left[1]))
+    assert asked == {"level": pytest.approx(0.003)}
 
 
 def test_outputs_of_which_no_less_is_left_once_they_are_shifted_are_not_shifted_on(monkeypatch):
