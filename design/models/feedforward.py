@@ -221,7 +221,9 @@ def feedforward(
         if not np.all(np.isfinite(values)):
             raise DesignError(f"plant.effects {effect.name} has no finite size; give its parameters")
         held = effect.holding(site, values)
-        if held.dead:
+        if held.dead and _rests_elsewhere(plant):
+            missed[effect.name] = "it lies about input_at_rest, and the controller's output about 0"
+        elif held.dead:
             dead += held.dead
             dead_zones.append(effect.name)
         elif carried[1] is None and any((held.wave, held.spring, held.cubic)):
@@ -270,6 +272,10 @@ def _followed(plant: Plant) -> str:
         if state >= 0 and np.array_equal(row, np.eye(len(row))[state]):
             return what
     return ""
+
+
+def _rests_elsewhere(plant: Plant) -> bool:
+    return any(p.name == plant.input_at_rest and p.value != 0.0 for p in plant.parameters)
 
 
 def _factor(plant: Plant, effect: Effect) -> float:

@@ -63,8 +63,8 @@ class Timing:
     stretch: float = 0.0  # of the outputs' clock
     breaks: tuple[float, ...] = ()  # s
     slew: float = np.inf  # input unit per s
-    # What is done to the input and by how much, in order; and the same as a C expression of u and size.
-    maps: tuple[tuple[Change, float, str], ...] = ()
+    # What is done to the input, as it differs from a centre, and by how much, in order; the same in C of u and size.
+    maps: tuple[tuple[Change, float, str, float], ...] = ()
 
     def key(self) -> tuple[object, ...]:
         """Return what the segments of a course depend on."""
@@ -178,9 +178,16 @@ class Assembly:
         """Replace an output by code(...) of it."""
         self._term(OUTPUT, code, output, constants, 1.0, STEADY)
 
-    def map_input(self, change: Change, size: float, c: str) -> None:
-        """Replace the first input (n,), as it is recorded, by change(input, size); `c` is that of u and size in C."""
-        self.timing.maps = (*self.timing.maps, (change, size, c))
+    def map_input(self, change: Change, size: float, c: str, centre: float = 0.0) -> None:
+        """Replace the first input (n,), as it is recorded, by change(input, size); `c` is that of u and size in C.
+
+        Both are of what the input differs from `centre`.
+        """
+        self.timing.maps = (*self.timing.maps, (change, size, c, centre))
+
+    def resting_input(self) -> float:
+        """Return the first input with which the plant rests."""
+        return 0.0 if self.plant.input_at_rest is None else self.value(self.plant.input_at_rest)
 
     def lag_output(self, output: int, time_constant: float) -> None:
         """Filter an output by a first-order lag."""

@@ -101,8 +101,8 @@ def _data(made: Job, plant: Plant, period: float) -> str:
 def _mapping(timing: Timing) -> Iterable[str]:
     """Yield what static effects of the actuator do to the first input."""
     yield "static double map_input(double u) {"
-    for _, size, c in timing.maps:
-        yield f"    {{ const double size = {_number(size)}; u = {c}; }}"
+    for _, size, c, centre in timing.maps:
+        yield f"    {{ const double size = {_number(size)}; u -= {_number(centre)}; u = {_number(centre)} + ({c}); }}"
     yield "    return u;"
     yield "}"
 

@@ -124,8 +124,8 @@ def mapped(drive: Array, timing: Timing) -> Array:
     if not timing.maps:
         return drive
     value = drive.copy()
-    for change, size, _ in timing.maps:
-        value[:, 0] = change(value[:, 0], size)
+    for change, size, _, centre in timing.maps:
+        value[:, 0] = centre + change(value[:, 0] - centre, size)
     return value
 
 

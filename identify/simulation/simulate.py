@@ -130,6 +130,13 @@ def drive_of(plant: Plant, recording: Recording) -> Array:
     return np.column_stack([column(recording, signal.name, undriven) for signal in plant.inputs])
 
 
+def driven_by(plant: Plant, recording: Recording) -> Array:
+    """Return by how much the recorded inputs differ from where the plant rests, (n, m)."""
+    drive = drive_of(plant, recording)
+    at_rest = {p.name: p.value for p in plant.parameters}.get(plant.input_at_rest or "", 0.0)
+    return drive - (0.0 if math.isnan(at_rest) else at_rest)
+
+
 def course_of(plant: Plant, recording: Recording) -> Course:
     """Take the plant's inputs and the time stamps out of a recording."""
     drive = drive_of(plant, recording)

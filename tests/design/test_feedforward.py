@@ -123,6 +123,14 @@ def test_the_input_comes_out_of_its_dead_zone() -> None:
     assert [float(law.last.function([], [w, 0.0])[1]) for w in wanted] == pytest.approx(list(wanted.values()))
 
 
+def test_a_dead_zone_about_another_command_than_zero_is_not_met() -> None:
+    values = {"gain": 1.0, "time_constant_s": 0.1, "delay_s": 0.0, "input_at_rest": 4.0}
+    bare = make_plant("first_order", "voltage_V", ["speed_rad_s"], values)
+    machine = with_effects(bare, [EffectUse("dead_zone", None, {"half_width_V": 0.3}, ())])
+    with pytest.raises(DesignError, match="dead_zone: it lies about input_at_rest, and the"):
+        design("pid", "x", {"kp": 0.01, "feedforward": {"from": "effects"}}, 0.001, STAND, VOLTS, machine)
+
+
 def position_loop(*names: str) -> Law:
     """Make a position controller of a motor with these effects."""
     bare = motor("position_rad", "speed_rad_s")

@@ -136,6 +136,17 @@ def test_an_actuator_without_memory_is_found_and_takes_effects():
     assert linearize(plant).d == pytest.approx(np.array([[2.0]]))
 
 
+def test_a_servo_does_not_answer_small_moves_about_the_command_it_rests_at():
+    pulse = np.repeat([1500.0, 1530.0, 1600.0, 1400.0, 1475.0], 40)
+    recording = make_recording(np.arange(200) * 0.02, {"pulse_us": pulse}, "run", "")
+    rest = {"input_at_rest": 1500.0, "output_at_rest": 7.0}
+    parameters = {"gain": 0.5, "time_constant_s": 1e-3, "delay_s": 0.0, **rest}
+    table = {"kind": "first_order", "input": "pulse_us", "outputs": ["speed_rad_s"], "parameters": parameters}
+    plant = plant_from_table({**table, "effects": [{"name": "dead_zone", "half_width": 40.0}]})
+    settled = simulate(plant, recording, None)[39::40, 0]
+    assert settled == pytest.approx([7.0, 7.0, 7.0 + 0.5 * 60.0, 7.0 - 0.5 * 60.0, 7.0])
+
+
 def test_what_an_expression_adds_to_an_output_stays_with_effects():
     table = {
         "kind": "ode", "states": ["x"], "inputs": ["u"], "outputs": {"y_V": "2*x + 5"}, "derivatives": {"x": "u - x"},

@@ -1,4 +1,4 @@
-"""An actuator that ignores small commands: the input is shrunk by a half width."""
+"""An actuator that ignores small commands: the input is shrunk by a half width about where the plant rests."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def shrunk(value: Array, half_width: float) -> Array:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    assembly.map_input(shrunk, values[0], "u - fmin(fmax(u, -size), size)")
+    assembly.map_input(shrunk, values[0], "u - fmin(fmax(u, -size), size)", assembly.resting_input())
 
 
 def holding(site: Site, values: tuple[float, ...]) -> Holding:
