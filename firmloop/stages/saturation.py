@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from firmloop.identify.plants.effects import effects
-from firmloop.identify.recordings.clipping import cut_off
+from firmloop.identify.recordings.clipping import cut_off, in_steps
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project, same_unit
@@ -79,7 +79,7 @@ def cut_input(project: Project, recordings: Sequence[Recording]) -> str:
     drive = project.plant.input if project.plant else ""
     for recording in recordings:
         found = cut_off(recording.columns[drive]) if drive in recording.columns else None
-        if found:
+        if found and not in_steps(recording.columns[drive], found.value):
             return (
                 f"{drive} of {recording.source} runs into {found.value:g} {unit_of(drive)} and rests there in "
                 f"{found.share:.0%} of the rows: it must be what the actuator gave, not what it was asked for"

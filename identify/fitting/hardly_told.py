@@ -1,11 +1,19 @@
-"""Say which parameters the recordings hardly tell."""
+"""Say which parameters the recordings hardly tell, and which of those they only tell together."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from firmloop.identify.fitting.covariance import Uncertainty
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import Parameter, Plant
+
+Array = NDArray[np.float64]
+
+POOR = 0.5  # relative half-width of a 95 % interval, from which a parameter is hardly known
+_TOGETHER = 0.98  # correlation of two estimates, from which five times less is left of each once the other is known
 
 
 def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[str, ...]:
@@ -22,9 +30,17 @@ def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[
             f"them change no output, and no intervals are given; fix {found.combinations} of them with free = false, "
             f"record another output, or choose a simpler kind"
         )
+    together = told_together(found.covariance, [plant.parameters[index] for index in free])
+    if together:
+        said.append(
+            f"{', '.join(together[:-1])} and {together[-1]} are only known together: a change of one undoes that of "
+            "another, however the plant is driven; fix one with free = false, or record another output"
+        )
     for index in free:
         parameter = plant.parameters[index]
         interval, unit = parameter.interval_95, f" {parameter.unit}" if parameter.unit else ""
+        if parameter.name in together:
+            continue
         if interval is not None and parameter.low == 0.0 == interval[0]:
             said.append(
                 f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); "
@@ -37,3 +53,19 @@ def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[
                 + "); excite the plant more, or fix it with free = false"
             )
     return tuple(said)
+
+
+def told_together(covariance: Array, parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Return the parameters, of which `covariance` (f, f) is one, that are hardly known alone, but well with another.
+
+    Their estimates are correlated: the one is known once the other is.
+    """
+    spread = np.sqrt(np.diag(covariance))
+    poor = np.array(
+        [p.deviation is not None and 1.96 * p.deviation > POOR * abs(p.value) for p in parameters], dtype=bool
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.abs(covariance / np.outer(spread, spread)) > _TOGETHER
+    np.fill_diagonal(alike, False)
+    known = np.any(alike & poor[None, :], axis=1) & poor
+    return tuple(p.name for p, each in zip(parameters, known, strict=True) if each)

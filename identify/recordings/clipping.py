@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,13 @@ def cut_off(values: Array) -> Clipped | None:
         if cut:
             return Clipped(extreme, sum(cut) / len(values))
     return None
+
+
+def in_steps(values: Array, extreme: float) -> bool:
+    """Tell whether a signal (n,) rests at other values than its extreme as well: it goes in steps, and this is one."""
+    edges = np.flatnonzero(np.diff(values) != 0.0) + 1
+    levels = {float(values[first]) for first, last in pairwise([0, *edges, len(values)]) if last - first >= _RUN}
+    return len(levels - {0.0, extreme, float(values[0])}) > 0
 
 
 def _noise(values: Array, resting: NDArray[np.bool_]) -> float:

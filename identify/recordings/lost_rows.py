@@ -12,6 +12,8 @@ from firmloop.identify.recordings.columns import rename_line
 Array = NDArray[np.float64]
 
 _EVEN = 0.25  # of a row's time: what the clock of even rows may jitter
+_WHOLE = 4.0  # rows: a shorter leap over missing ones is a whole number of them, as far as that tells
+_BY_CHANCE = 4.0  # times as many leaps of whole rows as of others: fewer are the jitter of a clock
 _MOST = 0.95  # of the steps: as many are alike where rows are even, or a column counts
 _WORDS = tuple(2.0**bits for bits in (8, 12, 16, 24, 31, 32))  # where counters wrap
 
@@ -19,7 +21,14 @@ _WORDS = tuple(2.0**bits for bits in (8, 12, 16, 24, 31, 32))  # where counters 
 def leapt_over(time: Array) -> tuple[str, ...]:
     """Return what to tell of rows that the clock of even rows leaps over."""
     usual = _usual(time)
-    missing = np.round(np.diff(time) / usual) - 1.0 if usual else np.zeros(0)
+    if not usual:
+        return ()
+    ratio = np.diff(time) / usual
+    missing, few = np.round(ratio) - 1.0, ratio < _WHOLE
+    late = few & (ratio > 1.0 + _EVEN) & (np.abs(ratio - np.round(ratio)) > _EVEN)
+    if np.sum(few & (missing > 0.0) & ~late) <= _BY_CHANCE * np.sum(late):  # a clock that jitters makes as many
+        late = few
+    missing[late] = 0.0
     if not np.any(missing > 0.0):
         return ()
     k = int(np.argmax(missing > 0.0))

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.hardly_told import POOR, told_together
 
 Array = NDArray[np.float64]
 
 _SEEN = 1e-3  # of the strongest frequency's power
 _WIDTH = 8  # bins that one sine takes at most under a Hann window
-_POOR = 0.5  # relative half-width of a 95 % interval
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -40,7 +40,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     poor = _hardly_known(evidence)
     if poor:
         return (
-            f"{', '.join(poor)}: known to no better than {100.0 * _POOR:.0f} %; the input moves the plant too little "
+            f"{', '.join(poor)}: known to no better than {100.0 * POOR:.0f} %; the input moves the plant too little "
             "against what is left: drive it further, or longer, or ask firmloop diagnose whether that is noise",
         )
     return ()
@@ -56,11 +56,15 @@ def frequencies(drive: Array) -> int:
 def _hardly_known(evidence: Evidence) -> list[str]:
     if evidence.fit is None:
         return []
-    found = []
-    for parameter in evidence.fit.plant.parameters:
-        if not parameter.free or parameter.deviation is None or not (parameter.logarithmic or parameter.name == "gain"):
+    known = {parameter.name: parameter for parameter in evidence.fit.plant.parameters}
+    free = [known[name] for name in evidence.fit.free]
+    found, together = [], told_together(evidence.fit.covariance, free)
+    for parameter in free:
+        if parameter.name in together:  # no input would tell them apart
             continue
-        if 1.96 * parameter.deviation > _POOR * abs(parameter.value):
+        if parameter.deviation is None or not (parameter.logarithmic or parameter.name == "gain"):
+            continue
+        if 1.96 * parameter.deviation > POOR * abs(parameter.value):
             found.append(parameter.name)
     return found
 

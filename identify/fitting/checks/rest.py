@@ -24,7 +24,7 @@ from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.stillness import driven, resting
 from firmloop.identify.signal import Signal
-from firmloop.identify.simulation.simulate import drive_of, rest_start, simulate
+from firmloop.identify.simulation.simulate import driven_by, rest_start, simulate
 from firmloop.identify.units import ending_of
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
     found, refused = [], _refused(evidence)
     means = cache(partial(about_means, evidence.given, evidence.recordings, evidence.conditioning))
-    drives = [drive_of(evidence.given, recording) for recording in evidence.recordings]
+    drives = [driven_by(evidence.given, recording) for recording in evidence.recordings]
     most = np.max(np.abs(np.concatenate(drives)), axis=0)
     for k in range(len(plant.outputs)):
         columns = [np.zeros_like(part.residual) for part in parts]
@@ -91,8 +91,8 @@ def _in_motion(output: Signal, level: float, reading: float) -> str:
     unit = f" {output.unit}".rstrip()
     return (
         f"{output.name} is met better by {level:.4g}{unit} more than the plant gives, but reads {reading:.4g}{unit} "
-        "before anything drives it: no level at rest, but dry friction, a dead zone or a load; `firmloop diagnose` "
-        "says which"
+        "before anything drives it: no level at rest, but dry friction, a dead zone, a load or an answer that is no "
+        "straight line; `firmloop diagnose` says which"
     )
 
 

@@ -335,3 +335,40 @@ def test_every_check_is_found_and_silences_checks_there_are():
     assert len(names) == len(set(names)) >= 8
     for check in checks():
         assert set(check.silences) <= set(names), check.name
+
+
+def test_parameters_that_one_output_only_tells_together_are_named_together(tmp_path, capsys):
+    """Speed alone tells the sum of viscous friction and back EMF: no input would tell them apart."""
+    made = motor(seeded(21))
+    table, time, columns = made
+    free = {
+        name: {"value": value, "free": name in ("ke_V_s_rad", "J_kg_m2", "b_N_m_s_rad")}
+        for name, value in MOTOR.items()
+    }
+    speed = {name: values for name, values in columns.items() if name in ("voltage_V", "speed_rad_s")}
+    folder = written(tmp_path / "log", ({**table, "outputs": ["speed_rad_s"], "parameters": free}, time, speed))
+    assert main(["identify", str(folder / "project.toml"), "--out", str(folder / "out")]) == 0
+    said = "".join(capsys.readouterr())
+    assert re.search(r"ke_V_s_rad.* and b_N_m_s_rad are only known together", said)
+    assert "excite the plant more" not in said and "drive it further" not in said
+
+
+def test_a_speed_that_reads_zero_at_the_resting_command_has_no_other_level(tmp_path, capsys):
+    """An ESC at 1000 us holds the motor still; from there its speed begins only at 1060 us."""
+    rng = seeded(22)
+    time = np.arange(1500) * 0.02
+    pulse = np.concatenate([np.full(60, 1000.0), np.repeat(rng.uniform(1100.0, 1600.0, 30), 48)])
+    speed, share = np.zeros(len(time)), np.exp(-0.02 / 0.1)
+    for k in range(len(time) - 1):
+        speed[k + 1] = share * speed[k] + (1.0 - share) * max(pulse[k] - 1060.0, 0.0)
+    speed[60:] += noise(rng, len(time) - 60, 0.5) if callable(noise) else 0.0
+    parameters = {
+        "gain": {"value": 1.0, "free": True},
+        "time_constant_s": {"value": 0.2, "free": True},
+        "delay_s": 0.0,
+        "input_at_rest": 1000.0,
+    }
+    table = {"kind": "first_order", "input": "esc_us", "outputs": ["speed_rad_s"], "parameters": parameters}
+    folder = written(tmp_path / "log", (table, time, {"esc_us": pulse, "speed_rad_s": speed}))
+    main(["identify", str(folder / "project.toml"), "--out", str(folder / "out")])
+    assert "output_at_rest" not in "".join(capsys.readouterr())

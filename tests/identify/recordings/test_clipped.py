@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmloop.identify.recordings.clipping import cut_off, gathering, rested
+from firmloop.identify.recordings.clipping import cut_off, gathering, in_steps, rested
 
 TIME = np.arange(400) * 5e-3
 NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))
@@ -42,6 +42,14 @@ def test_steps_and_rest_are_not() -> None:
     assert cut_off(np.where(TIME > 0.5, 12.0, 0.0)) is None
     assert cut_off(np.zeros(100)) is None
     assert cut_off(np.maximum(WAVE, 0.0)) is None, "zero may be rest"
+
+
+def test_the_highest_step_of_several_is_no_limit() -> None:
+    ramped = np.interp(np.arange(200.0), [0, 20, 50, 60, 90, 110, 140, 150, 200], [0, 4, 4, 7, 7, 9, 9, 5, 5])
+    ramped[1] = 0.01  # what it resolves
+    limited = np.minimum(9.0 + WAVE, 9.4)
+    assert cut_off(ramped) is not None and in_steps(ramped, 9.0)
+    assert cut_off(limited) is not None and not in_steps(limited, 9.4)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])

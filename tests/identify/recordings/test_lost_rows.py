@@ -76,6 +76,12 @@ def test_a_sound_recording_and_one_of_uneven_rows_are_read_in_silence(jitter: fl
     assert read_recording(written(tmp_path, uneven), {}).notes == ()
 
 
+def test_a_clock_that_jitters_by_up_to_a_row_leaps_over_none(tmp_path: Path) -> None:
+    late = 1.0 + np.where(np.arange(COUNT) % 25 == 0, np.random.default_rng(4).uniform(0.3, 1.2, COUNT), 0.0)
+    columns = rows() | {"time_s": np.cumsum(late) * PERIOD}
+    assert read_recording(written(tmp_path, columns), {}).notes == ()
+
+
 def test_rows_that_the_clock_leaps_over_are_counted(tmp_path: Path) -> None:
     said = told(read_recording(written(tmp_path, without(rows(), (100, 137), (300, 301))), {}))
     assert "37 rows are missing after 0.99 s (38 in 2 such places)" in said
