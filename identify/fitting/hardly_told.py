@@ -33,8 +33,9 @@ def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[
     together = told_together(found.covariance, [plant.parameters[index] for index in free])
     if together:
         said.append(
-            f"{', '.join(together[:-1])} and {together[-1]} are only known together: a change of one undoes that of "
-            "another, however the plant is driven; fix one with free = false, or record another output"
+            f"{', '.join(together[:-1])} and {together[-1]} are only known together: in these recordings a change of "
+            "one undoes that of another; fix one with free = false, record another output, or drive the plant where "
+            "they differ"
         )
     for index in free:
         parameter = plant.parameters[index]

@@ -372,3 +372,17 @@ def test_a_speed_that_reads_zero_at_the_resting_command_has_no_other_level(tmp_p
     folder = written(tmp_path / "log", (table, time, {"esc_us": pulse, "speed_rad_s": speed}))
     main(["identify", str(folder / "project.toml"), "--out", str(folder / "out")])
     assert "output_at_rest" not in "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize(("gain", "told"), [(1.0, False), (-1.0, True)])
+def test_a_test_recording_that_a_mean_would_meet_better_is_named(gain, told, tmp_path, capsys):
+    table, time, columns = heater(seeded(23), rows=600)
+    folder = written(tmp_path / "log", (table, time, columns))
+    output = table["outputs"][0]
+    level = columns[output] - columns[output][0]
+    logged(folder / "later.csv", time, {**columns, output: columns[output][0] + gain * level})
+    project = folder / "project.toml"
+    project.write_text(project.read_text().replace("[plant]", 'test = ["later.csv"]\n[plant]', 1))
+    assert main(["identify", str(project), "--out", str(folder / "out")]) == 0
+    said = "".join(capsys.readouterr())
+    assert (f"{output} of later.csv is missed by" in said and "by more than its mean would" in said) == told
