@@ -38,7 +38,7 @@ from firmloop.diagnose.policy import (
     USUAL_WITHIN,
     WHITENESS_LAGS,
 )
-from firmloop.diagnose.search.found import Search, candidates_of, richer_of
+from firmloop.diagnose.search.found import Search, as_near, candidates_of, richer_of
 from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
@@ -154,7 +154,7 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
         return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR_SHARE * explained)
-    tied = [candidate for candidate in candidates_of(search) if candidate.score - search.best.score < bar]
+    tied = [each for each in candidates_of(search) if each.score - search.best.score < bar and as_near(search, each)]
     tied += [
         candidate
         for candidate in richer_of(search)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from firmloop.diagnose.model.candidate import Candidate, contain
+from firmloop.diagnose.model.candidate import Candidate, closer, contain
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.search.exchange import amounts_to
 from firmloop.diagnose.search.screen import Screened
@@ -64,3 +64,14 @@ def _others(search: Search) -> list[tuple[Candidate, set[str], set[str]]]:
         and set(each.fitted.terms) != set(mine.terms)
         and not any(amounts_to(each.fitted, term) for term in each.fitted.terms)
     ]
+
+
+def as_near(search: Search, other: Candidate) -> bool:
+    """Tell whether simulations of another explanation are not far farther off than those of the best, as it was tried.
+
+    What is written of the best may have other values: those of plain simulation error.
+    """
+    terms = set(search.best.fitted.terms)
+    same = [each for turn in search.rounds for each in turn if set(each.fitted.terms) == terms]
+    mine = min(same, key=lambda each: each.score, default=search.best)
+    return closer(other, mine) or not closer(mine, other)
