@@ -170,6 +170,7 @@ ANGLE_AMENDMENTS = 8  # that the angle is amended, each by the last fit, as long
 PIECES = 8  # of a recording
 ROWS_OF_A_PIECE = 200  # at the least
 HIGHEST_ORDER = 48  # waves per turn
+SLOW_SHARE = 0.1  # of the rows, the slowest, in which a wave has to take more than two rows
 KEPT_ORDERS = 2  # best orders or moments by each noise model, that are screened
 MOMENTS_TRIED = 60  # over a recording
 ORDERS_AT_ONCE = 8  # choices that are pushed through the plant together

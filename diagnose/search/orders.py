@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.descent import whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.policy import HIGHEST_ORDER, KEPT_ORDERS, MOMENTS_TRIED, ORDERS_AT_ONCE
+from firmloop.diagnose.policy import HIGHEST_ORDER, KEPT_ORDERS, MOMENTS_TRIED, ORDERS_AT_ONCE, SLOW_SHARE
 from firmloop.diagnose.search.screen import Ground, Order
 from firmloop.identify.fitting.projection import outside
 from firmloop.identify.plants.effects import effect_seen_by
@@ -60,7 +60,9 @@ def _torques(problem: Problem, base: Fitted) -> Mapping[str, tuple[Array, Torque
     if not any(balance.kind == "torque" for balance in plant.balances) or not angles:
         return found
     efforts = [effort_of(plant, values, recording) for recording in problem.train]
-    waves = np.arange(1.0, HIGHEST_ORDER + 1.0)
+    slow = np.quantile(np.concatenate([np.abs(np.diff(angle, axis=0)) for angle in angles]), SLOW_SHARE)
+    orders = np.arange(1.0, HIGHEST_ORDER + 1.0)
+    waves = orders[: max(int(np.sum(orders * slow < np.pi)), 1)]  # the others pass between two rows
     found[effect_seen_by("order").name] = waves, lambda k, order: _wave(order * angles[k])
     found[effect_seen_by("order of effort").name] = (
         waves,
