@@ -18,7 +18,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS
+from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.harmless import from_starts, no_worse, same_function
@@ -58,9 +58,14 @@ class _Part:
 
     @property
     def foresees(self) -> bool:
-        """What was left out comes far nearer than by the refit, and none of its outputs less near."""
+        """What was left out comes far nearer than by the refit, or nearer and what is left is white; no output less so.
+
+        White noise as large as what is left leaves nothing to explain.
+        """
         pairs = [(each.get("after", np.inf), each.get("refit", 0.0)) for each in self.left.figures.values()]
-        return 0.0 < _ratio(self.left.figures) < CLOSER_RMS and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
+        white = all(noise.rms < WIDER_RMS * noise.scale for noise in self.search.best.noises)
+        least = NEARER_RMS if white else CLOSER_RMS
+        return 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +133,12 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     most = 1.0 / (SAME_RMS if oversized(found.nominal.noises) else NEARER_RMS)
     if oversized(noises_of(found.problem, fitted.residuals)):
         most = CLOSER_RMS
-    if not here.safe and whole.foresees:
-        return whole.search, whole.left.figures  # it is right, but no simulation may begin where readings say
-    if none or not here.safe or here.ratio >= most:
+    if not here.safe:  # what is right may begin nowhere that readings say
+        noisy = not oversized(found.nominal.noises) and whole.ratio < most
+        right = [each for each in (here, whole) if each.foresees] or ([whole] if noisy else [])
+        best = min(right, key=lambda each: each.ratio, default=None)
+        return (None, here.left.figures) if best is None else (best.search, best.left.figures)
+    if none or here.ratio >= most:
         return None, here.left.figures
     return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.left.figures
 

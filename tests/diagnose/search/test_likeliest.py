@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -80,14 +81,17 @@ def test_outputs_weighed_as_something_else_leaves_them_keep_that_ratio(tmp_path:
     assert np.mean((left / weights) ** 2) == pytest.approx(1.0, rel=0.01)
 
 
-def _part(after: float, refit: float, parts: int = 1) -> _Part:
-    left = LeftOut({"speed": {"after": after, "refit": refit}}, {"after": (np.ones((9, 1)),) * parts})
-    return _Part(None, False, left, 1.0)  # type: ignore[arg-type]
+def _part(after: float, refit: float, parts: int = 1, left: float = 3.0) -> _Part:
+    out = LeftOut({"speed": {"after": after, "refit": refit}}, {"after": (np.ones((9, 1)),) * parts})
+    search = SimpleNamespace(best=SimpleNamespace(noises=(Noise(np.zeros(0), 1.0, left),)))
+    return _Part(search, False, out, 1.0)  # type: ignore[arg-type]
 
 
 def test_what_foresees_far_more_than_the_refit_is_right_though_it_may_not_be_written() -> None:
     assert _part(0.02, 4.0).foresees
     assert not _part(3.0, 4.0).foresees
+    assert _part(3.4, 4.0, left=1.0).foresees, "white noise is all that is left"
+    assert not _part(3.8, 4.0, left=1.0).foresees
     assert not replace(_part(0.02, 4.0), left=LeftOut({}, {})).foresees
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.diagnose.blind_cases import draw_case
+from bench.diagnose.blind_cases import draw_case, single_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
@@ -23,7 +23,17 @@ from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
 from tests.conftest import Once
-from tests.diagnose.cases import concealed, concealed_once, drawn, problem_of, said_of, said_once
+from tests.diagnose.cases import (
+    BY_NAME,
+    concealed,
+    concealed_once,
+    drawn,
+    problem_of,
+    said_of,
+    said_once,
+    shortened,
+    written,
+)
 
 AT_REST = "240033"  # the seed of a case with dry friction whose test recording shows a peak at rest, and train does not
 
@@ -121,3 +131,18 @@ def test_no_fit_begins_twice_from_one_place(tmp_path: Path) -> None:
     known = {p.name: 2.0 * p.value for p in problem.plant.parameters}
     for starts in rescaled(problem, known).starts.values():
         assert all(start not in starts[:k] for k, start in enumerate(starts))
+
+
+def test_a_ripple_whose_angle_nobody_reads_is_named_and_the_project_stays_the_refit(tmp_path: Path) -> None:
+    """From a start that readings tell the rotor slips a crest; from a fitted one what was left out is foreseen."""
+    motor = single_case(10, "torque_ripple", BY_NAME["small_motor"], ("speed", "current"), "prbs", False, 1.0)
+    project = shortened(written(tmp_path, motor), 1200)
+    lines = project.read_text(encoding="utf-8").splitlines()
+    project.write_text("\n".join(line for line in lines if not line.strip().startswith("test")), encoding="utf-8")
+    said = said_of(project)
+    assert (said["verdict"], [each["name"] for each in said["effects"]]) == ("explained", ["torque_ripple"])
+    assert any(line.startswith("The written project is the plain refit") for line in said["says"])
+    for figures in said["simulation_rms"]["train"].values():
+        assert figures["after"] == figures["refit"]
+    for figures in said["simulation_rms"]["cross"].values():
+        assert figures["after"] < figures["refit"]
