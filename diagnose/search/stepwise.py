@@ -258,7 +258,8 @@ def _chosen(
 ) -> Candidate | None:
     """Return the best explanation that brings what it must; None where none does.
 
-    If the best does not, one that comes far closer in simulations may. `known` is the drop of BIC by all effects
+    If the best does not, one that comes far closer in simulations may; or it is held against its like, a fit without
+    that is likelier and farther off than the nearest. `known` is the drop of BIC by all effects
     before: of what it is far larger than a trace may be left.
     """
     best = simplest(candidates, nearest.score)
@@ -268,6 +269,9 @@ def _chosen(
         trace = nearest.score - led.score < MINOR_SHARE * known and not closer(led, nearest)
         if not trace and _earned(problem, led, nearest) and not lost_count(problem, led, nearest):
             return led
+    like = nearest.likelier
+    if like is not None and _earned(problem, best, like) and not lost_count(problem, best, like):
+        return best
     return None
 
 

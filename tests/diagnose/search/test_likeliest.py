@@ -44,7 +44,9 @@ def test_an_offset_beside_a_drift_is_what_the_likeliest_fit_misses_first(tmp_pat
     [
         pytest.param(-1100.0, 1.0, True, id="likelier than the likeliest without, and no farther off than the nearest"),
         pytest.param(-1010.0, 1.0, False, id="likelier than the nearest, and no more than the likeliest"),
-        pytest.param(-1100.0, 1.5, False, id="farther off than the nearest"),
+        pytest.param(-1100.0, 1.5, True, id="farther off than the nearest, as the likeliest without is"),
+        pytest.param(-1010.0, 1.5, False, id="as far off as the likeliest without, and hardly likelier"),
+        pytest.param(-1100.0, 2.0, False, id="farther off than either"),
     ],
 )
 def test_what_an_effect_brings_is_held_against_the_likeliest_fit_without_it(
