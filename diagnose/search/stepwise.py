@@ -259,8 +259,8 @@ def _chosen(
     """Return the best explanation that brings what it must; None where none does.
 
     If the best does not, one that comes far closer in simulations may; or it is held against its like, a fit without
-    that is likelier and farther off than the nearest. `known` is the drop of BIC by all effects
-    before: of what it is far larger than a trace may be left.
+    that is likelier and farther off than the nearest. `known` is the drop of BIC by all effects before: of what it is
+    far larger than a trace may be left.
     """
     best = simplest(candidates, nearest.score)
     for each in (best, *(each for each in candidates if each is not best and closer(each, nearest))):
