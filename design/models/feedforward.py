@@ -221,7 +221,7 @@ def feedforward(
         if not np.all(np.isfinite(values)):
             raise DesignError(f"plant.effects {effect.name} has no finite size; give its parameters")
         held = effect.holding(site, values)
-        if held.dead and _rests_elsewhere(plant):
+        if held.dead and plant.resting_input:
             missed[effect.name] = "it lies about input_at_rest, and the controller's output about 0"
         elif held.dead:
             dead += held.dead
@@ -272,10 +272,6 @@ def _followed(plant: Plant) -> str:
         if state >= 0 and np.array_equal(row, np.eye(len(row))[state]):
             return what
     return ""
-
-
-def _rests_elsewhere(plant: Plant) -> bool:
-    return any(p.name == plant.input_at_rest and p.value != 0.0 for p in plant.parameters)
 
 
 def _factor(plant: Plant, effect: Effect) -> float:

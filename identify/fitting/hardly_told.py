@@ -56,15 +56,18 @@ def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[
     return tuple(said)
 
 
+def hardly_known(parameter: Parameter) -> bool:
+    """Tell whether a fitted parameter is known to no better than `POOR`; not of one that leaves no trace."""
+    return parameter.deviation is not None and 1.96 * parameter.deviation > POOR * abs(parameter.value)
+
+
 def told_together(covariance: Array, parameters: Sequence[Parameter]) -> tuple[str, ...]:
     """Return the parameters, of which `covariance` (f, f) is one, that are hardly known alone, but well with another.
 
     Their estimates are correlated: the one is known once the other is.
     """
     spread = np.sqrt(np.diag(covariance))
-    poor = np.array(
-        [p.deviation is not None and 1.96 * p.deviation > POOR * abs(p.value) for p in parameters], dtype=bool
-    )
+    poor = np.array([hardly_known(each) for each in parameters], dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         alike = np.abs(covariance / np.outer(spread, spread)) > _TOGETHER
     np.fill_diagonal(alike, False)

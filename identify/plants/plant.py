@@ -131,6 +131,12 @@ class Plant:
     varying: tuple[Varying, ...] = ()
     input_at_rest: str | None = None  # name of the parameter that the input is at before the first row; None: zero
 
+    @property
+    def resting_input(self) -> float:
+        """The first input with which the plant rests, as given; zero where none is given."""
+        given = next((p.value for p in self.parameters if p.name == self.input_at_rest), 0.0)
+        return 0.0 if math.isnan(given) else given
+
     def valued(self, values: Mapping[str, float]) -> Plant:
         """Return the plant with these values of its parameters, by name; what is not among them stays."""
         return replace(self, parameters=tuple(replace(p, value=values.get(p.name, p.value)) for p in self.parameters))

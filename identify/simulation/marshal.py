@@ -300,9 +300,8 @@ def job(made: Assembly, equations: Equations | None, constants: Array) -> Job:
         problem.rate, problem.reading = equations.rate, equations.reading
         problem.slope = equations.slope
         problem.bent = equations.bent if any(term.code in _pushed() for term in made.terms) else 0
-    names = [parameter.name for parameter in made.plant.parameters]
-    delay = float(constants[names.index(made.plant.delay)]) if made.plant.delay is not None else 0.0
-    rest = float(constants[names.index(made.plant.input_at_rest)]) if made.plant.input_at_rest is not None else 0.0
+    delay = 0.0 if made.plant.delay is None else made.value(made.plant.delay)
+    rest = made.resting_input()
     return Job(made, problem, made.timing, delay, rest, arrays, room, terms, coordinates, lag, equations)
 
 

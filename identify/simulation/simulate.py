@@ -132,9 +132,7 @@ def drive_of(plant: Plant, recording: Recording) -> Array:
 
 def driven_by(plant: Plant, recording: Recording) -> Array:
     """Return by how much the recorded inputs differ from where the plant rests, (n, m)."""
-    drive = drive_of(plant, recording)
-    at_rest = {p.name: p.value for p in plant.parameters}.get(plant.input_at_rest or "", 0.0)
-    return drive - (0.0 if math.isnan(at_rest) else at_rest)
+    return drive_of(plant, recording) - plant.resting_input
 
 
 def course_of(plant: Plant, recording: Recording) -> Course:

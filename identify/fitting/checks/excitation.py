@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
-from firmloop.identify.fitting.hardly_told import POOR, told_together
+from firmloop.identify.fitting.hardly_told import POOR, hardly_known, told_together
 
 Array = NDArray[np.float64]
 
@@ -58,15 +58,12 @@ def _hardly_known(evidence: Evidence) -> list[str]:
         return []
     known = {parameter.name: parameter for parameter in evidence.fit.plant.parameters}
     free = [known[name] for name in evidence.fit.free]
-    found, together = [], told_together(evidence.fit.covariance, free)
-    for parameter in free:
-        if parameter.name in together:  # no input would tell them apart
-            continue
-        if parameter.deviation is None or not (parameter.logarithmic or parameter.name == "gain"):
-            continue
-        if 1.96 * parameter.deviation > POOR * abs(parameter.value):
-            found.append(parameter.name)
-    return found
+    together = told_together(evidence.fit.covariance, free)  # more of the same input would not tell them apart
+    return [
+        each.name
+        for each in free
+        if each.name not in together and (each.logarithmic or each.name == "gain") and hardly_known(each)
+    ]
 
 
 CHECK = Check("excitation", look, (), False)

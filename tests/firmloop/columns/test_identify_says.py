@@ -361,7 +361,7 @@ def test_a_speed_that_reads_zero_at_the_resting_command_has_no_other_level(tmp_p
     speed, share = np.zeros(len(time)), np.exp(-0.02 / 0.1)
     for k in range(len(time) - 1):
         speed[k + 1] = share * speed[k] + (1.0 - share) * max(pulse[k] - 1060.0, 0.0)
-    speed[60:] += noise(rng, len(time) - 60, 0.5) if callable(noise) else 0.0
+    speed[60:] += noise(rng, len(time) - 60, 0.5)
     parameters = {
         "gain": {"value": 1.0, "free": True},
         "time_constant_s": {"value": 0.2, "free": True},
