@@ -21,7 +21,7 @@ from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
-from firmloop.diagnose.search.harmless import harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.search.harmless import FIRST, TOLD, harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.search.held_out import holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
@@ -89,14 +89,14 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     whole, later = held(train, hold), held(test, hold)
     refit = plain_refit(made.search, plant, whole)
     progress(0.9, "simulating what is left out of the fit")
-    safe, crossed = holding(made.search, refit, whole)
+    kept, crossed, safe = holding(made.search, refit, whole)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
-    found = replace(made.search if safe is None else safe, problem=replace(made.search.problem, test=problem.test))
-    same = safe is None or safe.best.fitted.terms == made.search.best.fitted.terms
+    found = replace(made.search if kept is None else kept, problem=replace(made.search.problem, test=problem.test))
+    same = kept is None or kept.best.fitted.terms == made.search.best.fitted.terms
     shape = made.shape if same else best_shape(found, found.best)
     finding, unnamed = judge(found, made.checks, shape)
     explained = finding.verdict in ("explained", "ambiguous")
-    if explained and safe is None:
+    if explained and kept is None:
         finding, explained = spoiled(finding), False
         if not told(crossed) and not oversized(found.nominal.noises):
             # What foresees nothing and is no larger than noise may be is noise.
@@ -106,8 +106,9 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     if apart and (not explained or two_machines(written, whole)):
         raise IdentifyError(apart)
     if explained:
-        # What is kept of a finding harms no simulation of train that begins where all its readings say.
-        safe_in = {"train": harmless(written, refit, whole), "test": harmless(written, refit, later)}
+        # What was kept as safe harms no simulation of train that begins where all its readings say.
+        begins = FIRST if safe else (*FIRST, *TOLD)
+        safe_in = {"train": harmless(written, refit, whole, begins), "test": harmless(written, refit, later)}
         harmed = [name for name, each in safe_in.items() if not each]
         if harmed:
             finding, written = withheld(finding, harmed[0]), refit

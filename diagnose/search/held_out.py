@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +64,8 @@ class _Part:
         White noise as large as what is left leaves nothing to explain.
         """
         pairs = [(each.get("after", np.inf), each.get("refit", 0.0)) for each in self.left.figures.values()]
-        white = all(noise.rms < WIDER_RMS * noise.scale for noise in self.search.best.noises)
-        least = NEARER_RMS if white else CLOSER_RMS
+        bare = all(noise.rms < WIDER_RMS * noise.scale for noise in self.search.best.noises)
+        least = NEARER_RMS if bare else CLOSER_RMS
         return 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
 
 
@@ -99,6 +100,17 @@ class _Bench:
         return left_out(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
 
 
+class Kept(NamedTuple):
+    """The search whose best holds, None where nothing does, and the figures of what was left out.
+
+    `safe` where its plant is known to harm no simulation of train that begins where readings say.
+    """
+
+    search: Search | None
+    figures: Figures
+    safe: bool = False
+
+
 def told(figures: Figures) -> bool:
     """Tell whether an explanation simulates what was left out clearly nearer than the plain refit does."""
     return _ratio(figures) < NEARER_RMS
@@ -111,7 +123,7 @@ def _ratio(figures: Figures) -> float:
     return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0
 
 
-def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tuple[Search | None, Figures]:
+def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Kept:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
     Where there is none, it is the whole if what was left out is simulated far nearer once its start is fitted.
@@ -122,7 +134,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
     """
     bench = _Bench(refit, recordings, from_starts(refit, recordings))
     if not found.best.fitted.terms:
-        return found, bench.left_out(found).figures
+        return Kept(found, bench.left_out(found).figures)
     here = whole = _whole(found, bench)
     while (slim := _slimmed(here, bench)) is not None:
         here = slim
@@ -137,10 +149,11 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> tup
         noisy = not oversized(found.nominal.noises) and whole.ratio < most
         right = [each for each in (here, whole) if each.foresees] or ([whole] if noisy else [])
         best = min(right, key=lambda each: each.ratio, default=None)
-        return (None, here.left.figures) if best is None else (best.search, best.left.figures)
+        return Kept(None, here.left.figures) if best is None else Kept(best.search, best.left.figures, best.safe)
     if none or here.ratio >= most:
-        return None, here.left.figures
-    return (here.search if _as_found(here.search, found) else _with_same(here.search)), here.left.figures
+        return Kept(None, here.left.figures)
+    kept = here.search if _as_found(here.search, found) else _with_same(here.search)
+    return Kept(kept, here.left.figures, here.safe)
 
 
 def _slimmed(here: _Part, bench: _Bench) -> _Part | None:

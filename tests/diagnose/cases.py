@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -45,6 +46,13 @@ def shortened(project: Path, rows: int = SHORT) -> Path:
     """Leave the first rows of each of a project's recordings: enough of them for what is large; return its file."""
     for path in project.parent.glob("*.csv"):
         path.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[: 1 + rows]))
+    return project
+
+
+def without_tests(project: Path) -> Path:
+    """Take the test recordings out of a project; return its file."""
+    lines = project.read_text(encoding="utf-8").splitlines()
+    project.write_text("\n".join(line for line in lines if not re.match(r"\s*test\s*=", line)), encoding="utf-8")
     return project
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from tests.diagnose.cases import (
     said_of,
     said_once,
     shortened,
+    without_tests,
     written,
 )
 
@@ -46,10 +46,8 @@ def _alone(problem: Problem) -> Fitted:
 
 
 def test_without_its_test_recording_a_project_gets_the_same_verdict_and_values(once: Once, tmp_path: Path) -> None:
-    whole, project = said_once(once, AT_REST, draw_case(int(AT_REST))), drawn(tmp_path, int(AT_REST))
-    lines = project.read_text(encoding="utf-8").splitlines()
-    project.write_text("\n".join(line for line in lines if not re.match(r"\s*test\s*=", line)), encoding="utf-8")
-    bare = said_of(project)
+    whole = said_once(once, AT_REST, draw_case(int(AT_REST)))
+    bare = said_of(without_tests(drawn(tmp_path, int(AT_REST))))
     assert "test" in whole["fit"] and "test" not in bare["fit"]
     for key in ("verdict", "effects", "alternatives", "shifts", "noise", "whiteness", "location"):
         assert whole[key] == bare[key]
@@ -136,10 +134,7 @@ def test_no_fit_begins_twice_from_one_place(tmp_path: Path) -> None:
 def test_a_ripple_whose_angle_nobody_reads_is_named_and_the_project_stays_the_refit(tmp_path: Path) -> None:
     """From a start that readings tell the rotor slips a crest; from a fitted one what was left out is foreseen."""
     motor = single_case(10, "torque_ripple", BY_NAME["small_motor"], ("speed", "current"), "prbs", False, 1.0)
-    project = shortened(written(tmp_path, motor), 1200)
-    lines = project.read_text(encoding="utf-8").splitlines()
-    project.write_text("\n".join(line for line in lines if not line.strip().startswith("test")), encoding="utf-8")
-    said = said_of(project)
+    said = said_of(without_tests(shortened(written(tmp_path, motor), 1200)))
     assert (said["verdict"], [each["name"] for each in said["effects"]]) == ("explained", ["torque_ripple"])
     assert any(line.startswith("The written project is the plain refit") for line in said["says"])
     for figures in said["simulation_rms"]["train"].values():
