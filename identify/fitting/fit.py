@@ -27,7 +27,7 @@ from firmloop.identify.fitting.experiment import (
 from firmloop.identify.fitting.hardly_told import hardly_told
 from firmloop.identify.fitting.own_values import OwnValue, own_values
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, solve, weighted
-from firmloop.identify.fitting.residual_tests import unexplained
+from firmloop.identify.fitting.residual_tests import slow, unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points
 from firmloop.identify.fitting.stretches import stretches
@@ -349,13 +349,14 @@ def _result(
     train = tuple(
         _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
     )
-    plain = _left(problem, best)
+    left = [np.concatenate(parts).T for parts in _by_recording(problem, _left(problem, best))]
     poor = [
         said
-        for one, left in zip(train, _by_recording(problem, plain), strict=True)
-        for column, (name, figures) in zip(np.concatenate(left).T, one.scores.items(), strict=True)
+        for one, columns in zip(train, left, strict=True)
+        for column, (name, figures) in zip(columns, one.scores.items(), strict=True)
         for said in unexplained(plant.kind, one.source, name, column, figures.r2)
     ]
+    drifts = any(slow(column) for columns in left for column in columns)
     return Fit(
         plant=fitted,
         covariance=covariance,
@@ -364,7 +365,7 @@ def _result(
         test=test,
         noise={signal.name: float(size) for signal, size in zip(plant.outputs, noise, strict=True)},
         starts=costs,
-        warnings=(*hardly_told(fitted, problem.free, found), *poor),
+        warnings=(*hardly_told(fitted, problem.free, found, drifts), *poor),
         per_recording=own_values(fitted, [one.source for one in train], best.starts, residuals, whole, count, doubt),
     )
 

@@ -13,12 +13,20 @@ from firmloop.identify.plants.plant import Parameter, Plant
 Array = NDArray[np.float64]
 
 POOR = 0.5  # relative half-width of a 95 % interval, from which a parameter is hardly known
+MISSING = (
+    "what is left moves slowly, as noise of a sensor does not: ask firmloop diagnose what is missing before you record "
+    "more"
+)
 _TOGETHER = 0.98  # correlation of two estimates, from which five times less is left of each once the other is known
 
 
-def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[str, ...]:
-    """Say which of the `free` parameters (indices) of a fitted plant are blind, or cannot be told from 0."""
+def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty, slow: bool) -> tuple[str, ...]:
+    """Say which of the `free` parameters (indices) of a fitted plant are blind, or cannot be told from 0.
+
+    Where what is left is `slow`, it widens the intervals, and no further recording would narrow them.
+    """
     said = []
+    cure = f"{MISSING}, or fix it with free = false" if slow else "excite the plant more, or fix it with free = false"
     names = [plant.parameters[free[k]].name for k in found.blind]
     if len(names) == 1:
         said.append(
@@ -43,15 +51,12 @@ def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty) -> tuple[
         if parameter.name in together:
             continue
         if interval is not None and parameter.low == 0.0 == interval[0]:
-            said.append(
-                f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); "
-                f"excite the plant more, or fix it with free = false"
-            )
+            said.append(f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); {cure}")
         elif interval is not None and parameter.low < 0.0 and interval[0] <= 0.0 <= interval[1]:
             said.append(
                 f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
                 f"{parameter.unit}".rstrip()
-                + "); excite the plant more, or fix it with free = false"
+                + f"); {cure}"
             )
     return tuple(said)
 

@@ -68,10 +68,14 @@ def residual_tests(residual: Array, drive: Array) -> ResidualTests:
     return ResidualTests(lags, whiteness, independence, bias, worst)
 
 
+def slow(residual: Array) -> bool:
+    """Tell whether residuals (n,) move slowly, as noise of a sensor does not (von Neumann, 1941)."""
+    return float(np.sum(np.diff(residual) ** 2)) < MEMORY * float(residual @ residual)
+
+
 def unexplained(kind: str, source: str, output: str, residual: Array, r2: float) -> tuple[str, ...]:
     """Say where a model leaves much of an output (r2 of it explained) in residuals (n,) that are no noise."""
-    power = float(residual @ residual)
-    if not r2 < POOR or power == 0.0 or float(np.sum(np.diff(residual) ** 2)) > MEMORY * power:
+    if not r2 < POOR or not slow(residual):
         return ()
     return (
         f"{kind} explains only {100.0 * max(r2, 0.0):.2g} % of the variance of {output} in {source}, and what is left "

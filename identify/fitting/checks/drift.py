@@ -37,8 +37,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             continue  # where each window begins anew a line is hardly seen, and what looks like one is no drift
         found.append(
             f"what {plant.kind} leaves of {output.name} drifts by {line.size * span:.3g} {output.unit} in {span:.3g} s"
-            f': write detrend = ["{output.name}"] in [recordings.conditioning], let the plant warm up first, '
-            "or ask firmloop diagnose what changes"
+            ": ask firmloop diagnose what changes, let the plant warm up first, or, if only the zero of its sensor "
+            f'wanders, write detrend = ["{output.name}"] in [recordings.conditioning]'
         )
     return tuple(found)
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence
-from firmloop.identify.fitting.hardly_told import POOR, hardly_known, told_together
+from firmloop.identify.fitting.evidence import Evidence, remainders
+from firmloop.identify.fitting.hardly_told import MISSING, POOR, hardly_known, told_together
+from firmloop.identify.fitting.residual_tests import slow
 
 Array = NDArray[np.float64]
 
@@ -39,10 +40,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         )
     poor = _hardly_known(evidence)
     if poor:
-        return (
-            f"{', '.join(poor)}: known to no better than {100.0 * POOR:.0f} %; the input moves the plant too little "
-            "against what is left: drive it further, or longer, or ask firmloop diagnose whether that is noise",
+        drifts = any(slow(column) for part in remainders(evidence) for column in part.residual.T)
+        further = (
+            "the input moves the plant too little against what is left: drive it further, or longer, or ask firmloop "
+            "diagnose whether that is noise"
         )
+        return (f"{', '.join(poor)}: known to no better than {100.0 * POOR:.0f} %; {MISSING if drifts else further}",)
     return ()
 
 
