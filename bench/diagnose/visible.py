@@ -33,7 +33,10 @@ def least_left(simulation: Simulation, seen: Array, begin: Array) -> float:
     for _ in range(TURNS):
         if _largest(left) < _UNSEEN:
             break
-        slopes = np.stack([(simulation(at + _SECANT * unit) - seen + left) / _SECANT for unit in np.eye(len(at))])
+        try:
+            slopes = np.stack([(simulation(at + _SECANT * unit) - seen + left) / _SECANT for unit in np.eye(len(at))])
+        except ArithmeticError:
+            break  # one step further the truth diverges
         away = np.linalg.lstsq(slopes.reshape(len(at), -1).T, left.ravel(), rcond=1e-8)[0]
         away *= min(1.0, 1.0 / max(float(np.max(np.abs(away))), 1e-12))  # logarithms: at most e times in one step
         for _ in range(6):
