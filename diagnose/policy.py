@@ -52,6 +52,7 @@ RMS_BY_CHANCE = 2.0  # deviations of an rms, by which it may be larger where a f
 NEEDED_RMS = 1.5  # ratio of residual rms, from which an effect is needed whatever innovations say
 NOISE_GAIN = 0.02  # of the rms of what is left, by which a fit goes on that takes all noise as white
 SLOW_RMS = 4.0  # residual rms over innovation rms from which a misfit may be slow
+ROUNDING = 3.0  # times the least noise of a sensor's resolution: the rms of what its steps round off
 SLOW_NOISE = 0.05  # of an output's spread, rms: more than that is no noise, however slowly it moves
 NEARER_RMS = 0.9  # ratio of residual rms from which simulations come nearer
 LOST_SHARE = 0.5  # of an output's spread: a misfit with which a simulation follows nothing

@@ -71,7 +71,9 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     told = shape if shape is not None and _helps(seen, shape) else None
     after = search.best.fitted.residuals if told is None else told.residuals
     noises = search.best.noises if told is None else noises_of(search.problem, after)
-    noise = sensor_noises(after, search.problem.floors)
+    rounded = {each.output: each.values[0] / math.sqrt(12.0) for each in read if each.in_steps}
+    pairs = zip(search.problem.plant.outputs, sensor_noises(after, search.problem.floors), strict=True)
+    noise = tuple(max(size, rounded.get(signal.name, 0.0)) for signal, size in pairs)
     train = _ratios(search, shown, told, noise, False)
     test = _ratios(search, shown, None, noise, True) if search.problem.test else None
     effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))
@@ -142,7 +144,7 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
     """Return the verdict, and the explanations that stand beside the best one; `read` is what needs no search."""
     if not search.best.fitted.terms:
         # What a sensor in wide steps leaves may be as large as those.
-        stepped = any(find_effect(each.effect).seen_by == "steps" for each in read)
+        stepped = any(each.in_steps for each in read)
         unlike_noise = rivals_noise(search) or refused(search)
         missing = outweighs(shape, search.best.noises, 0.0) or (not stepped and unlike_noise)
         return ("unknown_physics" if missing else "no_mismatch"), ()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.policy import COARSE_ANGLE_RAD, COARSE_STEP, EVEN_STEPS, STEPS_ALONE
-from firmloop.identify.plants.effects import effect_seen_by
+from firmloop.identify.plants.effects import effect_seen_by, find_effect
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
@@ -26,6 +26,11 @@ class Direct:
     output: str
     values: tuple[float, ...]
     deviations: tuple[float, ...]
+
+    @property
+    def in_steps(self) -> bool:
+        """Whether the sensor reads in steps, the first of its values."""
+        return find_effect(self.effect).seen_by == "steps"
 
 
 def coarse(plant: Plant, train: Sequence[Recording], left: Sequence[float]) -> tuple[Direct, ...]:

@@ -18,6 +18,7 @@ from firmloop.diagnose.policy import (
     FINE_DIFFERENCE_STEP,
     LEAST_INERTIA,
     ROUGH_DIFFERENCE_STEP,
+    ROUNDING,
     SLOW_NOISE,
 )
 from firmloop.identify.fitting.own_values import usual_start
@@ -133,7 +134,8 @@ def make_problem(plant: Plant, train: Sequence[Recording], test: Sequence[Record
     engine.hasten(COARSE_CHANGE)
     engine.follow(True)
     terms = _terms(plant, train)
-    drifts = SLOW_NOISE * np.std(np.concatenate([measured(plant, each) for each in train]), axis=0)
+    spread = np.std(np.concatenate([measured(plant, each) for each in train]), axis=0)
+    drifts = np.maximum(SLOW_NOISE * spread, ROUNDING * floors)  # what wide steps round off moves as slowly as outputs
     return Problem(plant, engine, tuple(train), tuple(test), terms, _grids(plant, terms), floors, drifts, {}, direct)
 
 

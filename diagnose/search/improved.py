@@ -14,7 +14,6 @@ from firmloop.diagnose.model.fit import deviations
 from firmloop.diagnose.model.hypothesis import declared
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
-from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.per_recording import centred
 from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 
@@ -30,7 +29,7 @@ def blurred(search: Search, shown: Candidate, read: Sequence[Direct]) -> tuple[D
     found = []
     for each in read:
         index = next(k for k, signal in enumerate(search.problem.plant.outputs) if signal.name == each.output)
-        if find_effect(each.effect).seen_by == "steps":
+        if each.in_steps:
             left = [part[:, index] for part in shown.fitted.residuals]
             stepped = [each.values[0] * np.round(part / each.values[0]) for part in left]
             if any(np.std(one) > np.std(other) for one, other in zip(stepped, left, strict=True)):

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.diagnose.cases import diagnosis
+from bench.diagnose.blind_cases import draw_case
+from tests.diagnose.cases import diagnosis, laid, said_of, shortened, simulated, without_tests
 from tests.first_order_bench import answered, leave
 
 GIVEN = """gain = { value = 1.9, free = true }
@@ -30,3 +31,12 @@ def test_a_sensor_in_steps_is_named_and_makes_no_simulation_worse(tmp_path: Path
     written = tomllib.loads((tmp_path / "out" / "project.toml").read_text())["plant"]
     assert ("effects" in written) is stepped
     assert any("which its noise blurs" in each for each in said["notes"]) is not stepped
+
+
+def test_what_wide_steps_round_off_is_noise_however_slowly_it_moves(tmp_path: Path) -> None:
+    """A scale as wide as a third of the way: what it rounds off follows the motion, and no effect."""
+    path = shortened(without_tests(laid(tmp_path, simulated(draw_case, 1170004, "pair"))), 3000)
+    said = said_of(path)
+    assert [each["name"] for each in said["effects"]] == ["sensor_quantization"], said["says"]
+    resolution = said["effects"][0]["parameters"]["resolution_m"]["value"]
+    assert said["noise"]["position_m"] >= 0.99 * resolution / np.sqrt(12.0)
