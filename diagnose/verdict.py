@@ -78,6 +78,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     test = _ratios(search, shown, None, noise, True) if search.problem.test else None
     effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))
     untestable = {**checks.untestable, **_unseen_here(search, shown)}
+    others = _alternatives(search, shown, candidates) if verdict in ("explained", "unknown_physics") else ()
     location = None if verdict == "no_mismatch" else _location(search, noises, shape, read)
     shifts = _shifts(search, shown)
     white = (
@@ -90,7 +91,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         half="none" if verdict == "no_mismatch" else "plant",
         location=location,
         effects=effects,
-        alternatives=_alternatives(search, shown, candidates) if verdict in ("explained", "unknown_physics") else (),
+        alternatives=tuple(each for each in others if each.name not in untestable),
         train=train,
         test=test,
         whiteness=white,
