@@ -38,7 +38,7 @@ from firmloop.diagnose.policy import (
     USUAL_WITHIN,
     WHITENESS_LAGS,
 )
-from firmloop.diagnose.search.found import Search, as_near, candidates_of, richer_of
+from firmloop.diagnose.search.found import Search, richer_of, standing
 from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
@@ -157,7 +157,7 @@ def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tup
         return "unknown_physics", ()  # it is the slow disturbance itself, or what else has no name
     shows = _shows(search)
     bar = TIE if shows else max(TIE, MINOR_SHARE * explained)
-    tied = [each for each in candidates_of(search) if each.score - search.best.score < bar and as_near(search, each)]
+    tied = [each for each in standing(search) if each.score - search.best.score < bar]
     tied += [
         candidate
         for candidate in richer_of(search)
@@ -262,8 +262,7 @@ def _named(search: Search, shown: Candidate, verdict: Verdict, candidates: Seque
 
 def _certainty(search: Search, shown: Candidate) -> float:
     """Probability against the runner-up."""
-    others = candidates_of(search)
-    return _weights([shown, *others])[0]
+    return _weights([shown, *standing(search)])[0]
 
 
 def _weights(candidates: Sequence[Candidate]) -> list[float]:
@@ -321,7 +320,7 @@ def _with_interval(each: Estimate) -> str:
 
 def _alternatives(search: Search, shown: Candidate, candidates: Sequence[Candidate]) -> tuple[Alternative, ...]:
     found: dict[str, Alternative] = {}
-    others = [candidate for candidate in candidates_of(search) if candidate not in candidates][:4]
+    others = [candidate for candidate in standing(search) if candidate not in candidates][:4]
     weights = _weights([shown, *others])
     mine = set(shown.fitted.terms)
     for weight, candidate in zip(weights[1:], others, strict=True):

@@ -75,3 +75,8 @@ def as_near(search: Search, other: Candidate) -> bool:
     same = [each for turn in search.rounds for each in turn if set(each.fitted.terms) == terms]
     mine = min(same, key=lambda each: each.score, default=search.best)
     return closer(other, mine) or not closer(mine, other)
+
+
+def standing(search: Search) -> tuple[Candidate, ...]:
+    """Return other explanations with as many effects that simulate about as near as the best."""
+    return tuple(each for each in candidates_of(search) if as_near(search, each))
