@@ -179,6 +179,7 @@ TRIED_IN_A_ROUND = 9  # terms refitted per round, besides relatives
 FINALS_OF_A_ROUND = 4  # of them refitted to the end
 PROMISED_IN_A_ROUND = 3  # more of them, where no trial gains
 CONTACT_STARTS = 3  # starts from which a contact is followed further
+HALVINGS = 4  # of the size of an effect at its start
 SMALL_GRID = 8  # starts of a grid that are all followed
 PARALLEL = 1e-5  # of a direction's length: what is left of less cannot be told from a nominal change
 COUNTING_ROUNDS = 6  # of counting turns, each by a fit to what the last has counted

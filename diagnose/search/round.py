@@ -10,14 +10,16 @@ import numpy as np
 
 from firmloop.diagnose.model.candidate import Candidate, extended, larger, rated, related
 from firmloop.diagnose.model.continuation import met, past_contacts
+from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of, own_evidence
-from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, turning
 from firmloop.diagnose.model.kinks import limits
 from firmloop.diagnose.policy import (
     CLEAR_GAIN,
     CONTACT_FIT_PATIENCE,
     CONTACT_STARTS,
     FINALS_OF_A_ROUND,
+    HALVINGS,
     IMPOSSIBLE,
     INSISTING_PATIENCE,
     LARGEST_SIZE,
@@ -145,6 +147,7 @@ def _trials(
         begins = [extended(best.fitted, each.term, start) for start in every]
         if away:
             begins.append(afresh(problem, best.fitted, each))
+        begins += _sized(problem, best, *begins[0])
         fits = [fit(problem, problem.train, terms, begin, best.noises, STEPS_OF_A_TRIAL) for terms, begin in begins]
         if meeting:
             first = sorted(fits, key=lambda one: one.cost)[:CONTACT_STARTS]
@@ -174,6 +177,24 @@ def _insisted(problem: Problem, best: Candidate, picked: Sequence[Screened]) -> 
         if not _too_large(fitted):
             found.append((own_evidence(problem, fitted), fitted))
     return found
+
+
+def _sized(
+    problem: Problem, best: Candidate, terms: tuple[LibraryTerm, ...], begin: Point
+) -> list[tuple[tuple[LibraryTerm, ...], Point]]:
+    """Return a beginning with a new wave halved until it leaves less than there is without; none where it does at once.
+
+    What a screen tells of its size is of the first order, and past its own crests a wave leads anywhere.
+    """
+    if not turning(terms[-1:]):
+        return []
+    size, plain = terms[-1].keys[0], SumOfSquares(problem, problem.train, (), best.noises, np.zeros((0, 1)))
+    without = plain.at(best.fitted.point).cost
+    for half in range(HALVINGS):
+        point = Point({**begin.values, size: 0.5**half * begin.values[size]}, begin.starts)
+        if plain.at(point).cost < without:
+            return [(terms, point)] if half else []
+    return []
 
 
 def _each_start(problem: Problem, screened: Screened) -> list[Mapping[str, float]]:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import single_case
+from firmloop.diagnose.model.candidate import extended
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import Point, entered, first_point
-from firmloop.diagnose.search.round import screened
+from firmloop.diagnose.search.round import _sized, screened
 from firmloop.diagnose.search.screen import secants
 from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import BY_NAME, concealed, nominal_of, problem_of, truths, written
@@ -45,3 +46,22 @@ def test_a_motor_driven_a_hundred_times_as_hard_as_it_cogs_shows_how_often_it_do
     assert best.term is term
     assert best.start["cogging_torque.periods_per_rev"] == truth["periods_per_rev"]
     assert best.start["cogging_torque.amplitude_N_m"] == pytest.approx(truth["amplitude"], rel=0.2)
+
+
+@pytest.mark.parametrize(("times", "halved"), [(1.0, False), (8.0, True)])
+def test_a_wave_that_begins_past_its_own_crests_begins_smaller_too(times: float, halved: bool, tmp_path: Path) -> None:
+    case = single_case(5, "torque_ripple", BY_NAME["flat_motor"], ("position", "current"), "chirp", False, 0.3)
+    problem = problem_of(written(tmp_path, case))
+    nominal, term = nominal_of(problem), problem.term("torque_ripple")
+    assert term is not None
+    told = truths(tmp_path, "torque_ripple")
+    start = {key: told[next(name for name in told if name in key)] for key in term.keys}
+    size = term.keys[0]
+    terms, begin = extended(nominal.fitted, term, {**start, size: times * start[size]})
+    found = _sized(problem, nominal, terms, begin)
+    assert bool(found) is halved
+    for _, point in found:
+        costs = [
+            fit(problem, problem.train, *each, nominal.noises, 0).cost for each in ((terms, point), (terms, begin))
+        ]
+        assert costs[0] < nominal.fitted.cost < costs[1]
