@@ -15,7 +15,7 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
 from firmloop.diagnose.model.sandwich_covariance import doubtful, with_pushes
-from firmloop.diagnose.model.scale_doubt import with_scale_doubt
+from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import (
     CHANCE_GAIN,
     COMPLETION_PATIENCE,
@@ -176,10 +176,9 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def with_doubts(problem: Problem, fitted: Fitted) -> Fitted:
-    """Widen the deviations to what slow disturbances and a torque constant as given leave of them."""
+    """Widen the deviations to what slow disturbances leave of them, and what no noise model tells of."""
     noises = noises_of(problem, fitted.residuals)
-    fitted = with_lasting(problem, with_pushes(problem, fitted, noises), noises)
-    return with_scale_doubt(problem, fitted)
+    return with_doubt_of_given(problem, with_lasting(problem, with_pushes(problem, fitted, noises), noises))
 
 
 def _past_kinks(problem: Problem, candidate: Candidate, owed: float) -> Candidate:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
-from firmloop.diagnose.model.fit import evidence, fit, own_evidence
-from firmloop.diagnose.model.hypothesis import Problem, turning
+from firmloop.diagnose.model.fit import Fitted, doubted, evidence, fit, own_evidence
+from firmloop.diagnose.model.hypothesis import Problem, follows_simulated, turning
+from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.policy import STEPS_OF_A_FIT
+from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.simulation.linear_filter import integrated
 
 Array = NDArray[np.float64]
@@ -78,6 +80,51 @@ def strayed(problem: Problem, candidate: Candidate) -> Mapping[int, Array]:
         off = np.nan_to_num(seen - true)
         found[id(recording)] = off if told == _TOLD[0] else integrated(off, recording.time)
     return found
+
+
+def with_walk(problem: Problem, fitted: Fitted) -> Fitted:
+    """Widen deviations of waves that follow the integral of a speed by how far its noise lets that walk off.
+
+    What of the walk is a line along the angle is an error of the periods and the phase; what is left of it smears the
+    wave, which seems smaller.
+    """
+    waves = [term for term in fitted.terms if turning([term])]
+    names = [signal.name for signal in problem.plant.outputs]
+    followed = problem.engine.recorded and not any(_TOLD[0] in each.columns for each in problem.train)
+    if not waves or not followed or _TOLD[1] not in names:
+        return fitted
+    noise = sensor_noises(fitted.residuals, problem.floors)[names.index(_TOLD[1])]
+    angles = [problem.engine.angle(recording) for recording in problem.train]
+    steps = [noise * float(np.median(np.diff(recording.time))) for recording in problem.train]
+    spread, smeared = walked([each for each in angles if each is not None], steps)
+    further = {}
+    for term in waves:
+        values = {key: fitted.point.values[key] for key in term.keys}
+        periods = next((value for key, value in values.items() if key.endswith(".periods_per_rev")), 1.0)
+        if follows_simulated(problem, term, values):
+            continue
+        size = 1.0 - math.exp(-0.5 * smeared * periods**2)
+        further[term.keys[0]] = abs(values[term.keys[0]]) * size / NORMAL_95
+        for key in term.keys[1:]:
+            further[key] = periods * math.sqrt(spread[0, 0] if key.endswith(".phase_rad") else spread[1, 1])
+    return doubted(fitted, further)
+
+
+def walked(angles: Sequence[Array], steps: Sequence[float]) -> tuple[Array, float]:
+    """Return what random walks do to lines a + b angle through them: the covariance (2, 2) of a and b, and the rest.
+
+    `angles` (n,) in rad are those of each recording, `steps` the rms of one step of its walk; the rest is a variance.
+    """
+    square, filling, total = np.zeros((2, 2)), np.zeros((2, 2)), 0.0
+    for angle, step in zip(angles, steps, strict=True):
+        line = np.stack([np.ones(len(angle)), angle], axis=1)
+        after = step * np.cumsum(line[::-1], axis=0)[::-1]  # what one step does to all that follows
+        square += line.T @ line
+        filling += after.T @ after
+        total += 0.5 * (step * len(angle)) ** 2
+    inverted = np.linalg.pinv(square)
+    left = max(total - float(np.trace(inverted @ filling)), 0.0)
+    return inverted @ filling @ inverted, left / sum(map(len, angles))
 
 
 def lost_count(problem: Problem, candidate: Candidate, base: Candidate) -> bool:

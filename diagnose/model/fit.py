@@ -153,6 +153,16 @@ def widened(fitted: Fitted, factors: Array) -> Fitted:
     return replace(fitted, wider=factors if fitted.wider is None else np.maximum(fitted.wider, factors))
 
 
+def doubted(fitted: Fitted, further: Mapping[str, float]) -> Fitted:
+    """Return the fit with further deviations of parameters, each independent of what else they are uncertain by."""
+    factors = np.ones(len(fitted.coordinates)) if fitted.wider is None else np.array(fitted.wider)
+    told = deviations(fitted)
+    for index, each in enumerate(fitted.coordinates):
+        if 0.0 < told[each.name] < math.inf:
+            factors[index] *= math.hypot(1.0, further.get(each.name, 0.0) / told[each.name])
+    return widened(fitted, factors)
+
+
 def with_other_answer(fitted: Fitted, values: Mapping[str, float]) -> Fitted:
     """Widen deviations by how far another consistent estimate is off, that of plain simulation error.
 
@@ -168,7 +178,7 @@ def with_other_answer(fitted: Fitted, values: Mapping[str, float]) -> Fitted:
     return widened(fitted, np.array(factors))
 
 
-def inverse(normal: Array, least: float = 1e-12) -> Array:
+def inverse(normal: Array, least: float = 1e-14) -> Array:
     """Return the pseudo-inverse of a symmetric matrix, whatever the sizes of its coordinates.
 
     Combinations whose singular value is below `least` of the largest are taken to have none, and so is a coordinate

@@ -226,10 +226,20 @@ def meeting(terms: Iterable[LibraryTerm]) -> bool:
     return any(term.effect.contact for term in terms)
 
 
+def follows_simulated(problem: Problem, term: LibraryTerm, at: Mapping[str, float]) -> bool:
+    """Tell whether a wave follows the simulated angle: the recorded one is for what that has lost count of."""
+    if not turning([term]):
+        return False
+    per_turn = (at.get(key, 1.0) for key in term.keys if key.endswith(".periods_per_rev"))
+    per_metre = (2.0 * math.pi * at.get(key, 1.0) for key in term.keys if key.endswith(".periods_per_m"))
+    periods = next(iter((*per_turn, *per_metre)), 1.0)
+    return not problem.engine.recorded or abs(periods) * problem.engine.lost < 0.5 * math.pi
+
+
 def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str, float]) -> tuple[Unknown, ...]:
     """Return the unknowns of a hypothesis: the free nominal parameters, then those of its terms."""
     found = []
-    step = FINE_DIFFERENCE_STEP if turning(terms) and not problem.engine.recorded else DIFFERENCE_STEP
+    step = FINE_DIFFERENCE_STEP if any(follows_simulated(problem, each, at) for each in terms) else DIFFERENCE_STEP
     if meeting(terms):
         step = ROUGH_DIFFERENCE_STEP
     for parameter in problem.plant.parameters:

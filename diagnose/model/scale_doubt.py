@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
-
-from firmloop.diagnose.model.fit import Fitted, deviations, widened
+from firmloop.diagnose.model.angle import with_walk
+from firmloop.diagnose.model.fit import Fitted, doubted
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.policy import SAME_CONSTANT
 
@@ -31,14 +30,13 @@ def scale_doubt(problem: Problem, fitted: Fitted) -> float:
     return apart if apart < SAME_CONSTANT else 0.0
 
 
+def with_doubt_of_given(problem: Problem, fitted: Fitted) -> Fitted:
+    """Widen the deviations to what a torque constant as given, and an angle that waves follow, leave of them."""
+    return with_scale_doubt(problem, with_walk(problem, fitted))
+
+
 def with_scale_doubt(problem: Problem, fitted: Fitted) -> Fitted:
     """Widen the deviations of all that is on the scale of torques."""
-    doubt, told = scale_doubt(problem, fitted), deviations(fitted)
-    if doubt == 0.0:
-        return fitted
-    factors = np.ones(len(fitted.coordinates)) if fitted.wider is None else np.array(fitted.wider)
-    for index, each in enumerate(fitted.coordinates):
-        own = told[each.name]
-        if _SCALED.search(each.name) and 0.0 < own < math.inf:
-            factors[index] *= math.hypot(1.0, doubt * abs(fitted.point.values[each.name]) / own)
-    return widened(fitted, factors)
+    doubt = scale_doubt(problem, fitted)
+    values = {each.name: fitted.point.values[each.name] for each in fitted.coordinates if _SCALED.search(each.name)}
+    return doubted(fitted, {name: doubt * abs(value) for name, value in values.items()})

@@ -19,6 +19,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
+from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search
@@ -229,7 +230,8 @@ def _plainly(found: Search, begin: Fitted) -> Search:
     """Return the search with a fit by plain simulation error as its best, independent samples counted."""
     fitted = by_simulation_error(found.problem, begin)
     noises = independent(fitted.residuals)
-    return replace(found, best=replace(found.best, fitted=ended(found.problem, fitted, noises), noises=noises))
+    fitted = with_doubt_of_given(found.problem, ended(found.problem, fitted, noises))
+    return replace(found, best=replace(found.best, fitted=fitted, noises=noises))
 
 
 def _untraded(found: Search, left: Array) -> Search:
@@ -256,3 +258,4 @@ def _with_same(found: Search) -> Search:
     same = same_function(found.problem, found.best.fitted)
     beside = tuple(Candidate(each, independent(each.residuals), found.best.score) for each in same)
     return replace(found, rounds=(*found.rounds, beside))
+    fitted = with_doubt_of_given(problem, fitted)

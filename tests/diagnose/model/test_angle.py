@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmloop.diagnose.model.angle import strayed
+from bench.diagnose.blind_cases import draw_case
+from firmloop.diagnose.model.angle import strayed, walked
 from firmloop.diagnose.model.candidate import rated
 from firmloop.diagnose.model.fit import fit
-from firmloop.diagnose.model.hypothesis import Point, make_problem
+from firmloop.diagnose.model.hypothesis import Point, coordinates, follows_simulated, make_problem
+from firmloop.diagnose.policy import FINE_DIFFERENCE_STEP
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import EffectUse
 from firmloop.identify.simulation.simulate import rest_start, simulate
+from tests.diagnose.cases import concealed, laid, problem_of, said_of, simulated, without_tests
 from tests.diagnose.test_truth import made
 
 WRONG: Mapping[str, tuple[str | None, Mapping[str, float]]] = {
@@ -81,3 +84,43 @@ def test_a_wave_follows_the_recorded_angle_where_the_simulated_is_off_by_a_quart
     np.testing.assert_array_equal(engine.simulate(shown, whole, start), own)
     engine.lose(1.01 * quarter)
     assert np.max(np.abs(engine.simulate(shown, whole, start) - own)) > 1e-3
+
+
+def test_lines_through_random_walks_are_as_uncertain_as_many_of_them_show() -> None:
+    rng, step = np.random.default_rng(7), 3e-3
+    angles = [np.cumsum(rng.uniform(0.0, 0.3, rows)) for rows in (700, 1100)]
+    line = np.concatenate([np.stack([np.ones(len(each)), each], axis=1) for each in angles])
+    told, rest = [], []
+    for _ in range(1500):
+        walk = np.concatenate([np.cumsum(step * rng.normal(size=len(each))) for each in angles])
+        told.append(np.linalg.lstsq(line, walk, rcond=None)[0])
+        rest.append(np.mean((walk - line @ told[-1]) ** 2))
+    spread, left = walked(angles, [step] * 2)
+    assert np.cov(np.array(told).T) == pytest.approx(spread, rel=0.15)
+    assert np.mean(rest) == pytest.approx(left, rel=0.1)
+
+
+def test_the_interval_of_a_wave_that_follows_a_noisy_speed_holds_its_periods(tmp_path: Path) -> None:
+    case = replace(draw_case(1140034, "single"), seed=2)  # eight periods a turn; the angle is off by half a period
+    said = said_of(without_tests(laid(tmp_path, simulated(lambda: case))))
+    (effect,) = said["effects"]
+    assert effect["name"] == "cogging_torque"
+    low, high = effect["parameters"]["periods_per_rev"]["ci95"]
+    assert low < 8.0 < high and high - low < 0.05
+
+
+@pytest.mark.parametrize(
+    ("lost", "recorded", "simulated_one"), [(0.1, True, True), (0.3, True, False), (0.3, False, True)]
+)
+def test_a_wave_follows_the_simulated_angle_until_that_is_off_by_a_quarter_of_its_period(
+    lost: float, recorded: bool, simulated_one: bool, tmp_path: Path
+) -> None:
+    problem = problem_of(concealed(tmp_path, "", 0.3, False))
+    problem.engine.follow(recorded)
+    problem.engine.lose(lost)
+    term = problem.term("cogging_torque")
+    assert term is not None
+    values = dict(zip(term.keys, (1e-3, 8.0, 0.0), strict=True))
+    assert follows_simulated(problem, term, values) is simulated_one
+    steps = {each.name: each.step for each in coordinates(problem, (term,), values)}
+    assert (steps["J_kg_m2"] == FINE_DIFFERENCE_STEP) is simulated_one
