@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmloop.diagnose.model.candidate import Candidate, closer, contain
-from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
+from firmloop.diagnose.policy import LEVELLED, LEVELLED_WITHIN
 from firmloop.diagnose.search.exchange import amounts_to
 from firmloop.diagnose.search.screen import Screened
 from firmloop.identify.plants.plant import Plant
@@ -43,6 +44,15 @@ def candidates_of(search: Search) -> tuple[Candidate, ...]:
     return tuple(
         candidate for candidate, theirs, ours in _others(search) if not (contain(theirs, ours) or contain(ours, theirs))
     )
+
+
+def near_best(search: Search) -> dict[frozenset[LibraryTerm], Candidate]:
+    """Return what is hardly told from the best, one of each hypothesis, the likeliest first."""
+    near: dict[frozenset[LibraryTerm], Candidate] = {}
+    for each in candidates_of(search):
+        if each.score - search.best.score < LEVELLED_WITHIN and len(near) < LEVELLED:
+            near.setdefault(frozenset(each.fitted.terms), each)
+    return near
 
 
 def richer_of(search: Search) -> tuple[Candidate, ...]:

@@ -22,7 +22,7 @@ from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
-from firmloop.diagnose.search.found import Search
+from firmloop.diagnose.search.found import Search, near_best
 from firmloop.diagnose.search.harmless import from_starts, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
@@ -67,7 +67,8 @@ class _Part:
         pairs = [(each.get("after", np.inf), each.get("refit", 0.0)) for each in self.left.figures.values()]
         bare = all(noise.rms < WIDER_RMS * noise.scale for noise in self.search.best.noises)
         least = NEARER_RMS if bare else CLOSER_RMS
-        return 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
+        nearer = 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
+        return nearer and believable(self.search.best.fitted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +137,29 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Kep
     bench = _Bench(refit, recordings, from_starts(refit, recordings))
     if not found.best.fitted.terms:
         return Kept(found, bench.left_out(found).figures)
+    kept = _kept(found, bench)
+    return kept if kept.search is not None else _rival(found, bench) or kept
+
+
+def _rival(found: Search, bench: _Bench) -> Kept | None:
+    """Return the nearest that holds of all that innovations hardly tell from the best, which does not; None if none.
+
+    Beside it stands only what comes about as near.
+    """
+    near = near_best(found)
+    asked = {terms: _kept(replace(found, best=each), bench) for terms, each in near.items()}
+    ratios = {terms: _ratio(each.figures) for terms, each in asked.items() if each.search is not None}
+    nearest = min(ratios, key=lambda terms: ratios[terms], default=None)
+    if nearest is None or (search := asked[nearest].search) is None:
+        return None
+    beside = {terms for terms, ratio in ratios.items() if CLOSER_RMS * ratio < ratios[nearest]}
+    gone = {frozenset(found.best.fitted.terms), *near} - beside
+    rounds = tuple(tuple(each for each in turn if frozenset(each.fitted.terms) not in gone) for turn in search.rounds)
+    return asked[nearest]._replace(search=replace(search, rounds=rounds))
+
+
+def _kept(found: Search, bench: _Bench) -> Kept:
+    """Return what holds of the best; see `holding`."""
     here = whole = _whole(found, bench)
     while (slim := _slimmed(here, bench)) is not None:
         here = slim
@@ -245,6 +269,7 @@ def _untraded(found: Search, left: Array) -> Search:
     filling = [white(one.scale**2 / other.scale) for one, other in zip(fitted.noises, noises, strict=True)]
     inner = fit(problem, problem.train, fitted.terms, fitted.point, filling, 0).normal
     fitted = replace(fitted, noises=noises, normal=fitted.normal @ inverse(inner) @ fitted.normal)
+    fitted = with_doubt_of_given(problem, fitted)
     return replace(found, best=replace(found.best, fitted=fitted, noises=noises))
 
 
@@ -258,4 +283,3 @@ def _with_same(found: Search) -> Search:
     same = same_function(found.problem, found.best.fitted)
     beside = tuple(Candidate(each, independent(each.residuals), found.best.score) for each in same)
     return replace(found, rounds=(*found.rounds, beside))
-    fitted = with_doubt_of_given(problem, fitted)

@@ -28,7 +28,6 @@ from firmloop.diagnose.model.descent import residual_of, whitened
 from firmloop.diagnose.model.fit import evidence, fit, noises_of
 from firmloop.diagnose.model.hypothesis import (
     MOMENT,
-    LibraryTerm,
     Point,
     Problem,
     meeting,
@@ -38,8 +37,6 @@ from firmloop.diagnose.model.hypothesis import (
 from firmloop.diagnose.policy import (
     COLORED_THRESHOLD,
     EXCHANGES,
-    LEVELLED,
-    LEVELLED_WITHIN,
     LONG_MEMORY,
     MINOR_SHARE,
     MOST_EFFECTS,
@@ -56,7 +53,7 @@ from firmloop.diagnose.policy import (
     WORTH_A_REFIT,
 )
 from firmloop.diagnose.search.exchange import amounting, merged, parted, retied, swapped
-from firmloop.diagnose.search.found import Hypothesis, Progress, Search, beside, candidates_of
+from firmloop.diagnose.search.found import Hypothesis, Progress, Search, beside, near_best
 from firmloop.diagnose.search.from_given import from_given, from_means, nominal_fit, runaways, with_likelier
 from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import promising, screened, tried_beside
@@ -160,11 +157,8 @@ def settled(found: Search) -> Search:
 def levelled(found: Search) -> Search:
     """Polish the candidates near the best as that was, with what had tied with a part of it: they may be as good."""
     problem, best = found.problem, found.best
-    near: dict[frozenset[LibraryTerm], Candidate] = {}
-    for each in candidates_of(found):
-        if each.score - best.score < LEVELLED_WITHIN and len(near) < LEVELLED:
-            near.setdefault(frozenset(each.fitted.terms), each)
-    every = sorted((best, *(_unwhitened(problem, each) for each in near.values())), key=lambda each: each.score)
+    near = near_best(found).values()
+    every = sorted((best, *(_unwhitened(problem, each) for each in near)), key=lambda each: each.score)
     every += retied(problem, every[0], (*found.rounds, every))
     return replace(found, best=min(every, key=lambda each: each.score), rounds=(*found.rounds, tuple(every)))
 

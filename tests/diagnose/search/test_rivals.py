@@ -1,0 +1,42 @@
+"""What innovations hardly tell apart is told by what was left out of the fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from firmloop.diagnose.model.candidate import Candidate, extended, rated
+from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.search.found import Search
+from firmloop.diagnose.search.harmless import as_identified
+from firmloop.diagnose.search.held_out import holding
+from tests.diagnose.cases import concealed, nominal_of, problem_of, refitted, shortened, without_tests
+
+WRONG, RIGHT = "return_spring", "coulomb_friction"
+
+
+def _tried(problem: Problem, nominal: Candidate, name: str) -> Candidate:
+    term = problem.term(name)
+    assert term is not None
+    _, begin = extended(nominal.fitted, term, problem.starts[term.label][0])
+    fitted, _ = refitted(problem, term, begin, [noise.rms for noise in nominal.noises])
+    return rated(problem, fitted)
+
+
+@pytest.mark.parametrize("behind", [5.0, 500.0])
+def test_what_holds_where_it_was_left_out_stands_for_what_innovations_prefer_by_little(
+    behind: float, tmp_path: Path
+) -> None:
+    problem = problem_of(shortened(without_tests(concealed(tmp_path, RIGHT, 0.3, False))))
+    nominal = nominal_of(problem)
+    wrong, right = (_tried(problem, nominal, name) for name in (WRONG, RIGHT))
+    wrong = replace(wrong, score=right.score - behind)
+    found = Search(problem, nominal, wrong, ((wrong, right),), (), (nominal.score - wrong.score,))
+    kept = holding(found, as_identified(problem.plant, problem.train), problem.train)
+    if behind > 100.0:
+        assert kept.search is None
+        return
+    assert kept.search is not None and kept.search.best.fitted.names == (RIGHT,)
+    assert [each.fitted.names for turn in kept.search.rounds for each in turn] == [(RIGHT,)]
