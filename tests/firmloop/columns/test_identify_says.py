@@ -386,32 +386,3 @@ def test_a_test_recording_that_a_mean_would_meet_better_is_named(gain, told, tmp
     assert main(["identify", str(project), "--out", str(folder / "out")]) == 0
     said = "".join(capsys.readouterr())
     assert (f"{output} of later.csv is missed by" in said and "by more than its mean would" in said) == told
-
-
-def test_intervals_that_missing_friction_widens_are_no_reason_to_record_more(tmp_path, capsys):
-    """A shaft that sticks at most levels: harder steps would be missed in the same way."""
-    rng, step, fine = seeded(24), 0.02, 20
-    drive = np.repeat(rng.choice([-0.5, -0.33, 0.33, 0.36, 0.5], 30), 50)
-    speed, w = np.zeros(len(drive)), 0.0
-    for k, u in enumerate(drive):
-        speed[k] = w
-        for _ in range(fine):
-            push = 63.5 * u - 2.14 * w
-            if w == 0.0 and abs(push) < 19.4:
-                continue
-            moved = w + step / fine * (push - 19.4 * np.sign(w or push))
-            w = 0.0 if moved * w < 0.0 else moved
-    position = np.cumsum(speed) * step + noise(rng, len(drive), 0.001)
-    parameters = {
-        "R_ohm": 5.0,
-        "L_H": 0.002,
-        "ke_V_s_rad": {"value": 0.3, "free": True},
-        "kt_N_m_A": 0.3,
-        "J_kg_m2": {"value": 0.003, "free": True},
-        "b_N_m_s_rad": 1e-4,
-    }
-    table = {"kind": "dc_motor", "input": "voltage_V", "outputs": ["position_rad"], "parameters": parameters}
-    made = (table, np.arange(len(drive)) * step, {"voltage_V": drive, "position_rad": position})
-    says, _ = identified(written(tmp_path / "log", made), capsys)
-    assert any("ke_V_s_rad" in each and "ask firmloop diagnose what is missing" in each for each in says), says
-    assert not any("excite the plant more" in each or "drive it further" in each for each in says)
