@@ -68,7 +68,10 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             found = _resumed(other)
             shape, alone = best_shape(found, found.best), _alone(found)
     if alone is not None:
-        return replace(found, best=found.nominal), alone
+        fewer = _fewer(found)
+        if fewer is None:
+            return replace(found, best=found.nominal), alone
+        found, shape = fewer, None
     whole = rested(levelled(retimed(found)))
     sure = _confirmed(whole)
     instead, changed = None, set(sure.best.fitted.terms) != set(found.best.fitted.terms)
@@ -134,6 +137,17 @@ def _alone(found: Search) -> Shape | None:
         return None
     shape = best_shape(found, nominal)
     return shape if shape is not None and shape.gain > explained + least else None
+
+
+def _fewer(found: Search) -> Search | None:
+    """Return the search with the fewest effects as its best that leave no shape; None where fewer leave one."""
+    for count in range(1, len(found.best.fitted.terms)):
+        some = [each for turn in found.rounds for each in turn if len(each.fitted.terms) == count]
+        best = min(some, key=lambda each: each.score, default=found.nominal)
+        shape = best_shape(found, best)
+        if best.score < found.nominal.score and (shape is None or shape.gain < LEFT_GAIN):
+            return replace(found, best=best)
+    return None
 
 
 def _confirmed(found: Search) -> Search:

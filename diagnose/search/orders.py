@@ -25,8 +25,13 @@ Torque = Callable[[int, float], NDArray[np.floating]]  # (recording, choice) -> 
 
 
 def best_orders(problem: Problem, base: Fitted, grounds: Sequence[Ground]) -> Mapping[str, tuple[Order, ...]]:
-    """Return by the name of the effect what promises most under any of the grounds, best first."""
-    return {name: _best(problem, base, grounds, *each) for name, each in _torques(problem, base).items()}
+    """Return by the name of the effect what promises most under any of the grounds, best first.
+
+    A wave once a turn is the pull of a weight.
+    """
+    found = {name: _best(problem, base, grounds, *each) for name, each in _torques(problem, base).items()}
+    waves = found.get(effect_seen_by("order").name, ())
+    return {**found, effect_seen_by("turn").name: tuple(each for each in waves if each.choice == 1.0)}
 
 
 def linear_traces(problem: Problem, base: Fitted) -> Mapping[str, Callable[[], Iterator[tuple[Array, ...]]]]:

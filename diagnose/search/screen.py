@@ -131,14 +131,14 @@ def _promising(
     """Keep of a grid over waves per turn, or over moments, those asked for, phase zero."""
     grids = (".periods_per_rev", ".time_s")
     key = next((key for start in starts for key in start if key.endswith(grids)), None)
-    if key is None:
-        phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
-        return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
-    size, most = term.keys[0], starts[0][term.keys[0]]
-    asked: list[Mapping[str, float]] = [
-        {**starts[0], key: one.choice, size: min(one.size, most) or most} for one in orders
-    ]
-    return asked or list(starts)
+    asked: list[Mapping[str, float]] = []
+    for one in orders:
+        size, most = term.keys[0], starts[0][term.keys[0]]
+        asked.append({**starts[0], **({key: one.choice} if key else {}), size: min(one.size, most) or most})
+    if asked or key:
+        return asked or list(starts)
+    phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
+    return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
 
 
 def secants(

@@ -182,9 +182,9 @@ class Effect:
     hold to show it: `reversal` (both directions of motion) or `quick input`, blank for nothing in particular. `seen_by`
     is what finds it before any fit, blank for nothing: `wraps`, `steps` or `folds` of a reading; `moment`, at which a
     torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or in proportion to the
-    drive's. `per_recording` is what a project calls its parameter where each recording has its own, before the
-    place; blank where it is called by its full name. `undo(values, reading)` is what a reading was before it, None
-    where that cannot be told.
+    drive's; `turn`, that it does so once. `per_recording` is what a project calls its parameter where each recording
+    has its own, before the place; blank where it is called by its full name. `undo(values, reading)` is what a reading
+    was before it, None where that cannot be told.
     """
 
     name: str

@@ -13,7 +13,7 @@ from firmloop.diagnose.model.candidate import extended
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import Point, entered, first_point
 from firmloop.diagnose.search.round import _sized, screened
-from firmloop.diagnose.search.screen import secants
+from firmloop.diagnose.search.screen import Order, _promising, secants
 from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import BY_NAME, concealed, nominal_of, problem_of, truths, written
 
@@ -65,3 +65,15 @@ def test_a_wave_that_begins_past_its_own_crests_begins_smaller_too(times: float,
             fit(problem, problem.train, *each, nominal.noises, 0).cost for each in ((terms, point), (terms, begin))
         ]
         assert costs[0] < nominal.fitted.cost < costs[1]
+
+
+def test_a_weight_begins_as_large_as_a_wave_once_a_turn_seems(tmp_path: Path) -> None:
+    """One that begins larger carries the shaft past its own crest, and looks like another."""
+    problem = problem_of(concealed(tmp_path, "", 0.3, False))
+    term = problem.term("gravity_torque")
+    assert term is not None
+    starts = problem.starts[term.label]
+    size, phase = term.keys
+    (begin,) = _promising(term, starts, (Order(1.0, 0.1 * starts[0][size]),))
+    assert begin == {size: pytest.approx(0.1 * starts[0][size]), phase: starts[0][phase]}
+    assert _promising(term, starts, ()) == [starts[0]]

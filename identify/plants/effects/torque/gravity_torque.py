@@ -52,4 +52,5 @@ EFFECT = Effect(
     holding=holding,
     coordinate="position, once per turn",
     slow=True,
+    seen_by="turn",
 )
