@@ -38,7 +38,7 @@ from firmloop.diagnose.policy import (
     USUAL_WITHIN,
     WHITENESS_LAGS,
 )
-from firmloop.diagnose.search.found import Search, richer_of, standing
+from firmloop.diagnose.search.found import Search, as_near, candidates_of, richer_of, standing
 from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
@@ -320,8 +320,9 @@ def _with_interval(each: Estimate) -> str:
 
 def _alternatives(search: Search, shown: Candidate, candidates: Sequence[Candidate]) -> tuple[Alternative, ...]:
     found: dict[str, Alternative] = {}
-    others = [candidate for candidate in standing(search) if candidate not in candidates][:4]
-    weights = _weights([shown, *others])
+    others = [candidate for candidate in candidates_of(search) if candidate not in candidates][:4]
+    near = [each if as_near(search, each) else replace(each, score=math.inf) for each in others]
+    weights = _weights([shown, *near])
     mine = set(shown.fitted.terms)
     for weight, candidate in zip(weights[1:], others, strict=True):
         for term in candidate.fitted.terms:

@@ -13,7 +13,7 @@ from firmloop.diagnose.data.checks import preflight
 from firmloop.diagnose.model.candidate import Candidate, by_simulation_error, rms_of
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, make_problem
-from firmloop.diagnose.search import stepwise
+from firmloop.diagnose.search import held_out, stepwise
 from firmloop.diagnose.search.from_given import nominal_fit
 from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.held_out import _needs, _Part
@@ -85,7 +85,8 @@ def test_outputs_weighed_as_something_else_leaves_them_keep_that_ratio(tmp_path:
 
 def _part(after: float, refit: float, parts: int = 1, left: float = 3.0) -> _Part:
     out = LeftOut({"speed": {"after": after, "refit": refit}}, {"after": (np.ones((9, 1)),) * parts})
-    search = SimpleNamespace(best=SimpleNamespace(noises=(Noise(np.zeros(0), 1.0, left),)))
+    fitted = SimpleNamespace(terms=())
+    search = SimpleNamespace(best=SimpleNamespace(fitted=fitted, noises=(Noise(np.zeros(0), 1.0, left),)))
     return _Part(search, False, out, 1.0)  # type: ignore[arg-type]
 
 
@@ -100,3 +101,9 @@ def test_what_foresees_far_more_than_the_refit_is_right_though_it_may_not_be_wri
 def test_an_effect_that_foresees_no_more_is_not_needed_where_other_parts_were_left_out() -> None:
     assert not _needs(_part(0.19, 4.7, 2), _part(0.08, 2.9, 1))
     assert _needs(_part(0.08, 2.9, 1), _part(0.19, 2.9, 2))
+
+
+def test_what_ends_on_a_bound_foresees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _part(0.02, 4.0).foresees
+    monkeypatch.setattr(held_out, "believable", lambda fitted: False)
+    assert not _part(0.02, 4.0).foresees
