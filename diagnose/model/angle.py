@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.model.fit import Fitted, doubted, evidence, fit, own_evidence
-from firmloop.diagnose.model.hypothesis import Problem, follows_simulated, turning
+from firmloop.diagnose.model.hypothesis import Problem, follows_simulated, periods_of, turning
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.policy import STEPS_OF_A_FIT
 from firmloop.identify.normal import NORMAL_95
@@ -100,7 +100,7 @@ def with_walk(problem: Problem, fitted: Fitted) -> Fitted:
     further = {}
     for term in waves:
         values = {key: fitted.point.values[key] for key in term.keys}
-        periods = next((value for key, value in values.items() if key.endswith(".periods_per_rev")), 1.0)
+        periods = periods_of(term, values)
         if follows_simulated(problem, term, values):
             continue
         size = 1.0 - math.exp(-0.5 * smeared * periods**2)

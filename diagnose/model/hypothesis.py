@@ -226,14 +226,18 @@ def meeting(terms: Iterable[LibraryTerm]) -> bool:
     return any(term.effect.contact for term in terms)
 
 
+def periods_of(term: LibraryTerm, at: Mapping[str, float]) -> float:
+    """Return how often a wave repeats per turn, or in 2 pi m; 1 of one that is not told how often."""
+    units = {".periods_per_rev": 1.0, ".periods_per_m": 2.0 * math.pi}
+    return next(
+        (unit * abs(at.get(key, 1.0)) for key in term.keys for end, unit in units.items() if key.endswith(end)), 1.0
+    )
+
+
 def follows_simulated(problem: Problem, term: LibraryTerm, at: Mapping[str, float]) -> bool:
     """Tell whether a wave follows the simulated angle: the recorded one is for what that has lost count of."""
-    if not turning([term]):
-        return False
-    per_turn = (at.get(key, 1.0) for key in term.keys if key.endswith(".periods_per_rev"))
-    per_metre = (2.0 * math.pi * at.get(key, 1.0) for key in term.keys if key.endswith(".periods_per_m"))
-    periods = next(iter((*per_turn, *per_metre)), 1.0)
-    return not problem.engine.recorded or abs(periods) * problem.engine.lost < 0.5 * math.pi
+    lost = problem.engine.recorded and periods_of(term, at) * problem.engine.lost >= 0.5 * math.pi
+    return turning([term]) and not lost
 
 
 def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str, float]) -> tuple[Unknown, ...]:

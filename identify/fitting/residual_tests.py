@@ -69,7 +69,7 @@ def residual_tests(residual: Array, drive: Array) -> ResidualTests:
 
 
 def slow(residual: Array) -> bool:
-    """Tell whether residuals (n,) move slowly, as noise of a sensor does not (von Neumann, 1941)."""
+    """Tell whether residuals (n,) move slowly, by von Neumann's ratio, as noise of a sensor does not."""
     return float(np.sum(np.diff(residual) ** 2)) < MEMORY * float(residual @ residual)
 
 
