@@ -130,7 +130,8 @@ def cache_folder() -> Path:
     if os.path.isabs(base):  # the XDG Base Directory Specification has others ignored
         folder = Path(base) / "firmloop"
     else:
-        folder = Path(tempfile.gettempdir()) / (f"firmloop-{os.getuid()}" if hasattr(os, "getuid") else "firmloop")
+        user = os.getuid() if hasattr(os, "getuid") else "cache"
+        folder = Path(tempfile.gettempdir()) / f"firmloop-{user}"  # never the package's own name, which it would hide
     try:
         for missing in reversed([place for place in (folder, *folder.parents) if not os.path.lexists(place)]):
             missing.mkdir(mode=0o700, exist_ok=True)

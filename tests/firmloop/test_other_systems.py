@@ -38,6 +38,7 @@ def test_the_whole_walk_on_the_host_needs_none_of_it(
     assert main(["run", str(project), "--out", str(tmp_path / "out"), "--steps", "500"]) == 0
     said = capsys.readouterr()
     assert said.err == "" and "host: " in said.out and ": agrees" in said.out
+    assert not (tmp_path / "firmloop").exists(), "beside it python -m firmloop would find no package"
 
 
 @pytest.mark.usefixtures("bare")
