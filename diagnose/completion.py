@@ -144,9 +144,10 @@ def _fewer(found: Search) -> Search | None:
     for count in range(1, len(found.best.fitted.terms)):
         some = [each for turn in found.rounds for each in turn if len(each.fitted.terms) == count]
         best = min(some, key=lambda each: each.score, default=found.nominal)
-        shape = best_shape(found, best)
-        if best.score < found.nominal.score and (shape is None or shape.gain < LEFT_GAIN):
-            return replace(found, best=best)
+        if best.score < found.nominal.score:
+            shape = best_shape(found, best)
+            if shape is None or shape.gain < LEFT_GAIN:
+                return replace(found, best=best)
     return None
 
 

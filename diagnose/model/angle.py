@@ -99,10 +99,10 @@ def with_walk(problem: Problem, fitted: Fitted) -> Fitted:
     spread, smeared = walked([each for each in angles if each is not None], steps)
     further = {}
     for term in waves:
-        values = {key: fitted.point.values[key] for key in term.keys}
-        periods = periods_of(term, values)
+        values = fitted.point.values
         if follows_simulated(problem, term, values):
             continue
+        periods = periods_of(term, values)
         size = 1.0 - math.exp(-0.5 * smeared * periods**2)
         further[term.keys[0]] = abs(values[term.keys[0]]) * size / NORMAL_95
         for key in term.keys[1:]:

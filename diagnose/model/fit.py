@@ -155,6 +155,8 @@ def widened(fitted: Fitted, factors: Array) -> Fitted:
 
 def doubted(fitted: Fitted, further: Mapping[str, float]) -> Fitted:
     """Return the fit with further deviations of parameters, each independent of what else they are uncertain by."""
+    if not any(further.values()):
+        return fitted
     factors = np.ones(len(fitted.coordinates)) if fitted.wider is None else np.array(fitted.wider)
     told = deviations(fitted)
     for index, each in enumerate(fitted.coordinates):

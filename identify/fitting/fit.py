@@ -84,6 +84,7 @@ class Fit:
     starts: tuple[float, ...]
     warnings: tuple[str, ...]
     per_recording: tuple[OwnValue, ...] = ()
+    slow: bool = False  # what is left of some output moves slowly, as noise of a sensor does not
 
 
 def fit(
@@ -367,6 +368,7 @@ def _result(
         starts=costs,
         warnings=(*hardly_told(fitted, problem.free, found, drifts), *poor),
         per_recording=own_values(fitted, [one.source for one in train], best.starts, residuals, whole, count, doubt),
+        slow=drifts,
     )
 
 

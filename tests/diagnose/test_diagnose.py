@@ -13,6 +13,7 @@ import pytest
 from firmloop.cli import main
 from tests.conftest import Once
 from tests.diagnose.cases import concealed, concealed_once, said_of
+from tests.firmloop.columns.test_identify_says import written
 
 
 def test_friction_is_named_in_colored_noise(once: Once, tmp_path: Path) -> None:
@@ -67,20 +68,6 @@ def test_single_effects_are_named(tmp_path: Path, name: str) -> None:
     assert said["verdict"] == "explained" and names == [name]
 
 
-ONE_WAY = """schema = 1
-name = "one_way"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "rotary_stage"
-input = "torque_N_m"
-outputs = ["speed_rad_s"]
-[plant.parameters]
-J_kg_m2 = { value = 0.02, free = true }
-b_N_m_s_rad = { value = 0.05, free = true }
-"""
-
-
 def test_no_next_candidate_is_one_that_the_recordings_cannot_test(tmp_path: Path) -> None:
     """A shaft that turns one way, and rests at times: a load is friction to it, as long as it turns."""
     rng, step, speed, turning = np.random.default_rng(24), 0.02, [], 3.0
@@ -89,11 +76,11 @@ def test_no_next_candidate_is_one_that_the_recordings_cannot_test(tmp_path: Path
         speed.append(turning + rng.normal(0.0, 0.03))
         for _ in range(20):
             turning = max(turning + step / 20 * (63.5 * torque - 2.14 * turning - 19.4), 0.0)
-    table = np.column_stack([step * np.arange(len(drive)), drive, speed])
-    head = "time_s,torque_N_m,speed_rad_s"
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="", fmt="%.6g")
-    (tmp_path / "project.toml").write_text(ONE_WAY, encoding="utf-8")
-    said = said_of(tmp_path / "project.toml")
+    parameters = {"J_kg_m2": {"value": 0.02, "free": True}, "b_N_m_s_rad": {"value": 0.05, "free": True}}
+    outputs = ["speed_rad_s"]
+    table = {"kind": "rotary_stage", "input": "torque_N_m", "outputs": outputs, "parameters": parameters}
+    made = (table, step * np.arange(len(drive)), {"torque_N_m": drive, "speed_rad_s": speed})
+    said = said_of(written(tmp_path / "one_way", made) / "project.toml")
     assert [each["name"] for each in said["effects"]] == ["coulomb_friction"]
     others = {each["name"] for each in said["alternatives"]}
     assert others and "load_torque" in said["untestable"] and not others & set(said["untestable"])

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, remainders
+from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.hardly_told import MISSING, POOR, hardly_known, told_together
-from firmloop.identify.fitting.residual_tests import slow
 
 Array = NDArray[np.float64]
 
@@ -39,13 +38,13 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             "sweep (firmloop excite makes one), or fix parameters with free = false",
         )
     poor = _hardly_known(evidence)
-    if poor:
-        drifts = any(slow(column) for part in remainders(evidence) for column in part.residual.T)
-        further = (
+    if poor and evidence.fit is not None:
+        too_little = (
             "the input moves the plant too little against what is left: drive it further, or longer, or ask firmloop "
             "diagnose whether that is noise"
         )
-        return (f"{', '.join(poor)}: known to no better than {100.0 * POOR:.0f} %; {MISSING if drifts else further}",)
+        why = MISSING if evidence.fit.slow else too_little
+        return (f"{', '.join(poor)}: known to no better than {100.0 * POOR:.0f} %; {why}",)
     return ()
 
 

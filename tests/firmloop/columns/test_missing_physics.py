@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.host.identify_faults import noise
+from bench.host.identify_faults import heater, noise
 from tests.firmloop.columns.test_identify_says import identified, seeded, written
 
 
@@ -35,3 +35,17 @@ def test_intervals_that_missing_friction_widens_are_no_reason_to_record_more(tmp
     says, _ = identified(written(tmp_path / "log", made), capsys)
     assert any("ke_V_s_rad" in each and "ask firmloop diagnose what is missing" in each for each in says), says
     assert not any("excite the plant more" in each or "drive it further" in each for each in says)
+
+
+def test_white_noise_that_was_smoothed_is_not_taken_for_what_is_missing(tmp_path, capsys):
+    table, time, columns = heater(seeded(31))
+    (output,) = table["outputs"]
+    level = columns[output]
+    noisy = {**columns, output: level + noise(seeded(32), len(level), 4.0 * np.std(level))}
+    folder = written(tmp_path / "log", (table, time, noisy))
+    project = folder / "project.toml"
+    smoothed = "[recordings.conditioning]\nsavgol_window = 21\n[plant]"
+    project.write_text(project.read_text().replace("[plant]", smoothed, 1))
+    says, _ = identified(folder, capsys)
+    assert any("known to no better" in each and "drive it further" in each for each in says), says
+    assert not any("moves slowly" in each for each in says)
