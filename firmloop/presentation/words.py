@@ -58,7 +58,8 @@ def about_fit(fit: Fit) -> list[str]:
     warnings = [f"  note: {warning}" for warning in fit.warnings]
     own = table(own_rows(fit.per_recording))
     told = ["  of each recording:", *own] if own else []
-    return [f"plant: {fit.plant.kind}, 95 % intervals", *table(rows), *told, *table(scores), *warnings]
+    begun = "  simulated from the input alone, from the start that fits best:"
+    return [f"plant: {fit.plant.kind}, 95 % intervals", *table(rows), *told, begun, *table(scores), *warnings]
 
 
 def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:

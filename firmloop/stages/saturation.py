@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from firmloop.identify.plants.effects import effects
-from firmloop.identify.recordings.clipping import cut_off, in_steps
+from firmloop.identify.recordings.clipping import cut_off, holds_elsewhere, in_steps
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project, same_unit
@@ -65,7 +65,7 @@ def cut_output(project: Project, recordings: Sequence[Recording]) -> str:
     for recording in recordings:
         for name in part.outputs:
             found = cut_off(recording.columns[name]) if name in recording.columns else None
-            if found:
+            if found and not holds_elsewhere(recording.columns[name], found.value):
                 return (
                     f"{name} of {recording.source} is cut off at {found.value:g} {unit_of(name)} in {found.share:.0%} "
                     f"of the rows, as by a sensor or actuator at its limit or by an end stop, and {part.kind} has "

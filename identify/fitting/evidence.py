@@ -72,7 +72,7 @@ def compared(evidence: Evidence, recording: Recording, outputs: Array) -> list[t
     real = measured(evidence.given, recording)
     for k, signal in enumerate(evidence.given.outputs):
         one, other = real[:, k], outputs[:, k]
-        if signal.name.startswith("position_"):
+        if signal.name.split("_")[0] == "position":
             one, other = one[blocks:] - one[:-blocks], other[blocks:] - other[:-blocks]
         pairs.append((one, other))
     return pairs

@@ -56,9 +56,27 @@ def cut_off(values: Array) -> Clipped | None:
 
 def in_steps(values: Array, extreme: float) -> bool:
     """Tell whether a signal (n,) rests at other values than its extreme as well: it goes in steps, and this is one."""
+    return bool(_rests(values).keys() - {0.0, extreme, float(values[0])})
+
+
+def holds_elsewhere(values: Array, extreme: float) -> bool:
+    """Tell whether a signal (n,) rests as long at another value as at its extreme: that is no limit, it was held there.
+
+    Zero and where it began may be rest, however long.
+    """
+    rests = _rests(values)
+    others = [rows for value, rows in rests.items() if value not in (0.0, extreme, float(values[0]))]
+    return max(others, default=0) >= rests.get(extreme, 0) > 0
+
+
+def _rests(values: Array) -> dict[float, int]:
+    """Return how many rows the longest rest at each value takes, of those that are no chance."""
+    found: dict[float, int] = {}
     edges = np.flatnonzero(np.diff(values) != 0.0) + 1
-    levels = {float(values[first]) for first, last in pairwise([0, *edges, len(values)]) if last - first >= _RUN}
-    return len(levels - {0.0, extreme, float(values[0])}) > 0
+    for first, last in pairwise([0, *edges.tolist(), len(values)]):
+        if last - first >= _RUN:
+            found[float(values[first])] = max(found.get(float(values[first]), 0), last - first)
+    return found
 
 
 def _noise(values: Array, resting: NDArray[np.bool_]) -> float:

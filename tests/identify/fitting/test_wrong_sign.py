@@ -49,3 +49,33 @@ def test_diagnose_names_the_level(tmp_path: Path, capsys: pytest.CaptureFixture[
     named = {each["name"]: each["parameters"] for each in said["effects"]}
     assert named["sensor_offset"]["offset_C"]["value"] == pytest.approx(TRUE["output_at_rest"], rel=0.01)
     assert said["fit"]["train"]["after"] < 1.1
+
+
+CYLINDER = """schema = 1
+name = "cylinder"
+[recordings]
+train = ["up.csv", "down.csv"]
+[plant]
+kind = "ode"
+states = ["x"]
+inputs = ["valve"]
+outputs = { position = "x" }
+derivatives = { x = "gain_1_s*valve" }
+parameters = { gain_1_s = { value = 2.0, free = true } }
+"""
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_place_runs_against_its_drive_by_how_it_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], turned: bool
+) -> None:
+    """A valve that rests at -0.3, as one with an offset does: the plant as given runs away from where it stands."""
+    time = np.arange(3000) * 0.02
+    for name, sign in (("up", 1.0), ("down", -1.0)):
+        valve = np.where(time % 20.0 < 2.0, sign, -0.3)
+        place = 2.0 + np.cumsum(np.where(valve == -0.3, 0.0, 1.5 * valve)) * 0.02 * (-1.0 if turned else 1.0)
+        rows = (f"{t:.2f},{v:.6g},{x:.6g}" for t, v, x in zip(time, valve, place, strict=True))
+        (tmp_path / f"{name}.csv").write_text("time_s,valve,position\n" + "\n".join(rows) + "\n")
+    (tmp_path / "project.toml").write_text(CYLINDER)
+    main(["identify", str(tmp_path / "project.toml"), "--out", str(tmp_path / "out")])
+    assert ("runs against valve" in "".join(capsys.readouterr())) == turned

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmloop.identify.recordings.clipping import cut_off, gathering, in_steps, rested
+from firmloop.identify.recordings.clipping import cut_off, gathering, holds_elsewhere, in_steps, rested
 
 TIME = np.arange(400) * 5e-3
 NOISE = np.random.default_rng(5).normal(0.0, 0.02, len(TIME))
@@ -50,6 +50,14 @@ def test_the_highest_step_of_several_is_no_limit() -> None:
     limited = np.minimum(9.0 + WAVE, 9.4)
     assert cut_off(ramped) is not None and in_steps(ramped, 9.0)
     assert cut_off(limited) is not None and not in_steps(limited, 9.4)
+
+
+def test_a_place_that_was_held_no_longer_than_others_is_no_limit() -> None:
+    moved = np.interp(np.arange(400.0), [0, 20, 50, 110, 130, 150, 170, 230, 260, 399], [0, 0, 5, 5, 9, 9, 4, 4, 2, 0])
+    stopped = np.interp(np.arange(400.0), [0, 20, 50, 60, 80, 250, 270, 280, 300, 399], [0, 0, 5, 5, 9, 9, 4, 4, 2, 0])
+    for each, held in ((moved, True), (stopped, False), (-moved, True), (-stopped, False)):
+        found = cut_off(each)
+        assert found is not None and holds_elsewhere(each, found.value) == held
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])
