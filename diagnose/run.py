@@ -145,6 +145,7 @@ def _measured(
     if finding.verdict == "unknown_physics" and shape is not None:  # whose chance nobody has drawn
         evidence = replace(evidence, gain=evidence.gain + shape.gain, p_value=None)
     return measured_too(
+        problem.plant,
         replace(
             finding,
             simulation_rms=figures,

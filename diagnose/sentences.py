@@ -9,6 +9,7 @@ from pathlib import Path
 
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding, Shift
+from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
     FAILED_RMS,
@@ -21,10 +22,13 @@ from firmloop.diagnose.policy import (
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.own_values import OwnValue
 from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.plant import Plant
 
 
-def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[str, ...]:
-    """Say it in a few sentences."""
+def paragraph(
+    finding: Finding, search: Search, shape: Shape | None, others: Sequence[Candidate] = ()
+) -> tuple[str, ...]:
+    """Say it in a few sentences; `others` are the explanations that stand beside the best."""
     said: list[str] = []
     train = finding.train
     if finding.verdict == "no_mismatch" and train.refit is None:
@@ -38,11 +42,20 @@ def paragraph(finding: Finding, search: Search, shape: Shape | None) -> tuple[st
             f"No mismatch: no effect of the library explains more than noise would (BIC threshold {THRESHOLD:g})."
         )
     elif finding.verdict == "unknown_physics":
-        follows = f" It follows {shape.coordinate} in the {shape.balance} balance." if shape is not None else ""
+        follows = (
+            f" It follows {shape.coordinate} in the {_balance(search.problem.plant, shape.balance)}."
+            if shape is not None
+            else ""
+        )
         said.append(f"Something is missing that no effect of the library explains.{follows}")
     elif finding.verdict == "ambiguous":
-        names = ", ".join(each.name for each in finding.effects)
-        said.append(f"More than one explanation stands: {names}.")
+        common = set.intersection(*({t.effect.name for t in each.fitted.terms} for each in (search.best, *others)))
+        names = [", ".join(e.name for e in finding.effects if (e.name in common) == part) for part in (True, False)]
+        said.append(
+            f"More than one explanation stands: all hold {names[0]}, and are not told apart beside it: {names[1]}."
+            if all(names)
+            else f"More than one explanation stands: {', '.join(filter(None, names))}."
+        )
         for each in sorted(finding.effects, key=lambda one: one.probability):  # the surest is not in question
             term = search.problem.term(each.name)
             if term is not None:
@@ -85,7 +98,7 @@ def _own(one: OwnValue) -> str:
     return f"{Path(one.source).name} {known.value:.4g}{reach}"
 
 
-def measured_too(finding: Finding, missed: float, own: tuple[tuple[str, ...], float]) -> Finding:
+def measured_too(plant: Plant, finding: Finding, missed: float, own: tuple[tuple[str, ...], float]) -> Finding:
     """Return the finding with what it says of chance, of what is still missing, and of what was left out of the fit.
 
     `missed` is what simulations miss, as a share of what the output moves that they follow worst; `own` what
@@ -94,7 +107,7 @@ def measured_too(finding: Finding, missed: float, own: tuple[tuple[str, ...], fl
     said = [
         *_about_chance(finding),
         *_about_rest(finding),
-        *_about_disturbance(finding, missed),
+        *_about_disturbance(plant, finding, missed),
         *_about_runs(*own),
         *_about_left_out(finding),
     ]
@@ -141,7 +154,7 @@ def _about_runs(names: Sequence[str], share: float) -> list[str]:
     ]
 
 
-def _about_disturbance(finding: Finding, missed: float) -> list[str]:
+def _about_disturbance(plant: Plant, finding: Finding, missed: float) -> list[str]:
     """Say how large a disturbance of each balance makes what is left, and where that is too much to be noise."""
     left, said = finding.train.after, []
     silent = finding.verdict == "no_mismatch" and missed < MOTION_MISSED
@@ -159,10 +172,17 @@ def _about_disturbance(finding: Finding, missed: float) -> list[str]:
                 else ": that is not noise"
             )
         said.append(
-            f"Left beside the white noise of the sensors: as much as a disturbance of {size} in the {name} balance "
-            f"makes{share}{meant}."
+            f"Left beside the white noise of the sensors: as much as a disturbance of {size} in the "
+            f"{_balance(plant, name)} makes{share}{meant}."
         )
     return said
+
+
+def _balance(plant: Plant, name: str) -> str:
+    """Name a balance; that of a lag that turns nothing and moves nothing by its output."""
+    output = plant.outputs[0].name
+    moving = plant.delay is None or output.partition("_")[0] in ("speed", "position")
+    return f"{name} balance" if moving else f"balance of {output}"
 
 
 def _percent(share: float) -> str:

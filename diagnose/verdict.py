@@ -110,7 +110,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         per_recording=own_of_all(search.problem, shown.fitted),
         law=_law(told),
     )
-    return replace(finding, says=paragraph(finding, search, shape)), told
+    return replace(finding, says=paragraph(finding, search, shape, candidates)), told
 
 
 def spoiled(finding: Finding) -> Finding:
