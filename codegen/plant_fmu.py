@@ -15,6 +15,7 @@ from firmloop.codegen.environment import c_comment, render
 from firmloop.codegen.fmu import OWN, standard_functions
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.portable import PortablePlant
+from firmloop.identify.units import carried_unit
 
 
 def plant_fmu_files(
@@ -67,7 +68,7 @@ def _variable(signal: Signal, reference: int, index: int, start: float) -> dict[
         "name": signal.name,
         "reference": reference,
         "index": index,
-        "unit": signal.unit or "1",
+        "unit": signal.unit or carried_unit(signal.name) or "1",
         "range": "",
         "start": repr(start),
     }

@@ -74,6 +74,7 @@ _PLAIN: dict[str, _Row] = {
     "in": (INCH, (0, 1, 0, 0, 0), 0, 0),
     "ft": (FOOT, (0, 1, 0, 0, 0), 0, 0),
     "%": (0.01, (0, 0, 0, 0, 0), 0, 0),
+    "\u2030": (1e-3, (0, 0, 0, 0, 0), 0, 0),
 }
 _ALSO = {  # other spellings; those of words are compared without regard to capitals
     **dict.fromkeys(("ohm", "ohms"), "\u03a9"),
@@ -98,7 +99,8 @@ _ALSO = {  # other spellings; those of words are compared without regard to capi
     **dict.fromkeys(("ozm", "ounce", "ounces"), "oz"),
     **dict.fromkeys(("inch", "inches"), "in"),
     **dict.fromkeys(("foot", "feet"), "ft"),
-    **dict.fromkeys(("percent",), "%"),
+    **dict.fromkeys(("percent", "pct"), "%"),
+    **dict.fromkeys(("permille", "promille"), "\u2030"),
 }
 _MEANT_TOO = {"g": ("gf", "gn"), "lb": ("lbf",), "oz": ("ozf",), "C": ("degC",), "F": ("degF",)}  # as many print them
 _ZERO = {"degC": 273.15, "degF": 459.67 * 5 / 9}  # what 0 of a scale is, K
@@ -110,7 +112,7 @@ _SIGNS = {
     "\u2044": "/",
 }
 _HIGH = "\u207a\u207b\u00b9\u00b2\u00b3\u2070\u2074-\u2079"  # signs and digits of a power
-_TOKEN = re.compile(r"\s*(?:(\d+(?:\.\d+)?(?:e[-+]?\d+)?)|(\u00b0?[^\W\d_]+|\u00b0|%)|([-*/()^\u221a]))")
+_TOKEN = re.compile(r"\s*(?:(\d+(?:\.\d+)?(?:e[-+]?\d+)?)|(\u00b0?[^\W\d_]+|[\u00b0%\u2030])|([-*/()^\u221a]))")
 _LONGEST, _MOST_WAYS, _MOST_SYMBOLS = 48, 64, 4  # what is longer is no unit
 
 _Token = tuple[str, bool]  # and whether it touches the one before

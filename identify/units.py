@@ -51,6 +51,8 @@ _ENDINGS = {
     "s": "s",
     "W": "W",
 }
+# A word that ends a name as a unit does, and in no name of an effect's parameter: half_width of a drive in percent.
+_SHARE = "percent"
 _MOST_WORDS = 5
 # Arduino's clocks, and what a whole column may be called after; letters alone are symbols of quantities.
 _WHOLE = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "rpm": "rpm", "mA": "mA", "mV": "mV", "deg": "deg"}
@@ -69,7 +71,18 @@ def unit_of(name: str) -> str:
     rate = re.search(r"(?:^|_)(?:rate|slew)_(.+)_s$", name)
     if rate and rate.group(1) in _ENDINGS:
         return f"{_ENDINGS[rate.group(1)]}/s"
-    return _ENDINGS.get(ending_of(name), "")
+    return _ENDINGS.get(ending_of(name), _SHARE if _is_share(name) else "")
+
+
+def stem_of(name: str) -> str:
+    """Return `name` without the unit at its end (`speed_rad_s` -> `speed`), empty where there is none we know."""
+    ending = ending_of(name) or (_SHARE if _is_share(name) else "")
+    return name.removesuffix(ending).strip("_") if ending else ""
+
+
+def _is_share(name: str) -> bool:
+    words = name.split("_")
+    return len(words) > 1 and words[-1] == _SHARE and not (len(words) > 2 and _goes_on(words[-2], _SHARE))
 
 
 def ending_of(name: str) -> str:
@@ -96,10 +109,12 @@ def _goes_on(before: str, ending: str) -> bool:
 
 
 def carried_unit(name: str) -> str:
-    """Return the unit that a foreign column name carries: `t_ms`, `Speed [rpm]`, `i (mA)`, `rpm`; empty where none."""
+    """Return the unit that a foreign column name carries: `t_ms`, `Speed [rpm]`, `u %`, `rpm`; empty where none."""
     bracket = re.search(r"[\[(]([^\[\]()]+(?:\([^()]*\))?[^\[\]()]*)[\])]\s*$", name)
     if bracket:
         return bracket.group(1).strip() if is_unit(bracket.group(1)) else ""
+    if (sign := name.strip()[-1:]) in ("%", "\u2030"):  # no letter of a name
+        return sign
     if name in _WHOLE or name.lower() == "rpm":
         return _WHOLE.get(name, "rpm")
     if unit_of(name):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.table import RawTable
-from firmloop.identify.units import carried_unit, ending_of, unit_of
+from firmloop.identify.units import carried_unit, stem_of, unit_of
 
 Array = NDArray[np.float64]
 
@@ -66,8 +66,8 @@ def unit_left_out(foreign: str, name: str) -> str:
 
 def in_another_unit(foreign: str, name: str) -> str:
     """Return the line to write where `foreign` is called as `name` is but for another unit of the same kind."""
-    unit, wanted, stem = carried_unit(foreign), unit_of(name), name[: -len(ending_of(name))]
-    alike = bool(unit and stem and wanted) and re.split(r"[\W_]", foreign)[0].lower() == stem.strip("_").lower()
+    unit, wanted, stem = carried_unit(foreign), unit_of(name), stem_of(name)
+    alike = bool(unit and stem and wanted) and re.split(r"[\W_]", foreign)[0].lower() == stem.lower()
     return rename_line(foreign, name, unit) if alike and _convertible(unit, wanted) else ""
 
 

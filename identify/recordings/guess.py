@@ -218,8 +218,9 @@ def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
     bare = re.sub(r"[\[(].*?[\])]", "", foreign)
     plain = "_".join(re.findall(r"[A-Za-z0-9]+", bare)) or "column"
     plain = plain if plain[0].isalpha() else f"column_{plain}"
-    ending = next((each for each in _PLAIN_ENDINGS if unit and _converts(unit, unit_of(f"x_{each}"))), "")
-    carried = carried_unit(plain) if ending and ending_of(plain) != ending else ""
+    endings = (each for each in _PLAIN_ENDINGS if _converts(unit, unit_of(f"x_{each}")))
+    ending = "" if _same(unit, "1") else next(endings, "")  # what is counted in ones is so under any name
+    carried = carried_unit(plain) if ending and unit_of(plain) != unit_of(f"x_{ending}") else ""
     plain = plain.removesuffix(f"_{ending}") if ending else plain
     if carried:
         plain = re.sub(rf"_?{re.escape(carried)}$", "", plain) or "column"
@@ -228,7 +229,7 @@ def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
     return next(name for name in names if name not in taken)
 
 
-_PLAIN_ENDINGS = ("V", "A", "rad_s", "rad", "m", "m_s", "C", "N_m", "N", "Pa", "m3_s", "kg_s", "W", "kg", "m3", "ohm")
+_PLAIN_ENDINGS = tuple("V A rad_s rad m m_s C N_m N Pa m3_s kg_s W kg m3 ohm percent".split())
 
 
 def _converts(unit: str, wanted: str) -> bool:
