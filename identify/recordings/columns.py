@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
-from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.recordings.table import RawTable, told_words
 from firmloop.identify.units import carried_unit, stem_of, unit_of
 
 Array = NDArray[np.float64]
@@ -116,7 +116,7 @@ def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | No
     if clock is not None:
         return _clocked(made, clock)
     if "time_s" not in names:
-        raise _no_time(table, file)
+        raise _no_time(table, rename, file)
     return made
 
 
@@ -182,15 +182,23 @@ def _clocked(table: RawTable, clock: RowClock) -> RawTable:
     return replace(table, names=names, columns=(time, *(table.columns[k] for k in kept)), notes=notes)
 
 
-def _no_time(table: RawTable, file: str) -> IdentifyError:
-    """Say that there is no time, and which column may be it."""
+def _no_time(table: RawTable, rename: Mapping[str, Column], file: str) -> IdentifyError:
+    """Say that there is no time, and which column may be it, or would be if it held numbers."""
+    named = next((name for name in table.words if rename.get(name, Column(name)).name == "time_s"), "")
     units = table.units or ("",) * len(table.names)
     likely = [
         (name, unit or carried_unit(name) or re.split(r"[\W_]+", name)[-1])
         for name, unit in zip(table.names, units, strict=True)
         if TIMES.fullmatch(name) or _agree_in_kind(unit or carried_unit(name))
     ]
-    held = ", ".join(table.names)[:200]
+    wordy = named or next((name for name in table.words if TIMES.fullmatch(name) and not likely), "")
+    if wordy:
+        is_it = "is the time, but" if named else "seems to be the time, but"
+        return IdentifyError(
+            f"{file}: column {wordy} {is_it} no column of numbers, it {table.words[wordy]}; write decimal numbers "
+            "there, or give the time between rows, in s, as recordings.period_s, which then stands for it"
+        )
+    held = f"{', '.join(table.names)[:200]}{told_words(table.words)}"
     message = f"{file}: column time_s is missing; it has {held}; name the time column in [recordings.rename]"
     if not likely:
         return IdentifyError(

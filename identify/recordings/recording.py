@@ -20,7 +20,7 @@ from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.lost_rows import leapt_over, uncounted
 from firmloop.identify.recordings.stamps import check_stamps
-from firmloop.identify.recordings.table import Misread, RawTable, without_row_numbers
+from firmloop.identify.recordings.table import Misread, RawTable, told_words, without_row_numbers
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 
@@ -115,8 +115,7 @@ def column(recording: Recording, name: str, otherwise: str = "") -> Array:
                 f"{recording.source}: column {name} is no column of numbers, it {holds}; write numbers there"
             )
         lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
-        without = ", ".join(f"{word} ({holds})" for word, holds in recording.words.items())
-        aside = f"; without numbers: {without[:200]}" if without else ""
+        aside = told_words(recording.words)
         raise IdentifyError(
             f"{recording.source}: column {name} is missing; it has {', '.join(recording.columns) or 'only time_s'} "
             f"(map a foreign name in [recordings.rename]{otherwise}){aside}",

@@ -38,6 +38,12 @@ class Misread:
     remedy: str
 
 
+def told_words(words: Mapping[str, str]) -> str:
+    """Return what to add to a message where columns are without numbers: which they are and what they hold."""
+    told = ", ".join(f"{name} ({holds})" for name, holds in words.items())
+    return f"; without numbers: {told[:200]}" if told else ""
+
+
 _FEWEST = 2  # columns of numbers: a time and one signal
 
 

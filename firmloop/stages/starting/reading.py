@@ -23,7 +23,7 @@ from firmloop.identify.recordings.guess import (
     rename_of,
 )
 from firmloop.identify.recordings.recording import Recording, read_raw, read_recording
-from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.recordings.table import RawTable, told_words
 from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
 
@@ -60,8 +60,9 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     time = None if period is not None else guess_time(first)
     if time is None and period is None:
         raise IdentifyError(
-            f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}; give the time between two "
-            "rows, s: --period 0.001"
+            f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}{told_words(first.words)}; "
+            f"{'write decimal numbers there, or ' if first.words else ''}give the time between two rows, s: "
+            "--period 0.001"
         )
     columns = guess_columns(first, time)
     still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
@@ -73,6 +74,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
         held = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
         raise IdentifyError(
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
+            f"{told_words(first.words)}{'; write decimal numbers there, such as 0 and 1' if first.words else ''}"
         )
     pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
@@ -90,12 +92,13 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
         recordings, rename, clock = _read(paths, {**rename, **wraps}, clock)
     named = [each.foreign for each in used]
     asides = [_aside(each, each in still) for each in columns if each.foreign not in named]
+    asides += [f"column {name} {holds} and is not used" for name, holds in first.words.items() if name not in left_out]
     return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
 
 
 def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:
     for name in left_out:
-        if name not in table.names:
+        if name not in (*table.names, *table.words):
             raise IdentifyError(f"--leave-out {name}: {path} has no such column; it has {', '.join(table.names)[:200]}")
     kept = [k for k, name in enumerate(table.names) if name not in left_out]
     units = tuple(table.units[k] for k in kept) if table.units else ()
