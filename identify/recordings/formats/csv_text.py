@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
 from firmloop.identify.recordings.text.cells import bare, double_quoted, grouped, is_number
 from firmloop.identify.recordings.text.chatter import listed_lines, without_chatter
-from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, find_dialect, first_name
+from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, cells_of, find_dialect, first_name, parting_mark
 from firmloop.identify.recordings.text.exports import read_export
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
 from firmloop.identify.recordings.text.teleplot import read_teleplot
@@ -23,6 +24,7 @@ from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
+_MARKED = re.compile(r"[-+]?\d{1,3}(?:[.,]\d{3})+[.,]\d*")  # 1,127,67
 _THOUSAND = re.compile(rf"(?<![\d.]){grouped(',')}(?!\d)")
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
@@ -78,6 +80,10 @@ def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
         return replace(found, notes=(*encoding, *found.notes))
     if found is not None:
         return found
+    if rows and len(names) == 1 and (mark := parting_mark(lines)):  # then the complaint names a column that is there
+        called = tuple(map(bare, first_name(lines[numbers[0] - 1]).split(mark)))
+        parted = Dialect(mark, ",")
+        return _culprit(called, parted.plain_rows(rows), numbers[1:], parted, "", lines)
     return plain or Misread("", "has a header but no rows", "write one line per sample below the header")
 
 
@@ -139,7 +145,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
         return found
     numbers = np.array([k + 1 for k in range(found.first, len(lines)) if lines[k].strip()], dtype=np.int64)
     rows = found.plain_rows([lines[number - 1] for number in numbers])
-    table = _parsed(found.names, rows, numbers, found)
+    table = _parsed(found.names, rows, numbers, found, lines)
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
@@ -157,35 +163,42 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
 
 
 def _parsed(
-    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect
+    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect, written: Sequence[str] = ()
 ) -> RawTable | Misread:
+    """Return the table of plain rows; `written` are the lines of the file, by which a complaint quotes them."""
     try:
         values = np.loadtxt(rows, delimiter=dialect.delimiter, comments=None, ndmin=2)
     except ValueError as error:
         mark, width = dialect.delimiter, len(names)
         even = [row[:-1] if row.endswith(mark) and row.count(mark) == width else row for row in rows]
         if even != rows and not all(map(str.__ne__, even, rows)):
-            return _parsed(names, even, numbers, dialect)
-        return _without_chatter(names, rows, numbers, dialect) or _culprit(names, rows, numbers, dialect, str(error))
+            return _parsed(names, even, numbers, dialect, written)
+        quiet = _without_chatter(names, rows, numbers, dialect, written)
+        return quiet or _culprit(names, rows, numbers, dialect, str(error), written)
     if values.shape[1] != len(names):
         says = f"{values.shape[1]} values below {len(names)} names"
-        return _culprit(names, rows, numbers, dialect, says)
+        return _culprit(names, rows, numbers, dialect, says, written)
     return RawTable(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers)
 
 
 def _without_chatter(
-    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect
+    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect, written: Sequence[str]
 ) -> RawTable | Misread | None:
     """Parse the rows between which a board has said something; None where it has not."""
     kept, left, told = without_chatter(names, rows, numbers, dialect.delimiter)
     if not told:
         return None
-    found = _parsed(names, kept, left, dialect)
+    found = _parsed(names, kept, left, dialect, written)
     return replace(found, notes=(*found.notes, told)) if isinstance(found, RawTable) else found
 
 
 def _culprit(
-    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect, says: str
+    names: tuple[str, ...],
+    rows: list[str],
+    numbers: NDArray[np.int64],
+    dialect: Dialect,
+    says: str,
+    written: Sequence[str] = (),
 ) -> Misread:
     """Go through the rows one by one until one does not parse; only called when the fast way failed."""
     widths = [len(row.split(dialect.delimiter)) for row in rows[:_SAMPLE]]
@@ -207,10 +220,14 @@ def _culprit(
             split = len(cells) > len(names) == len(cells) - len(_THOUSAND.findall(row))
             remedy = "write numbers without a comma for thousands" if split else "complete the row or delete it"
             return Misread(f"line {number}", wrong, remedy)
-        for name, cell in zip(names, cells, strict=True):
+        for k, (name, cell) in enumerate(zip(names, cells, strict=True)):
             if not is_number(cell.strip().strip('"')):
-                wrong = f"is {cell.strip()[:40]!r}, not a number" if cell.strip() else "is empty"
+                shown = bare(cells_of(written[number - 1], dialect)[k]) if written else cell.strip()
+                wrong = f"is {shown[:40]!r}, not a number" if cell.strip() else "is empty"
                 remedy = _remedy(name, names.index(name), rows, dialect)
+                if _MARKED.fullmatch(shown):
+                    wrong += ": only one of its marks can be the decimal one"
+                    remedy = "save the file without marks for thousands; keep the rows"
                 if _CLOCK.search(cell):
                     remedy = "write seconds, or leave the column out and give recordings.period_s"
                 return Misread(f"line {number}, column {name}", wrong, remedy)

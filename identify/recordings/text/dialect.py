@@ -7,7 +7,7 @@ numbers in a row; the header is the nearest line above with a name for each.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, product
 
 from firmloop.identify.printed_units import is_unit
@@ -16,12 +16,13 @@ from firmloop.identify.recordings.text.cells import bare, grouped, is_number, qu
 from firmloop.identify.units import carried_unit
 
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+_PARTING = ";\t|,"
 _WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), ("|", ","))
 _SPACED = ((" ", "."), (" ", ","))  # any number of them is one
 _FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
 _FIRST = 10_000  # lines that are looked at before all of them: a file has no longer preamble
 _HIGHEST = 60  # lines between a header and its rows
-_NO_UNIT = ("", "-", "none", "1", "#")
+_NO_UNIT, _ONE = ("", "-", "none", "#"), "1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,12 @@ class Dialect:
 PLAIN = Dialect(",", ".")
 
 
+def parting_mark(lines: list[str]) -> str:
+    """Return what parts the header and the last line into as many columns, more than one; blank where nothing does."""
+    held = [line for line in lines if line.strip()]
+    return next((mark for mark in _PARTING if 0 < held[0].count(mark) == held[-1].count(mark)), "")
+
+
 def find_dialect(lines: list[str]) -> Dialect | Misread | None:
     """Return how the columns of `lines` are written, what is wrong with them, or None where nothing is recognized."""
     tries = product((lines[:_FIRST], lines[_FIRST:] and lines), (_WAYS, _SPACED))
@@ -61,13 +68,13 @@ def find_dialect(lines: list[str]) -> Dialect | Misread | None:
     found = next(filter(None, tables), None)
     if found is None:
         return None
-    widest = max(found, key=lambda each: len(_cells(lines[each.first], each)))
+    widest = max(found, key=lambda each: len(cells_of(lines[each.first], each)))
     dialect = _with_header(lines, widest)
     if not isinstance(dialect, Dialect) or dialect.decimal == ".":
         return dialect
     for mark in ",.":
         held = (row for row in islice(lines, dialect.first, None) if mark in row)
-        cells = (cell.strip() for row in held for cell in _cells(row, dialect) if mark in cell)
+        cells = (cell.strip() for row in held for cell in cells_of(row, dialect) if mark in cell)
         example = next(cells, "")
         if example and all(map(re.compile(f"{grouped(re.escape(mark))}+").fullmatch, (example, *cells))):
             remedy = "save the file with points in its numbers and no marks for thousands"
@@ -100,12 +107,12 @@ def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:
 
 def _some_rows(lines: list[str], first: int, dialect: Dialect) -> list[list[str]]:
     rows = (line for line in islice(lines, first, None) if line.strip())
-    return [_cells(line, dialect) for line in islice(rows, _MOST)]
+    return [cells_of(line, dialect) for line in islice(rows, _MOST)]
 
 
 def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
     """Find the names, and the units where a line of them stands below."""
-    width = len(_cells(lines[table.first], table)) - table.trailing
+    width = len(cells_of(lines[table.first], table)) - table.trailing
     above = [k for k in range(table.first - 1, max(-1, table.first - _HIGHEST), -1) if lines[k].strip()]
     later = range(table.first, min(len(lines), table.first + _HIGHEST))
     late = next((k + 1 for k in later if _names(lines[k], table, width)), 0)
@@ -120,14 +127,14 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         numbered = _numbered(lines[above[1]], table, width) if len(above) > 1 else ()
         headers = {above[0]: headers[above[0]], above[1]: numbered} if numbered else headers
     if not headers:
-        nearest = _cells(lines[above[0]], table)
+        nearest = cells_of(lines[above[0]], table)
         if all(is_number(cell.strip()) for cell in nearest):
             wrong = f"has no header: line {above[0] + 1}, above its rows, is a row that is not whole"
             return Misread("", wrong, f"write a name for each of the {width} columns there, time_s among them")
         if len(nearest) * 2 == width and table.delimiter == ",":
             wrong = "has twice as many numbers in a row as names: decimal commas between commas"
             return Misread(f"line {table.first + 1}", wrong, "export it with ; or tabs between columns")
-        return None
+        return _otherwise_parted(lines[above[0]], above[0] + 1, table, width)
     below, *higher = headers
     units: tuple[str, ...] = ()
     if higher and _all_units(headers[below]) and higher[0] == above[above.index(below) + 1]:
@@ -137,7 +144,7 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         below = next((k for k in higher if _tells(headers[k])), below)
     start = below + 1 if not units else above[above.index(below) - 1] + 1
     said = (k for k in range(start, table.first) if any(map(str.isalnum, lines[k])))  # a rule of dashes says nothing
-    whole = (k for k in said if len(_cells(lines[k], table)) == width + table.trailing)
+    whole = (k for k in said if len(cells_of(lines[k], table)) == width + table.trailing)
     return Dialect(
         table.delimiter,
         table.decimal,
@@ -148,6 +155,19 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         table.quoted,
         tuple(_told(lines, table, below, units)),
     )
+
+
+def _otherwise_parted(line: str, number: int, table: Dialect, width: int) -> Misread | None:
+    """Say that the header has another mark between its names than the rows have between their values, if it has."""
+    others = (replace(table, delimiter=mark) for mark in _PARTING if mark != table.delimiter)
+    header = next((each for each in others if len(cells_of(line, each)) == width and _names(line, each, width)), None)
+    if header is None:
+        return None
+    wrong = (
+        f"is the header and has {_MARKS[header.delimiter]} between its names, where rows have {_MARKS[table.delimiter]}"
+    )
+    names = table.delimiter.join(_names(line, header, width))
+    return Misread(f"line {number}", wrong, f"write the same between names: {names[:200]}; keep the rows")
 
 
 def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...]) -> list[str]:
@@ -170,25 +190,30 @@ def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...])
 
 def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
     """Return the names of a line that has one for each column, else nothing."""
-    cells = [bare(cell) for cell in _cells(first_name(line), table)]
+    cells = [bare(cell) for cell in cells_of(first_name(line), table)]
     if len(cells) == width + 1 and cells[-1].lower() == "comment":  # LabVIEW leaves this column empty
         cells = cells[:-1]
-    if any(cells[width:]) or len(cells) < width or any(is_number(cell.replace(",", ".")) for cell in cells):
-        return ()
+    numbers = {cell for cell in cells if is_number(cell.replace(",", "."))}
     names = cells[:width]
+    if (
+        any(cells[width:])
+        or len(cells) < width
+        or not (numbers <= {_ONE} and (not numbers or _all_units(tuple(names))))
+    ):
+        return ()
     return tuple(names) if sum(map(bool, names)) >= max(1, width - 1) else ()
 
 
 def _numbered(line: str, table: Dialect, width: int) -> tuple[str, ...]:
     """Return the names of a line that counts channels, as x-axis,1,2 does, else nothing."""
-    cells = [cell.strip() for cell in _cells(line, table)][:width]
+    cells = [cell.strip() for cell in cells_of(line, table)][:width]
     counts = len(cells) == width and not is_number(cells[0]) and all(each.isdecimal() for each in cells[1:])
     return tuple(cells) if counts and cells[0] else ()
 
 
 def first_name(line: str) -> str:
     """Return a header without the sign of a comment that some write before it."""
-    return re.sub(r"^\s*(?:#|%|//)\s*(?=\S)", "", line)
+    return re.sub(r"^\s*(?:#|%|//)\s*(?=[^\s,;|])", "", line)
 
 
 def _tells(names: tuple[str, ...]) -> bool:
@@ -197,14 +222,16 @@ def _tells(names: tuple[str, ...]) -> bool:
 
 def _all_units(names: tuple[str, ...]) -> bool:
     bare = [_bare(name) for name in names]
-    return any(map(is_unit, bare)) and all(unit in _NO_UNIT or is_unit(unit) for unit in bare)
+    said = [unit for unit in bare if unit not in _NO_UNIT]
+    return any(unit != _ONE for unit in said) and all(map(is_unit, said))
 
 
 def _bare(unit: str) -> str:
     return unit.strip().strip("[]()-").strip()
 
 
-def _cells(line: str, dialect: Dialect) -> list[str]:
+def cells_of(line: str, dialect: Dialect) -> list[str]:
+    """Split a line of a file as its dialect parts columns; numbers stay as they are written."""
     return quoted_cells(line, dialect.delimiter) if '"' in line else _split(line, dialect)
 
 
@@ -213,7 +240,7 @@ def _split(line: str, dialect: Dialect) -> list[str]:
 
 
 def _numbers(line: str, dialect: Dialect) -> list[str]:
-    cells = _cells(line, dialect) if dialect.quoted or '"' not in line else _split(line, dialect)
+    cells = cells_of(line, dialect) if dialect.quoted or '"' not in line else _split(line, dialect)
     return [cell.replace(",", ".") for cell in cells] if dialect.decimal == "," else cells
 
 
