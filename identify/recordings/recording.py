@@ -19,7 +19,7 @@ from firmloop.identify.recordings.columns import Column, RowClock, arranged, in_
 from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.lost_rows import leapt_over, uncounted
-from firmloop.identify.recordings.stamps import check_stamps
+from firmloop.identify.recordings.stamps import check_stamps, check_wraps
 from firmloop.identify.recordings.table import Misread, RawTable, told_words, without_row_numbers
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
@@ -65,7 +65,10 @@ def read_recording(
     table = arranged(raw, rename, clock, str(path))
     _check_rows(path, table)
     given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}
-    check_stamps(table, given.get("time_s", ("time_s", Column("time_s"))), str(path))
+    timed = given.get("time_s", ("time_s", Column("time_s")))
+    if clock is None:
+        check_wraps(raw.columns[raw.names.index(timed[0])], table, timed, str(path))
+    check_stamps(table, timed, str(path))
     columns = dict(zip(table.names, table.columns, strict=True))
     made = make_recording(columns.pop("time_s"), columns, path.name, digest)
     lost = (*leapt_over(made.time), *uncounted(made.time, made.columns))

@@ -88,6 +88,53 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
     )
 
 
+def check_wraps(counts: Array, table: RawTable, given: tuple[str, Column], file: str) -> None:
+    """Refuse `wraps` of a clock that counts (n,) as the file has them where another number of bits fits all its falls.
+
+    Only where it makes a long leap of every fall: a logger that has paused across one tells nothing.
+
+    Raises
+    ------
+    IdentifyError
+        naming the fall, what `wraps` makes of it, and the line that fits.
+    """
+    foreign, rule = given
+    counted, passed = np.diff(counts), np.diff(table.columns[table.names.index("time_s")])
+    fallen, risen = counted < 0.0, counted > 0.0
+    if not rule.wraps or not np.any(fallen) or not np.any(risen):
+        return
+    usual, leaps = float(np.median(passed[risen])), passed[fallen]
+    count = usual / float(np.median(counted[risen]))  # s
+    if count <= 0.0 or not np.all(leaps > _STRETCH * usual):
+        return
+    time, steps = counts * count, counted * count
+    falls = steps[fallen]
+    loose = _evenness(time, steps, usual)
+    fits = [size for size in _powers(count) if np.ptp(time) < size and np.all(np.abs(falls + size - usual) <= loose)]
+    if not fits:
+        return
+    k = int(np.argmax(fallen))
+    raise IdentifyError(
+        f"{file}: {table.place} {table.places[k + 1]}, column {foreign}: falls by {-counted[k]:.10g}, from "
+        f"{counts[k]:.10g} to {counts[k + 1]:.10g}, and with wraps = {rule.wraps:.10g} the clock goes on by "
+        f"{leaps[0]:.6g} s there, where rows are {usual:.6g} s apart; {_shown(fits[0] / count)} fits every fall, which "
+        f"is {_powers(count)[fits[0]]}: correct wraps",
+        _wrapping_at(fits[0] / count, given),
+    )
+
+
+def _shown(counts: float) -> str:
+    return str(round(counts)) if abs(counts - round(counts)) < 1e-9 * counts else f"{counts:.12g}"
+
+
+def _wrapping_at(counts: float, given: tuple[str, Column]) -> str:
+    """Return the lines that say where a clock wraps, as the file counts."""
+    foreign, rule = given
+    kept = f", scale = {rule.scale!r}" if rule.scale != 1.0 else ""
+    line = rename_line(foreign, "time_s", rule.unit or "s").removesuffix(" }")
+    return f"[recordings.rename]\n{line}{kept}, wraps = {_shown(counts)} }}"
+
+
 def _other_clock(table: RawTable, stuck: NDArray[np.intp]) -> tuple[str, float] | None:
     """Return the name and the step of a column that rises as only a time does, where time_s is none; no row number."""
     if len(stuck) <= max(2, _SHARE * len(table.places)):
@@ -106,21 +153,17 @@ def _rows(count: int) -> str:
 
 def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, table: RawTable, k: int) -> IdentifyError:
     """Tell a counter that wraps from recordings in a row and rows out of order."""
-    foreign, rule = given
+    rule = given[1]
     falls = steps[steps < 0.0]
     usual = float(np.median(steps[steps > 0.0]))
     count = rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)  # s
     found = _wrap(time, steps, usual, count, _goes_on(table, np.flatnonzero(steps < 0.0)))
     if found:
         size, says = found
-        raw = size / count
-        shown = str(round(raw)) if abs(raw - round(raw)) < 1e-9 * raw else f"{raw:.12g}"
-        kept = f", scale = {rule.scale!r}" if rule.scale != 1.0 else ""
-        line = rename_line(foreign, "time_s", rule.unit or "s").removesuffix(" }")
         return IdentifyError(
             f"{plain}: the clock is a counter that wraps: it falls by {-float(falls[0]):.10g} s, and {size:.10g} s is "
             f"{says}. Sorting would tear the recording; keep every row and say where the counter wraps",
-            f"[recordings.rename]\n{line}{kept}, wraps = {shown} }}",
+            _wrapping_at(size / count, given),
         )
     fallen = np.flatnonzero(steps < 0.0)
     after, before = time[np.minimum(fallen + 2, len(time) - 1)], time[np.maximum(fallen - 1, 0)]
@@ -174,12 +217,9 @@ def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) 
     that puts the row after it where an even clock has it; only where none does, the nearest power of two.
     """
     falls, begins = steps[steps < 0.0], time[1:][steps < 0.0]
-    off = np.abs(steps[steps > 0.0] - usual)
-    even = min(0.45 * usual, 2.0 * float(np.quantile(off, 0.95)) + 4.0 * float(np.spacing(np.abs(time).max())))
+    even = _evenness(time, steps, usual)
     anew = bool(np.all(np.abs(begins - time[0]) < 0.5 * usual))
-    powers = {
-        tick * 2.0**bits: f"2^{bits} ticks of {tick:g} s" for tick in (count, 1e-6, 1e-3, 1.0, 1e-9) for bits in _BITS
-    }
+    powers = _powers(count)
     begun = time[0] > float(begins.max()) + _STRETCH * usual
     tables = [(powers, even)]
     if begun or not anew or goes_on:
@@ -199,6 +239,18 @@ def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) 
         if fits and min(fits) <= loose:
             return fits[min(fits)]
     return None
+
+
+def _powers(count: float) -> dict[float, str]:
+    """Return where counters of so many bits wrap, s, and what that is."""
+    ticks = (count, 1e-6, 1e-3, 1.0, 1e-9)
+    return {tick * 2.0**bits: f"2^{bits} ticks of {tick:g} s" for tick in ticks for bits in _BITS}
+
+
+def _evenness(time: Array, steps: Array, usual: float) -> float:
+    """Return by how much the steps of a clock differ from the usual one, s, where its rows are even."""
+    off = np.abs(steps[steps > 0.0] - usual)
+    return min(0.45 * usual, 2.0 * float(np.quantile(off, 0.95)) + 4.0 * float(np.spacing(np.abs(time).max())))
 
 
 def _even_period(time: Array) -> tuple[float, float, float] | None:
