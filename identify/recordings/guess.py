@@ -99,15 +99,19 @@ class Guessed:
 
 
 def guess_time(table: RawTable) -> Guessed | None:
-    """Return which column is the time, None where there is none."""
+    """Return which column is the time, None where there is none; of several that say so the one that rises most often.
+
+    A stamp may have fewer digits than a clock beside it.
+    """
     units = _units(table)
-    found: list[tuple[int, Guessed]] = []
+    found: list[tuple[tuple[int, float], Guessed]] = []
     for name, unit, values in zip(table.names, units, table.columns, strict=True):
         says = _converts(unit, "s")
         if not (says or TIMES.fullmatch(name)) or (unit and not says) or not _runs(values):
             continue
         sure = 3 if name == "time_s" else 2 if says and TIMES.fullmatch(name) else 1
-        found.append((sure, Guessed(name, "time_s", unit or _tick(values), bool(unit), False, 0, 0)))
+        rises = float(np.mean(np.diff(values) > 0.0))
+        found.append(((sure, rises), Guessed(name, "time_s", unit or _tick(values), bool(unit), False, 0, 0)))
     return max(found, key=lambda each: each[0])[1] if found else None
 
 

@@ -60,6 +60,7 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
     }
     if len(arrays) - len(aside) < _FEWEST:  # then what is left aside may be the signal itself
         aside = {}
+    units = tuple("s" if array.dtype.kind in "mM" else "" for name, array in arrays if name not in aside)
     arrays = tuple((name, _seconds(array)) for name, array in arrays if name not in aside)
     for name, array in arrays:
         if array.ndim != 1:
@@ -74,7 +75,7 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
     rows = len(columns[0]) if columns else 0
     names = tuple(name for name, _ in arrays)
     notes = (f"holds {', '.join(aside)[:80]} beside its columns, left aside",) if aside and columns else ()
-    return RawTable(names, tuple(columns), "row", np.arange(1, rows + 1), (), notes, aside)
+    return RawTable(names, tuple(columns), "row", np.arange(1, rows + 1), units if any(units) else (), notes, aside)
 
 
 def without_row_numbers(table: RawTable) -> RawTable:

@@ -134,7 +134,7 @@ def _is_text(line: bytes) -> bool:
 def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
     lines, quotes = double_quoted(lines)
-    lines, stamps = with_seconds(lines)
+    lines, stamps, stamped = with_seconds(lines)
     thousands = without_thousands(lines)
     if isinstance(thousands, Misread):
         return thousands
@@ -149,6 +149,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
+    units = ["s" if k == stamped else unit for k, unit in enumerate(found.units or ("",) * len(table.names))]
     left = {table.names[k]: holds for k, holds in words.items() if table.names[k]}
     aside = f"{aside} ({', '.join(left)})" if left else aside
     return RawTable(
@@ -156,7 +157,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
         tuple(table.columns[k] for k in kept),
         table.place,
         table.places,
-        tuple(found.units[k] for k in kept) if found.units else (),
+        tuple(units[k] for k in kept) if any(units) else (),
         (*found.notes, *table.notes, *filter(None, (quotes, stamps, marks, aside))),
         left,
     )

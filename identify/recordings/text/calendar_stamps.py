@@ -59,8 +59,8 @@ def without_terminal_stamps(text: str) -> tuple[str, tuple[str, ...]]:
     return bare, (f"has a stamp of the terminal before every line, left aside: {stamp.group().strip()!r}",)
 
 
-def with_seconds(lines: list[str]) -> tuple[list[str], str]:
-    """Return the lines with seconds in place of the first stamp of each row, and what is told of it.
+def with_seconds(lines: list[str]) -> tuple[list[str], str, int | None]:
+    """Return the lines with seconds in place of the first stamp of each row, what is told of it, and its column.
 
     Rows are the lines of the shape that the last one has; where that has no stamp, all is left as it is.
     """
@@ -70,13 +70,13 @@ def with_seconds(lines: list[str]) -> tuple[list[str], str]:
     stamp = re.compile(_STAMP.replace("MARK", r"\." if mark == "," else "[.,]"))
     found = stamp.search(last)
     if found is None:
-        return lines, ""
+        return lines, "", None
     shape = _shape(last, found, mark)
     rows = {
         k: match for k, line in enumerate(lines) if (match := stamp.search(line)) and _shape(line, match, mark) == shape
     }
     if len(rows) < _FEWEST:
-        return lines, ""
+        return lines, "", None
     calendar, out = _Calendar(), list(lines)
     for k, match in rows.items():
         before, after = lines[k][: match.start()], lines[k][match.end() :]
@@ -84,7 +84,7 @@ def with_seconds(lines: list[str]) -> tuple[list[str], str]:
         seconds = f"{calendar.seconds(match, alone.group() if alone else ''):.9f}".rstrip("0").rstrip(".")
         out[k] = f"{_ALONE.sub('0', before)}{seconds}{_ALONE.sub('0', after)}"
     example = next(iter(rows.values())).group().strip('"')
-    return out, f"has stamps such as {example!r}, which are read as seconds from the first"
+    return out, f"has stamps such as {example!r}, which are read as seconds from the first", shape[0]
 
 
 def _shape(line: str, found: re.Match[str], mark: str) -> tuple[int, int]:

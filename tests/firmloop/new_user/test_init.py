@@ -351,3 +351,32 @@ def test_the_commands_that_are_shown_can_be_copied_into_a_shell(
     assert main(["design", f"{name}.toml", "--out", "out"]) == 0
     first = Path("out/project.toml").read_text().partition("\n")[0]
     assert shlex.split(first)[4:] == ["firmloop", "design", f"{name}.toml"]
+
+
+@pytest.mark.parametrize("kind", ["csv", "npz"])
+def test_stamps_of_a_calendar_are_in_seconds_and_no_unit_is_assumed(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stamps = np.datetime64("2026-05-01T12:00:00") + np.arange(len(POWER)) * np.timedelta64(1, "s")
+    file = tmp_path / f"oven.{kind}"
+    if kind == "npz":
+        np.savez(file, Date=stamps, heater_percent=POWER, temperature_C=HEATED)
+    else:
+        rows = (f"{d} {u:g} {y:.9g}".replace(" ", ",") for d, u, y in zip(stamps, POWER, HEATED, strict=True))
+        file.write_text("\n".join(["Date,heater_percent,temperature_C", *rows, ""]))
+    assert main(["init", str(file), "--out", str(tmp_path / "oven.toml")]) == 0
+    assert "no unit in the file" not in capsys.readouterr().out
+    made = tomllib.loads((tmp_path / "oven.toml").read_text())
+    assert made["recordings"]["rename"] == {"Date": "time_s"}
+    assert made["plant"]["parameters"]["time_constant_s"]["value"] == pytest.approx(40.0, rel=0.02)
+
+
+def test_a_clock_that_ticks_more_often_than_the_stamps_beside_it_is_the_time(tmp_path: Path) -> None:
+    rows = (
+        f"12:{k // 600:02d}:{k // 10 % 60:02d},{100 * k},{u:g},{y:.9g}"
+        for k, (u, y) in enumerate(zip(POWER, HEATED, strict=True))
+    )
+    (tmp_path / "oven.csv").write_text("\n".join(["time,t_ms,heater_percent,temperature_C", *rows, ""]))
+    assert main(["init", str(tmp_path / "oven.csv"), "--out", str(tmp_path / "oven.toml")]) == 0
+    made = tomllib.loads((tmp_path / "oven.toml").read_text())
+    assert made["recordings"]["rename"] == {"t_ms": {"name": "time_s", "unit": "ms"}}
