@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.checks.scale import ELECTRIC, FACTORS, unit_of_factor
+from firmloop.identify.fitting.checks.scale import ELECTRIC, FACTORS, scale_line, unit_of_factor
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.least_squares import regressed
 from firmloop.identify.plants.plant import Plant
@@ -120,7 +120,9 @@ def says(plant: Plant, quantity: str, factor: float) -> str:
     unit = unit_of_factor(factor, _UNIT, names[0] if names else "")
     named = f" ({unit})" if unit in ELECTRIC else ""
     factor = FACTORS[str(unit)] if named else float(f"{factor:.2g}")  # a data sheet knows no more
-    lines = " and ".join(f'{name} = {{ name = "{name}", scale = {1.0 / factor:.4g} }}' for name in names)
+    lines = " and ".join(scale_line(name, 1.0 / factor) for name in names)
+    write = f"write in [recordings.rename], with the names in the file on the left, {lines}"
+    cure = write if named else "give them in [recordings.rename] the exact scale of their divider, shunt or unit"
     follow = " and ".join(
         f"{', '.join(those)} {times:.2g} times"
         for those, times in (
@@ -132,8 +134,8 @@ def says(plant: Plant, quantity: str, factor: float) -> str:
     looks = "looks" if len(names) == 1 else "look"
     return (
         f"{' and '.join(names)} {looks} about {factor:g} times too large{named}: the recordings "
-        f"are met with {follow} what [plant.parameters] gives, all by one factor; write in [recordings.rename], with "
-        f"the names in the file on the left, {lines}, or correct all these parameters"
+        f"are met with {follow} what [plant.parameters] gives, all by one factor; {cure}, "
+        "or correct all these parameters"
     )
 
 

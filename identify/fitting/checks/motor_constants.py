@@ -6,16 +6,24 @@ import math
 from collections.abc import Mapping
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.checks.scale import ELECTRIC, counts_of, scaled, unit_of_factor
+from firmloop.identify.fitting.checks.scale import (
+    ELECTRIC,
+    FACTORS,
+    asked_counts,
+    in_unit,
+    scaled,
+    turning,
+    unit_of_factor,
+)
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.plants.kinds.dc_motor import GEAR
 from firmloop.identify.plants.plant import Parameter
-from firmloop.identify.units import unit_of
 
 _MOST = 1.5  # times: iron losses and doubtful data sheets stay below
 _SURE = 3.0  # deviations
 _UNIT = 0.05  # natural logarithm
-_EXACT = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
+_USUAL = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
+_PRINTED = 0.002  # of a constant, that the digits of a data sheet leave open: as near as this a unit is exact
 _ALIKE = 0.5  # of the logarithm of the ratio: what a doubtful nominal resistance may be off besides
 _WIDEST = 0.3  # relative deviation of a constant that is known
 
@@ -31,42 +39,72 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     doubt = math.hypot(*((p.deviation or 0.0) / p.value for p in (ke, kt)))
     if abs(math.log(ratio)) - _SURE * doubt < math.log(_MOST):
         return ()
-    factor = math.sqrt(ratio) if kt.free else ratio  # beside a given inertia a slower shaft takes from kt, too
     says = f"ke / kt is {ratio:.4g}, and 1 where no power is lost or made: "
-    if _follows(ratio, held, evidence):
-        return (f"{says}{_of_the_voltage(ratio, plant.inputs[0].name)}",)
-    turning = next((each.name for each in plant.outputs if unit_of(each.name) in ("rad", "rad/s")), "")
-    unit = unit_of_factor(1.0 / factor, _UNIT, turning)
-    counts, cure = counts_of(turning, 1.0 / factor)
-    gear = factor * held[GEAR].value if GEAR in held else factor
-    key = f"write {GEAR} = {{ value = {gear:.4g}, free = false }} in [plant.parameters]"
-    if unit is not None and unit != "per minute":
-        other = f", or {counts}" if counts and unit not in _EXACT else ""
-        behind = f"; or it is read behind a gear: {key}" if factor > 1.0 else ""
-        return (f"{says}the speed looks {unit}{other}; give the column its unit in [recordings.rename]{behind}",)
-    if counts:
-        return (f"{says}the speed looks {counts}: {cure}; behind a gear, {key}",)
-    return (
-        f"{says}the speed may be read behind a gear: {key}, or correct kt_N_m_A or the unit of the speed or of the "
-        "current",
-    )
+    if other := _of_a_wire(ratio, held, evidence):
+        return (f"{says}{other}",)
+    if kt.free and not ke.free:
+        return ()  # kt takes what the voltages leave of a wrong speed, too: the plant as given tells more
+    speed = next((each.name for each in plant.outputs if turning(each.name)), "")
+    return (f"{says}{_of_the_speed(speed, _read(held), doubt, held[GEAR].value if GEAR in held else 1.0)}",)
 
 
-def _follows(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) -> bool:
-    """Tell whether the resistance is off by as much as ke, as a voltage in another unit leaves both; no gear does."""
+def _read(held: Mapping[str, Parameter]) -> float:
+    """Return how many times too large a speed is read that leaves such constants, once friction is reckoned with.
+
+    What is free follows the speed: beside a given inertia both constants do. A friction b that is given does not: at
+    rest u = (ke + R b / kt) w is measured, and ke takes the whole difference.
+    """
+    ke, kt, friction = (held[name] for name in ("ke_V_s_rad", "kt_N_m_A", "b_N_m_s_rad"))
+    if kt.free:
+        return math.sqrt(kt.value / ke.value)
+    drag = held["R_ohm"].value * friction.value / kt.value if ke.free and not friction.free else 0.0
+    return (kt.value + drag) / (ke.value + drag)
+
+
+def _of_the_speed(name: str, times: float, doubt: float, gear: float) -> str:
+    """Say in which unit a speed looks that is read so many times too large, or ask what stands between."""
+    unit = unit_of_factor(times, _UNIT, name) if name else None
+    counts = asked_counts(name, times)
+    key = f"write {GEAR} = {{ value = {gear / times:.4g}, free = false }} in [plant.parameters]"
+    geared = f"is the speed read behind a gear? then {key}"
+    if unit is not None:
+        near = abs(math.log(times / FACTORS[unit])) < max(_SURE * doubt, _PRINTED)
+        asked = "" if near or unit in _USUAL else geared if times < 1.0 else counts
+        return f"the speed looks {unit}: {in_unit(name, unit)}" + (f"; or {asked}" if asked else "")
+    wrong = "correct kt_N_m_A or the unit of the speed or of the current"
+    return f"{counts or geared}; else {wrong}"
+
+
+def _of_a_wire(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) -> str:
+    """Say which of voltage and current is in another unit, where the resistance is off as well; a speed leaves it.
+
+    A voltage makes ke and R so many times as large; a current makes R smaller, and beside a given inertia kt.
+    """
     given = {parameter.name: parameter.value for parameter in evidence.given.parameters}.get("R_ohm", 0.0)
     found = held.get("R_ohm")
     if found is None or not found.free or evidence.fit is None or not (given > 0.0 and _known(found, evidence)):
-        return False
-    moved = math.log(found.value / given)
-    return abs(moved - math.log(ratio)) < _ALIKE * abs(math.log(ratio))
+        return ""
+    moved, off = math.log(found.value / given), math.log(ratio)
+    plant = evidence.fit.plant
+    if abs(moved - off) < _ALIKE * abs(off):
+        return _of_the_voltage(ratio, plant.inputs[0].name)
+    current = next((each.name for each in plant.outputs if each.name == "current_A"), "")
+    unit = unit_of_factor(ratio, _UNIT, current) if current and held["kt_N_m_A"].free else None
+    if unit is not None and abs(moved + off) < _ALIKE * abs(off):
+        return f"{current} looks {unit}, for R_ohm is off the other way: {in_unit(current, unit)}"
+    return ""
 
 
 def _of_the_voltage(ratio: float, name: str) -> str:
     """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it."""
     unit = unit_of_factor(ratio, _UNIT, name)
-    looks = unit if unit in ELECTRIC else "in another unit, or a share of the supply (the duty of a PWM)"
-    return f"{name} looks {looks}, for R_ohm is off alike; if so, {scaled(name, 1.0 / ratio)}"
+    if unit in ELECTRIC:
+        return f"{name} looks {unit}, for R_ohm is off alike; if so, {in_unit(name, str(unit))}"
+    supply = float(f"{1.0 / ratio:.2g}")  # about: which voltage it is, is read off the supply
+    return (
+        f"{name} looks in another unit, or a share of the supply (the duty of a PWM), for R_ohm is off alike; if so, "
+        f"measure the supply, about {supply:g} V, and with its volts as the scale {scaled(name, supply)}"
+    )
 
 
 def _known(parameter: Parameter, evidence: Evidence) -> bool:

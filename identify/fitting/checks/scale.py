@@ -9,10 +9,13 @@ import numpy as np
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
 from firmloop.identify.plants.kinds import free_scale
+from firmloop.identify.recordings.columns import rename_line
 from firmloop.identify.units import unit_of
 
 _ALIKE = 0.8  # correlation from which a reading follows the plant
 _NEAR = 0.3  # natural logarithm: how far off nominal parameters may be where a unit is the reason
+_SHAFT = 0.5  # and beside the units of a shaft, of which the nearest two are six times apart
+_SURE = 0.1  # natural logarithm: nearer to a known unit nothing else is asked
 _FAR = math.log(5.0)  # factors beyond it are no inaccuracy of nominal parameters
 _HUGE = math.log(200.0)  # a factor beyond it is no doubt of nominal values, which need not fit so well either
 _NEAR_HUGE = 1.1
@@ -22,18 +25,21 @@ _PLACEHOLDER = 1.0  # a free gain of exactly this is no claim
 FACTORS = {
     "in thousandths of the unit (mA, mV, mm)": 1000.0,
     "in revolutions per minute": 60.0 / (2.0 * math.pi),
+    "in thousands of revolutions per minute": 0.06 / (2.0 * math.pi),
     "in degrees": 180.0 / math.pi,
     "per minute": 60.0,
     "in turns": 1.0 / (2.0 * math.pi),
     "in thousands of the unit": 1e-3,
     "in millionths of the unit": 1e6,
 }
-_TURNING = {  # what only a shaft is read in, and how it is read
-    "in revolutions per minute": ("rad/s",),
-    "in degrees": ("rad", "rad/s"),
-    "in turns": ("rad", "rad/s"),
+_TURNING = {  # what only a shaft is read in: by the unit it should have, the one that the column has
+    "in revolutions per minute": {"rad/s": "rpm"},
+    "in thousands of revolutions per minute": {"rad/s": "krpm"},
+    "in degrees": {"rad": "deg", "rad/s": "deg/s"},
+    "in turns": {"rad": "rev", "rad/s": "rev/s"},
 }
 ELECTRIC = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
+_OF_A_SHAFT = (*_TURNING, ELECTRIC[0])
 
 
 def unit_of_factor(factor: float, near: float, name: str) -> str | None:
@@ -42,27 +48,51 @@ def unit_of_factor(factor: float, near: float, name: str) -> str | None:
     Of a signal of that name: only a shaft turns, and only what has a time in its unit is counted by the minute.
     """
     unit, found = unit_of(name), [(near, "")]
+    turns = turning(name)
     for says, known in FACTORS.items():
-        if unit in _TURNING.get(says, (unit,)) and (says != "per minute" or unit.endswith("/s")):
-            found.append((abs(math.log(factor / known)), says))
+        if unit in _TURNING.get(says, (unit,)) and (says in _OF_A_SHAFT or not turns):
+            if says != "per minute" or unit.endswith("/s"):
+                found.append((abs(math.log(factor / known)), says))
     return min(found)[1] or None
 
 
-def counts_of(name: str, factor: float) -> tuple[str, str]:
-    """Return how a reading in rad or rad/s looks that is `factor` times too large, as an encoder counts, and the cure.
+def turning(name: str) -> bool:
+    """Tell whether a signal of that name is read off a shaft."""
+    return unit_of(name) in ("rad", "rad/s")
 
-    Both are empty for other readings, and for fewer counts a turn than encoders have.
+
+def asked_counts(name: str, factor: float) -> str:
+    """Ask whether a reading in rad or rad/s that is `factor` times too large is counted by an encoder.
+
+    Empty for other readings, and for fewer counts a turn than encoders have. How many they are exactly a measured
+    factor does not tell.
     """
     counts = 2.0 * math.pi * factor
-    if unit_of(name) not in ("rad", "rad/s") or counts < _FEWEST_COUNTS:
-        return "", ""
-    says = f"in counts of an encoder, about {counts:.4g} a turn (4 times its lines)"
-    return says, scaled(name, 1.0 / factor)
+    if not turning(name) or counts < _FEWEST_COUNTS:
+        return ""
+    return (
+        f"is it in counts of an encoder, about {counts:.4g} a turn (4 times its lines)? then give the column, in "
+        f"[recordings.rename], the scale {2.0 * math.pi:.10g} / counts, with the exact counts a turn"
+    )
+
+
+def in_unit(name: str, says: str) -> str:
+    """Say what reads the column of a signal in the unit of `FACTORS` that it looks in, by its exact factor."""
+    unit = _TURNING.get(says, {}).get(unit_of(name), "")
+    return _written(rename_line(name, name, unit) if unit else scale_line(name, 1.0 / FACTORS[says]))
 
 
 def scaled(name: str, scale: float) -> str:
     """Say what gives the column of a signal a scale."""
-    line = f'{name} = {{ name = "{name}", scale = {scale:.4g} }}'
+    return _written(scale_line(name, scale))
+
+
+def scale_line(name: str, scale: float) -> str:
+    """Return the line of [recordings.rename] that gives a column a scale."""
+    return f'{name} = {{ name = "{name}", scale = {int(scale) if scale == int(scale) else scale!r} }}'
+
+
+def _written(line: str) -> str:
     return f"write, with the name in the file on the left, in [recordings.rename] {line}"
 
 
@@ -89,20 +119,23 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             continue
         if claimed is not None and unit is None:
             continue
-        counts, scale = counts_of(name, factor)
-        named = unit if not counts or _near(factor, name) else None
-        doubt = f"it may be {counts}, or a nominal value is wrong" if counts else "a unit or a nominal value is wrong"
-        reason = f"it looks {' or '.join(filter(None, (named, counts)))}" if named else doubt
-        cure = f"{scale}, or its unit" if counts else "give the column its unit in [recordings.rename]"
         found.append(
-            f"{name} is {factor:.4g} times what the plant as given does: {reason}; "
-            f"{cure}, or correct [plant.parameters] if the column is right"
+            f"{name} is {factor:.4g} times what the plant as given does: {_looks(name, factor, unit)}, "
+            "or correct [plant.parameters] if the column is right"
         )
     return tuple(found)
 
 
-def _near(factor: float, name: str) -> bool:
-    return unit_of_factor(factor, _NEAR, name) is not None
+def _looks(name: str, factor: float, unit: str | None) -> str:
+    """Say in which unit a reading looks that is so many times too large, with the line that mends it."""
+    if turning(name):
+        unit = unit_of_factor(factor, _SHAFT, name)
+    counts = "" if unit and unit_of_factor(factor, _SURE, name) else asked_counts(name, factor)
+    if unit:
+        return f"it looks {unit}: {in_unit(name, unit)}" + (f"; or {counts}" if counts else "")
+    if counts:
+        return f"{counts}; else give it its unit there"
+    return "a unit or a nominal value is wrong; give the column its unit in [recordings.rename]"
 
 
 CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)

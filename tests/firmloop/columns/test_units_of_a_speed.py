@@ -1,0 +1,90 @@
+"""A motor's speed in another unit: what `identify` says to paste is exact, and pasted it gives the motor back."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from bench.host.identify_faults import MOTOR, changed, motor, off
+from firmloop.cli import main
+from tests.firmloop.columns.test_identify_says import identified, seeded, written
+
+PER_UNIT = {"rpm": 30.0 / np.pi, "krpm": 0.03 / np.pi, "deg/s": 180.0 / np.pi, "rev/s": 0.5 / np.pi}
+SPEED, BOTH = ["speed_rad_s"], ["speed_rad_s", "current_A"]
+FIXED = {  # what is given and right, and the outputs; the rest starts up to 1.6 times off
+    "the friction and one constant": (("R_ohm", "L_H", "kt_N_m_A", "b_N_m_s_rad"), SPEED),
+    "one constant": (("kt_N_m_A",), BOTH),
+    "one constant and the friction, beside the current": (("kt_N_m_A", "b_N_m_s_rad"), BOTH),
+    "the back EMF": (("R_ohm", "L_H", "ke_V_s_rad", "b_N_m_s_rad"), SPEED),
+    "the inertia": (("J_kg_m2",), BOTH),
+}
+
+
+def bench(folder, factor, fixed, outputs, seed=6):
+    random = seeded(seed)
+    table, time, columns = changed(motor(random), speed_rad_s=lambda v: factor * v)
+    table = {**table, "outputs": outputs, "parameters": off(random, MOTOR, fixed)}
+    return written(folder, (table, time, {name: columns[name] for name in ("voltage_V", *outputs)}))
+
+
+def pasted(folder, line):
+    """Put a line into [recordings.rename]."""
+    file = folder / "project.toml"
+    file.write_text(file.read_text().replace("[plant]", f"[recordings.rename]\n{line}\n[plant]", 1))
+
+
+@pytest.mark.parametrize("unit", PER_UNIT)
+@pytest.mark.parametrize("given", FIXED)
+def test_a_unit_of_a_speed_is_named_exactly_and_its_line_gives_the_motor_back(given, unit, tmp_path, capsys):
+    fixed, outputs = FIXED[given]
+    folder = bench(tmp_path / "log", PER_UNIT[unit], fixed, outputs)
+    said, _ = identified(folder, capsys)
+    lines = re.findall(r"\[recordings.rename\] (\w+ = \{[^}]*\})", " ".join(said))
+    assert lines == [f'speed_rad_s = {{ name = "speed_rad_s", unit = "{unit}" }}'], said
+    pasted(folder, lines[0])
+    said, found = identified(folder, capsys)
+    assert not [one for one in said if "ke / kt" in one or "times what the plant" in one], said
+    assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("unit", ["rpm", "deg/s"])
+def test_a_start_that_is_off_hides_no_unit(unit, seed, tmp_path, capsys):
+    said, _ = identified(bench(tmp_path / "log", PER_UNIT[unit], ("kt_N_m_A",), SPEED, seed), capsys)
+    assert f'speed_rad_s = {{ name = "speed_rad_s", unit = "{unit}" }}' in said[0]
+    assert "scale = " not in said[0]
+
+
+def test_a_ratio_that_is_exactly_a_unit_asks_for_no_gear(tmp_path, capsys):
+    said, _ = identified(bench(tmp_path / "log", PER_UNIT["krpm"], ("kt_N_m_A",), BOTH), capsys)
+    assert "the speed looks in thousands of revolutions per minute" in said[0] and "gear" not in said[0]
+
+
+@pytest.mark.parametrize("outputs", [SPEED, BOTH])
+@pytest.mark.parametrize("counts", [400, 2000, 65536])
+def test_counts_and_a_gear_are_asked_for_and_no_measured_ratio_is_a_scale(counts, outputs, tmp_path, capsys):
+    said, _ = identified(bench(tmp_path / "log", counts / (2.0 * np.pi), ("kt_N_m_A",), outputs), capsys)
+    assert "is it in counts of an encoder, about " in said[0] and "with the exact counts a turn" in said[0]
+    assert "scale = " not in said[0] and "gear" not in said[0]
+
+
+def test_a_current_in_another_unit_beside_a_given_inertia_is_no_gear(tmp_path, capsys):
+    made = motor(seeded(6))
+    table, time, columns = changed(made, current_A=lambda v: 1e3 * v)
+    table = {**table, "parameters": off(seeded(6), MOTOR, ("J_kg_m2",))}
+    folder = written(tmp_path / "log", (table, time, columns))
+    said, _ = identified(folder, capsys)
+    line = 'current_A = { name = "current_A", scale = 0.001 }'
+    assert line in " ".join(said) and "gear" not in " ".join(said), said
+    pasted(folder, line)
+    said, found = identified(folder, capsys)
+    assert said == [] and found["kt_N_m_A"] == pytest.approx(MOTOR["kt_N_m_A"], rel=0.02)
+
+
+def test_degrees_a_second_are_not_called_a_unit_per_minute(tmp_path, capsys):
+    folder = bench(tmp_path / "log", PER_UNIT["deg/s"], ("R_ohm", "L_H", "kt_N_m_A", "b_N_m_s_rad"), SPEED)
+    assert main(["identify", str(folder / "project.toml"), "--out", str(folder / "out")]) == 0
+    said = "".join(capsys.readouterr())
+    assert "looks in degrees" in said and "looks per minute" not in said
