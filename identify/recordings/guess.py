@@ -35,17 +35,20 @@ _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
 # A unit that says by itself which quantity it is of, where the name does not.
 _BY_UNIT = ("current_A", "speed_rad_s", "temperature_C", "torque_N_m", "force_N")
 _REFERENCES = frozenset(
-    "ref reference setpoint sp target desired demanded demand requested wanted goal commanded soll sollwert".split()
+    "ref reference set setpoint sp target desired demanded demand requested wanted goal commanded soll sollwert "
+    "consigne".split()
 )
-_COMMANDS = frozenset(["cmd", "command"])  # of what is read from a plant a command is a reference, too
+# Of what is read from a plant a command is a reference, too, and so it is beside what else drives the plant.
+_COMMANDS = frozenset(["cmd", "command"])
+_EITHER = frozenset(["output", "out"])  # of a controller, which drives the plant, or of the plant
 _DRIVES = frozenset(
     "u input in cmd command duty pwm drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan "
-    "power control actuator q1 q2 stell stellgrad spannung tension".split()
+    "power control ctrl actuator q1 q2 stell stellgrad stellgroesse spannung tension mv manipulated co op".split()
 )
 _ANSWERS = frozenset(
-    "y output out sensor tacho measured meas measurement response level speed velocity vel omega rpm position pos "
-    "angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse winkel weg temperatur "
-    "druck".split()
+    "y sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed velocity vel "
+    "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse "
+    "winkel weg temperatur druck".split()
 )
 # Which way a column leans whose words say nothing of it, such as those of another language.
 _BY_QUANTITY = {
@@ -57,6 +60,7 @@ _BY_QUANTITY = {
     "temperature_C": -1,
 }
 _SHARES = ("%", "percent")  # of what a drive can do
+_PUSHES = ("V", "A", "N", "N*m")  # units in which a command is one of a drive
 _GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enable limit max min".split())
 _SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
 _MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
@@ -127,16 +131,43 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
     wishes = ["" if asks else aim for asks, aim in zip(asked, aims, strict=True)]
     made: list[Guessed] = []
     for (foreign, unit), wish, aim, asks in zip(pairs, wishes, aims, asked, strict=True):
-        words = _words(foreign)
+        words = _stems(foreign)
         own = foreign if ending_of(foreign) and re.fullmatch(r"[A-Za-z]\w*", foreign, re.ASCII) else ""
         twins = [other for (other, _), same in zip(pairs, wishes, strict=True) if wish and same == wish]
         apart = own not in ("", wish) and (not wish or _same(unit_of(own), unit_of(wish)))
         plain = not wish or (len(twins) > 1 and apart)
         name = (own or _slug(foreign, unit, [each.name for each in made])) if plain else wish
         leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
-        leaning = leaning or _BY_QUANTITY.get(wish, 1 if unit in _SHARES else 0)
+        share = 1 if unit in _SHARES and not words & _EITHER else 0
+        leaning = leaning or _BY_QUANTITY.get(wish, share)
         made.append(Guessed(foreign, name, unit, not plain, asks, leaning - aside, -leaning - aside, aim))
-    return tuple(made)
+    return _with_references(_with_sides(made))
+
+
+def _with_sides(made: Sequence[Guessed]) -> list[Guessed]:
+    """Tell the output of a controller from that of a plant: it drives where nothing else does and another one reads."""
+    either = [each for each in made if not each.drives and not each.reference and _stems(each.foreign) & _EITHER]
+    others = [each for each in made if each not in either and not each.reference]
+    alone, read = not any(each.drives > 0 for each in others), any(each.reads > 0 for each in others)
+    sides = {each.foreign: 1 if alone and (read or each.unit in _SHARES) else -1 for each in either}
+    return [
+        replace(each, drives=sides[each.foreign], reads=-sides[each.foreign]) if each.foreign in sides else each
+        for each in made
+    ]
+
+
+def _with_references(made: Sequence[Guessed]) -> tuple[Guessed, ...]:
+    """Take a plain command for a reference where another column drives: then a controller stands between."""
+    plain = [
+        each.foreign
+        for each in made
+        if (words := _stems(each.foreign)) & _COMMANDS
+        and not words & _DRIVES - _COMMANDS
+        and not any(_converts(each.unit, unit) for unit in _PUSHES)
+    ]
+    if not any(each.drives > 0 and not each.reference and each.foreign not in plain for each in made):
+        return tuple(made)
+    return tuple(replace(each, reference=True) if each.foreign in plain else each for each in made)
 
 
 def refuse_twins(used: Sequence[Guessed], among: Sequence[Guessed], file: str) -> None:
@@ -202,7 +233,7 @@ def _quantity(foreign: str, unit: str) -> str:
 
 def _asks(foreign: str, quantity: str) -> bool:
     """Tell whether a column holds what was asked for of a quantity."""
-    words = _words(foreign)
+    words = _stems(foreign)
     return bool(words & _REFERENCES) or (_BY_QUANTITY.get(quantity) == -1 and bool(words & _COMMANDS))
 
 
@@ -215,6 +246,12 @@ def _words(name: str) -> frozenset[str]:
     name = bare if re.search(r"[A-Za-z]", bare) else name
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
+
+
+def _stems(name: str) -> frozenset[str]:
+    """Return the words of a name, and those that are more than a letter without the number of a channel: temp1."""
+    words = _words(name)
+    return words | {bare for word in words if len(bare := word.rstrip("0123456789")) > 1}
 
 
 def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
