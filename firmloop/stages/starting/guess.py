@@ -28,13 +28,14 @@ from firmloop.stages import fitting, making
 from firmloop.stages.data import Data
 from firmloop.stages.progress import Report
 from firmloop.stages.starting.candidates import Proposal, proposals
-from firmloop.stages.starting.reading import Guesses, read_guessed
+from firmloop.stages.starting.reading import POSITION, Guesses, integrates, read_guessed
 
 _NEAR = 3.0  # % of fit that a kind which tells more, or has less to fit, may be behind the best one
 _GOOD = 98.0  # % of fit from which no further kind is tried
 _ROWS = 8000  # of each recording that the kinds are compared on; `firmloop identify` takes them all
 _WIDER = 0.2  # of the recorded span, on either side of what the controller may see
 _STEPS_PER_LAG = 50.0  # of the controller, at most, where the recording is quicker
+_COUNTS = ", for it integrates as a position does; of counts give the scale 6.283185307 / counts a turn"
 _QUICKER = 3.0  # times the plant's own lag, that the closed loop is asked for
 
 
@@ -87,7 +88,9 @@ def guess_project(
     if not tried and isinstance(complaint, ProjectError):
         raise IdentifyError(f"{paths[0]}: no project can be made of it: {complaint}")
     if not tried:
-        raise IdentifyError(f"no plant kind fits {drive} -> {outputs[0]}: {complaint}")
+        raise IdentifyError(
+            f"no plant kind fits {drive} -> {outputs[0]}: {_integral(seen, drive, outputs[0]) or complaint}"
+        )
     best = max(each.score for each in tried)
     return next(each.project for each in tried if each.score >= best - _NEAR)
 
@@ -173,11 +176,24 @@ def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
     return min(float(each.min()) for each in columns), max(float(each.max()) for each in columns)
 
 
+def _integral(seen: Data, drive: str, output: str) -> str:
+    """Say what can be done about an output that integrates and is no position, of which no lag has a gain."""
+    first = seen.train[0]
+    if output.startswith("position_") or not integrates(first.columns[drive], first.columns[output]):
+        return ""
+    return (
+        f"{output} goes on rising or falling where {drive} stays, as an integral does, and of the plant kinds only "
+        "rotary_stage and linear_stage integrate; call the column position_rad or position_m in the file's header, "
+        "and its unit counts as rad or m"
+    )
+
+
 def _remarks(found: Guesses) -> dict[str, str]:
     used = [(each, bool(each.unit)) for each in (found.input, *found.outputs)]
     used += [(found.time, found.time.known)] if found.time else []
+    why = {each.foreign: _COUNTS for each in found.outputs if each.name == POSITION and not each.quantity}
     return {
-        each.foreign: f"no unit in the file: taken as {each.unit or unit_of(each.name)}"
+        each.foreign: f"no unit in the file: taken as {each.unit or unit_of(each.name)}{why.get(each.foreign, '')}"
         for each, told in used
         if unit_of(each.name) and not told and each.foreign in found.rename
     }

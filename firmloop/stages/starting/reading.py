@@ -26,10 +26,15 @@ from firmloop.identify.recordings.recording import Recording, read_raw, read_rec
 from firmloop.identify.recordings.table import RawTable, told_words
 from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
+from firmloop.identify.units import unit_of
 
 Array = NDArray[np.float64]
 
+POSITION = "position_rad"  # what an output without a unit is taken for that integrates
+
 _LAGS, _LONGEST_LAG = 20, 5.0  # tried, and what part of the recording the longest one is
+_EXPLAINED = 0.9  # of what moves besides a straight line, from which an output is told by the drive
+_RATHER = 0.25  # of what a lag leaves: an integral that leaves less is the better explanation
 _CURES = 3  # that a file's clock may take one after the other: a counter that wraps, then lost digits
 
 
@@ -81,7 +86,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     if asked and pushed.drives <= 0 and (asked[0].commands or pushed.reads > 0):
         pushed = asked[0]
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
-    outputs = _outputs(drive, others, first)
+    outputs = tuple(_placed(drive, each, others, first) for each in _outputs(drive, others, first))
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
     rename, clock = rename_of(used), None if period is None else RowClock(period)
@@ -129,6 +134,35 @@ def _outputs(drive: Guessed, others: tuple[Guessed, ...], table: RawTable) -> tu
     return (placed or best.alone(others),)
 
 
+def _placed(drive: Guessed, output: Guessed, others: Sequence[Guessed], table: RawTable) -> Guessed:
+    """Take an output without a unit that integrates the drive for a position, as the counts of an encoder are."""
+    values = {name: values for name, values in zip(table.names, table.columns, strict=True)}
+    free = not output.unit and not output.quantity and not unit_of(output.name)
+    if not free or any(each.name == POSITION for each in others):
+        return output
+    return replace(output, name=POSITION) if integrates(values[drive.foreign], values[output.foreign]) else output
+
+
+def integrates(drive: Array, values: Array) -> bool:
+    """Tell whether a signal (n,) goes on where the drive (n,) stays: the integral of a lag explains it, and no lag.
+
+    Both beside a straight line, lags up to the length of the recording, and the rows taken as even.
+    """
+    rows = np.arange(len(values), dtype=float)
+    line = np.linalg.qr(np.column_stack([np.ones(len(rows)), rows]))[0]
+
+    def left(shown: Array) -> float:
+        shown = shown - line @ (line.T @ shown)
+        power = float(shown @ shown)
+        return size - float(shown @ bare) ** 2 / power if power > 0.0 else size
+
+    bare = values - line @ (line.T @ values)
+    size = float(bare @ bare)
+    lags = [_lagged(drive, each) for each in np.geomspace(1.0, max(float(len(values)), 2.0), _LAGS)]
+    integral = min(left(np.cumsum(each)) for each in lags)
+    return integral < (1.0 - _EXPLAINED) * size and integral < _RATHER * min(left(each) for each in lags)
+
+
 def _turn(unit: str) -> float:
     """Return a turn as a file counts it whose unit is given, none for rad."""
     return float(f"{math.tau / (conversion(unit, 'rad', '').factor if unit else 1.0):.10g}")
@@ -138,12 +172,17 @@ def _lagging(drive: Array, values: Array) -> float:
     """Return the largest share of a signal (n,) that one lag behind the drive (n,) explains, its rows taken as even."""
     away, shares = values - np.mean(values), [0.0]
     for rows in np.geomspace(1.0, max(len(drive) / _LONGEST_LAG, 2.0), _LAGS):
-        stays = float(np.exp(-1.0 / rows))
-        shown = filtered(np.array([0.0, 1.0 - stays]), np.array([1.0, -stays]), drive - drive[0])
+        shown = _lagged(drive, rows)
         shown = shown - np.mean(shown)
         size = float(np.linalg.norm(shown) * np.linalg.norm(away))
         shares.append((float(shown @ away) / size) ** 2 if size > 0.0 else 0.0)
     return max(shares)
+
+
+def _lagged(drive: Array, rows: float) -> Array:
+    """Return a drive (n,) behind a lag of so many rows, from its first value on."""
+    stays = float(np.exp(-1.0 / rows))
+    return filtered(np.array([0.0, 1.0 - stays]), np.array([1.0, -stays]), drive - drive[0])
 
 
 def _aside(each: Guessed, still: bool) -> str:
