@@ -109,6 +109,48 @@ def test_datasheet_says_which_unit_would_explain_a_contradiction(
     assert f"a factor of {slip}" in said and "check the units" in said
 
 
+SOUND = {
+    "nominal_voltage": "24 V",
+    "terminal_resistance": "2.5 ohm",
+    "torque_constant": "30 mNm/A",
+    "no_load_current": "50 mA",
+    "rotor_inertia": "12 gcm²",
+    "stall_current": "9.6 A",
+    "stall_torque": "288 mNm",
+    "speed_torque_gradient": "26.5 rpm/mNm",
+    "mechanical_time_constant": "3.33 ms",
+}
+
+
+@pytest.mark.parametrize(
+    ("figure", "printed", "factor", "pair"),
+    [
+        ("stall_torque", "288 Ncm", "10", "N*cm (cN*m) and mN*m"),
+        ("stall_torque", "2.88 mNm", "100", "cm and m"),
+        ("stall_torque", "40.8 Nm", "141.6", "oz-in and N*m"),
+        ("stall_torque", "40.8 mNm", "7.062", "oz-in and mN*m"),
+        ("stall_torque", "2.55 mNm", "113", "lb-in and mN*m"),
+        ("stall_torque", "2.94 kgf*cm", "", ""),
+        ("stall_torque", "288 kgf*cm", "98.07", "kgf*cm and mN*m"),
+        ("stall_torque", "2.94 mNm", "98.07", "kgf*cm and mN*m"),
+        ("speed_torque_gradient", "26.5 rad/s/Nm", "1000 * 2 pi/60", "V/krpm and V/(rad/s), or rpm/(mN*m)"),
+        ("speed_torque_gradient", "26.5 rad/s/mNm", "60/(2 pi)", "rpm and rad/s"),
+        ("rotor_inertia", "0.0656 gcm²", "182.9", "oz-in^2 and g*cm^2"),
+        ("rotor_inertia", "12 kg*m^2", "10^7", "g*cm^2 and kg*m^2"),
+        ("rotor_inertia", "48 gcm²", "4", "GD^2 and J"),
+        ("rotor_inertia", "1.7e-4 oz-in^2", "386.1", "oz-in-s^2 and oz-in^2"),
+    ],
+)
+def test_datasheet_names_the_two_units_that_makers_print_side_by_side(
+    figure: str, printed: str, factor: str, pair: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = [f'{key} = "{value}"' for key, value in {**SOUND, figure: printed}.items()]
+    text = "\n".join(['schema = 1\nname = "motor"', "[datasheet]", *lines, ""])
+    assert main(["datasheet", str(_file(tmp_path, text)), "--out", str(tmp_path / "out")]) == (1 if pair else 0)
+    said = capsys.readouterr().out
+    assert (f"a factor of {factor}, as between {pair}" in said) if pair else ("CONTRADICTION" not in said)
+
+
 def test_datasheet_names_no_unit_where_none_explains_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = SHEET.replace('"13.6 mN*m/A"', '"13.6 mN*m/A"\nspeed_constant = "900 rpm/V"')
     assert main(["datasheet", str(_file(tmp_path, text)), "--out", str(tmp_path / "out")]) == 1

@@ -87,7 +87,8 @@ class Contradiction:
         unit = sheet.figures[self.figure]
         others = " and ".join(self.others)
         lead = "leads" if len(self.others) == 1 else "lead"
-        slip = unit_slip(1.0 + self.share, self.tolerance, sheet.slips)
+        units = [sheet.figures[name] for name in (self.figure, *self.others)]
+        slip = unit_slip(1.0 + self.share, self.tolerance, units, sheet.slips)
         by = (
             f"{self.share:+.1%}"
             if math.isfinite(self.share)
