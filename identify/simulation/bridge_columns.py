@@ -104,8 +104,8 @@ def _check_angle(recording: Recording, pairs: float) -> None:
         raise IdentifyError(f"{said}: it looks like the angle of the shaft; give the column scale = {pairs:g}")
     if found > 2.0 * _UNITS[0][1]:
         raise IdentifyError(
-            f"{said}: it looks like counts, {2.0 * math.pi * found:.0f} an electrical turn; give the column scale = "
-            f"{1.0 / found:.6g} in [recordings.rename]"
+            f"{said}: it looks like counts, {2.0 * math.pi * found:.0f} an electrical turn; give the column the scale "
+            "6.283185307 / counts in [recordings.rename], with the exact counts an electrical turn"
         )
     raise IdentifyError(
         f"{said}: correct pole_pairs, which would be {pairs * found:.3g}, or the unit of one of the columns"

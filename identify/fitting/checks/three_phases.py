@@ -270,8 +270,8 @@ def _angle(recording: Recording, pairs: float) -> str:
         )
     return (
         f"position_rad of {recording.source} moves {factor:.4g} times as fast as speed_rad_s says: it looks "
-        f"like counts, {2.0 * math.pi * factor:.0f} a turn; give the column scale = {1.0 / factor:.6g} in "
-        "[recordings.rename]"
+        f"like counts, {2.0 * math.pi * factor:.0f} a turn; give the column the scale 6.283185307 / counts in "
+        "[recordings.rename], with the exact counts a turn"
     )
 
 
