@@ -217,6 +217,7 @@ QUICK_WALK = 0.3  # of the noise, that a step of a disturbance does to an output
 WALKS = tuple(float(walk) for walk in np.geomspace(1.0, 1e-4, 7))  # the same, as may be likeliest
 COLORED_SENSOR = 10.0  # times a sensor's white noise; 28 fresh nulls leave at most 6.8 times that
 MOST_DIGITS = 9  # of a value that is printed beside its interval
+HELD_INPUT = 0.5  # share of rows in which an input stands still, above which no controller makes it
 RIVALS_DRIVE = 0.5  # of the drive's rms, from which a disturbance is no noise
 MOTION_MISSED = 0.05  # of what an output moves: noise of a sensor is rarely more
 STILL_MISSING = 1.2  # residual over sensor noise, from which it is said how much is missing: estimates differ by less

@@ -12,10 +12,21 @@ from numpy.typing import NDArray
 from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, nominal_plant, tracker
 from firmloop.diagnose.finding import Disturbance
 from firmloop.diagnose.model.candidate import rms_of
+from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.fit import fit_starts
+from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
-from firmloop.diagnose.policy import COLORED_SENSOR, MOST_SMOOTHED_ROWS, MOST_WEIGHED_ROWS, RIVALS_DRIVE, WALKS
+from firmloop.diagnose.policy import (
+    COLORED_SENSOR,
+    HELD_INPUT,
+    MOST_SMOOTHED_ROWS,
+    MOST_WEIGHED_ROWS,
+    RIVALS_DRIVE,
+    WALKS,
+)
 from firmloop.diagnose.search.found import Search
-from firmloop.identify.fitting.noise import oversized
+from firmloop.identify.fitting.checks.structure import answering, features
+from firmloop.identify.fitting.noise import flat, oversized
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.recordings.recording import Recording
@@ -31,16 +42,38 @@ def rivals_noise(search: Search) -> bool:
     """Tell whether what the plant alone leaves is more than noise may be, and than a disturbance below half the drive.
 
     More than noise may be in its slow part, or far more than a sensor's own. Where a balance is known: a push that is
-    little beside the drive may lead a position far away.
+    little beside the drive may lead a position far away. What answers the input is no disturbance, however little.
     """
     problem, alone = search.problem, search.nominal
     residuals = alone.fitted.residuals
     noise = sensor_noises(residuals, problem.floors)
     if not oversized(alone.noises) and not np.any(rms_of(residuals) > COLORED_SENSOR * np.array(noise)):
         return False
+    if _answers(search):
+        return True
     found = disturbances(nominal_plant(search, alone), problem.train, residuals, noise)
     shares = [each.share for each in found.values() if each.share is not None]
     return not shares or max(shares) > RIVALS_DRIVE
+
+
+def _answers(search: Search) -> bool:
+    """Tell whether an input that no controller made explains some of what the plain refit leaves.
+
+    A controller answers a disturbance; an input that stands still in most rows was not made by one.
+    """
+    problem, refit = search.problem, search.refit
+    if refit is None or len(refit.inputs) != 1:
+        return False
+    plant = with_effects(refit, ())
+    point = fit_starts(problem, problem.train, {p.name: p.value for p in refit.parameters}, flat(search.nominal.noises))
+    for k, recording in enumerate(problem.train):
+        held = np.diff(recording.columns[plant.inputs[0].name]) == 0.0
+        left = residual_of(problem, recording, point, k)
+        if np.mean(held) > HELD_INPUT and np.all(np.isfinite(left)):
+            given = features(plant, recording, outputs_of(problem, recording) - left)
+            if any(answering(column, given) > 0.0 for column in left.T):
+                return True
+    return False
 
 
 def disturbances(

@@ -116,3 +116,36 @@ def test_iron_that_saturates_is_found_in_equations_that_name_no_balance(tmp_path
     readings = current + 0.02 * rng.standard_normal(len(drive))
     said = said_of(recorded(tmp_path, COIL, voltage_V=drive, current_A=readings))
     assert [each["name"] for each in said["effects"]] == ["inductance_saturation"]
+
+
+PUMP = """schema = 1
+name = "pump"
+[recordings]
+train = ["4.csv", "8.csv", "12.csv"]
+[plant]
+kind = "first_order"
+input = "pump_V"
+outputs = ["pressure_kPa"]
+[plant.parameters]
+gain = { value = 6.0, free = true }
+time_constant_s = { value = 4.0, free = true }
+delay_s = { value = 0.0, free = false }
+"""
+
+
+def test_what_answers_an_input_that_nobody_controls_is_no_disturbance(tmp_path: Path) -> None:
+    """A pump that begins at 2.5 V and whose tank drains more slowly than it fills; no effect says that."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 50.0, 0.1)
+    for top in (4, 8, 12):
+        drive = np.where((time >= 1.0) & (time < 26.0), float(top), 0.0)
+        pressure, read = 0.0, []
+        for each in drive:
+            read.append(pressure)
+            for _ in range(20):
+                pressure += 0.005 * (3.0 * max(each - 2.5, 0.0) - (0.3 if each > 0.0 else 0.12) * pressure)
+        columns = {"pump_V": drive, "pressure_kPa": np.array(read) + rng.normal(0.0, 0.05, len(time))}
+        write_recording(make_recording(time, columns, f"{top}.csv", ""), tmp_path / f"{top}.csv")
+    (tmp_path / "project.toml").write_text(PUMP, encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    assert said["verdict"] == "unknown_physics", said["says"]
+    assert "in the balance of pressure_kPa" in said["says"][0]

@@ -42,9 +42,9 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             spread = float(np.std(recording.columns[output.name]))
             if len(residual) != len(recording.time) or np.std(residual) < _SMALL * spread:
                 continue
-            share = explained_share(residual, features(evidence.fit.plant, recording, score.simulated))
+            share = answering(residual, features(evidence.fit.plant, recording, score.simulated))
             worst, where = max((worst, where), (share, score.source))
-        if worst > _SHARE:
+        if worst > 0.0:
             found.append(
                 f"what {plant.kind} leaves of {output.name} in {where} is no noise: the input still explains "
                 f"{100.0 * worst:.0f} % of it, so that the intervals do not hold; ask firmloop diagnose what is "
@@ -89,6 +89,12 @@ def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
 
 def _size(values: Array) -> float:
     return float(np.max(np.abs(values))) or 1.0
+
+
+def answering(residual: Array, given: Columns) -> float:
+    """Return which share of a residual (n,) the features (n, f) explain, where that is worth a word; else 0."""
+    share = explained_share(residual, given)
+    return share if share > _SHARE else 0.0
 
 
 def explained_share(residual: Array, given: Columns) -> float:
