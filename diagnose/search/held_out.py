@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.model.batch_means import with_lasting
 from firmloop.diagnose.model.candidate import (
     Candidate,
     believable,
@@ -19,6 +20,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
+from firmloop.diagnose.model.sandwich_covariance import with_pushes
 from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
@@ -138,7 +140,18 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Kep
     if not found.best.fitted.terms:
         return Kept(found, bench.left_out(found).figures)
     kept = _kept(found, bench)
-    return kept if kept.search is not None else _rival(found, bench) or kept
+    kept = kept if kept.search is not None else _rival(found, bench) or kept
+    return kept if kept.search is None else kept._replace(search=_doubted(kept.search, found.best.fitted))
+
+
+def _doubted(kept: Search, before: Fitted) -> Search:
+    """Widen the deviations of a fit made anew, not those of `before`, to what slow disturbances leave of them."""
+    fitted = kept.best.fitted
+    if fitted.residuals is before.residuals:
+        return kept
+    noises = noises_of(kept.problem, fitted.residuals)
+    fitted = with_lasting(kept.problem, with_pushes(kept.problem, fitted, noises), noises)
+    return replace(kept, best=replace(kept.best, fitted=fitted))
 
 
 def _rival(found: Search, bench: _Bench) -> Kept | None:
