@@ -19,7 +19,7 @@ from firmloop.diagnose.model.candidate import (
     rms_of,
     without,
 )
-from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.descent import SumOfSquares, residual_of
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, own_evidence
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
 from firmloop.diagnose.policy import (
@@ -198,17 +198,17 @@ def alike(one: LibraryTerm, other: LibraryTerm) -> dict[str, str]:
 
 
 def exchanged(
-    base: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float]
+    base: Fitted, gone: LibraryTerm, come: LibraryTerm, start: Mapping[str, float], held: bool = False
 ) -> tuple[tuple[LibraryTerm, ...], Point]:
     """Put one term at its start in the place of another.
 
     The nominal inertia stays beside a load that both have, and in the place of one by which they are the same: too
-    large to move. What the other contains gives way, too.
+    large to move, as it is taken to be if it is `held`. What the other contains gives way, too.
     """
     kept, rest = without(base, gone, *_contained(base, gone, come))
     values, before = dict(entered(rest.values, come, start)), base.point.values
     shared = gone.taken is not None and come.taken is not None and start[come.taken[0]] == before[gone.taken[0]]
-    if gone.taken is not None and (shared or amounts_to(base, gone) == come.effect.name):
+    if gone.taken is not None and (held or shared or amounts_to(base, gone) == come.effect.name):
         values[gone.taken[1]] = before[gone.taken[1]]
     return (*kept, come), Point(values, rest.starts)
 
@@ -224,9 +224,12 @@ def _translated(
     shared = {key: values[own] for key, own in alike(gone, come).items()}
     starts = [{**start, **shared} for start in problem.starts[come.label]]
     distinct = list({tuple(sorted(start.items())): start for start in starts}.values())[:EXCHANGE_STARTS]
+    loses = gone.taken is not None and come.taken is None
+    plain = SumOfSquares(problem, problem.train, (), candidate.noises, np.zeros((0, 1)))
     trials = []
     for start in distinct:
-        begin = exchanged(candidate.fitted, gone, come, start)
+        ways = [exchanged(candidate.fitted, gone, come, start, held) for held in ((False, True) if loses else (False,))]
+        begin = min(ways, key=lambda way: plain.at(way[1]).cost) if loses else ways[0]
         trials.append(fit(problem, problem.train, *begin, candidate.noises, STEPS_OF_A_TRIAL, EXCHANGE_TRIAL_PATIENCE))
     best = min(trials, key=lambda each: each.cost)
     if own_evidence(problem, best) - evidence(candidate.fitted, candidate.noises) > behind:

@@ -106,14 +106,19 @@ def _folded(problem: Problem, term: LibraryTerm) -> bool:
 
 
 def _ran_away(problem: Problem, nominal: Candidate) -> bool:
-    """Tell whether a refit has moved a parameter that the recordings determine well far from where it was given."""
-    given = {p.name: p.value for p in problem.plant.parameters}
-    sizes = np.maximum(np.diag(nominal.fitted.normal), 1e-300)
-    for each, size in zip(nominal.fitted.coordinates, sizes, strict=False):
-        if each.logarithmic and size * FIRM_TO_RUN_AWAY**2 > 1.0:
-            if abs(each.inner(nominal.fitted.point.values[each.name]) - each.inner(given[each.name])) > MOVED_FAR:
-                return True
-    return False
+    """Tell whether a refit has moved a parameter far from where it was given, which is firm here or was there.
+
+    Where a refit leaves a motion altogether, as of a shaft too heavy to turn, nothing tells its parameters any more.
+    """
+    found, begin = nominal.fitted, first_point(problem, problem.train)
+    moves = [
+        each.inner(found.point.values[each.name]) - each.inner(begin.values[each.name]) for each in found.coordinates
+    ]
+    moved = [k for k, each in enumerate(found.coordinates) if each.logarithmic and abs(moves[k]) > MOVED_FAR]
+    if not moved:
+        return False
+    there = fit(problem, problem.train, (), begin, flat(nominal.noises), 0)
+    return any(each.normal[k, k] * FIRM_TO_RUN_AWAY**2 > 1.0 for each in (found, there) for k in moved)
 
 
 def runaways(problem: Problem, fitted: Fitted, factor: float = RUN_AWAY) -> dict[str, float]:
