@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from firmloop.stages.making import Generated
-    from firmloop.verify.proofs.limit_cycles import ZeroInput
+    from firmloop.verify.proofs.limit_cycles import AtRest, ZeroInput
 
 
 def quantity(value: float, unit: str, endless: str = "no limit") -> str:
@@ -56,20 +56,27 @@ def about_code(generated: Generated) -> list[str]:
 
 
 def about_still(still: ZeroInput) -> list[str]:
-    """Limit cycles and dead bands, output by output."""
+    """Limit cycles and dead bands, output by output; where starts were still moving, that it was not found out."""
     tried = f"{'all ' if still.exhaustive else ''}{still.starts} start{'' if still.starts == 1 else 's'}"
-    lines = []
     if still.unsettled:
-        tried += f", {still.unsettled} still moving after the search"
+        those = "all" if still.unsettled == still.starts else f"not found out for {still.unsettled} of them,"
+        tried += f", {those} still moving after {still.steps} steps"
+    lines = []
     for row in still.outputs:
         if row.bound is None:
             lines.append(f"  inputs still: {row.output}: a limit acts at rest, so nothing is bounded there")
             continue
-        found = [
-            f"a limit cycle of {in_unit(f'{row.cycle:.3g}', row.unit)}" if row.cycle else "no limit cycle",
-            f"rests up to {in_unit(f'{row.offset:.3g}', row.unit)} away" if row.offset else "no dead band",
-        ]
         moves = f"roundings alone move it by at most {in_unit(f'{row.bound:.3g}', row.unit)}"
         bound = moves if math.isfinite(row.bound) else "how far roundings alone move it has no bound"
-        lines.append(f"  inputs still: {row.output}: {', '.join(found)} ({tried}); {bound}")
+        lines.append(f"  inputs still: {row.output}: {_found_still(still, row)} ({tried}); {bound}")
     return lines
+
+
+def _found_still(still: ZeroInput, row: AtRest) -> str:
+    """Tell what the starts that came to rest or to a cycle say of an output; that there is none, only where all did."""
+    if still.unsettled == still.starts:
+        return "whether it comes to rest was not found out"
+    found = "" if still.exhaustive and not still.unsettled else " found"
+    cycle = f"a limit cycle of {in_unit(f'{row.cycle:.3g}', row.unit)}" if row.cycle else f"no limit cycle{found}"
+    away = f"rests up to {in_unit(f'{row.offset:.3g}', row.unit)} away" if row.offset else f"no dead band{found}"
+    return f"{cycle}, {away}"

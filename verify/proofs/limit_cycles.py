@@ -4,7 +4,8 @@ Near rest a program is linear in its state but for its roundings: x+ = A x + E n
 number of at most half a unit in the last place per rounding operation. So whatever it does by itself stays within
 sum_j |A^j E| / 2 of where the exact law would settle (Jackson, Digital Filters and Signal Processing, 3rd ed.,
 ch. 11): a bound on every limit cycle. Then the program is run from states within that bound, all of them where they
-are few enough, and what does not come to rest, or to another rest, is told. State that nothing moves (an integrator at
+are few enough, as long as the slowest pole asks for, and what does not come to rest, or to another rest, is told; of a
+start that does neither in that time nothing is said. State that nothing moves (an integrator at
 zero error) is held and makes no cycle. Where a limit acts at rest, or the law has an edge there, there is no bound and
 no search.
 """
@@ -19,19 +20,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.design.discretize.unit_circle import within
+from firmloop.design.discretize.unit_circle import poles, within
 from firmloop.design.linear.reach import ON_CIRCLE, reach
 from firmloop.quantize.ops import EVERY
 from firmloop.quantize.program import Op, Program
-from firmloop.verify.reference import Machine, start_state, working_type
+from firmloop.verify.reference import Machine, run, start_state, working_type
 
 Array = NDArray[np.float64]
 States = NDArray[np.int64]
 
 MOST_STARTS = 4096  # states of an exhaustive search
 DRAWN_STARTS = 128  # of one that is not
-SETTLING = 1000  # steps until a lane should have come to rest
-LONGEST = 128  # steps in which a cycle must return
+SETTLING = 1000  # steps in which rest is reached, once what the start had is forgotten
+MOST_SETTLING = 10_000  # steps of a search: seconds where there is no compiler
+LONGEST = 128  # steps of the first window in which a lane must return
+HELD = 2**22  # numbers held of one window
 SEED = 1
 
 
@@ -57,7 +60,8 @@ class ZeroInput:
     outputs: tuple[AtRest, ...]
     starts: int
     exhaustive: bool
-    unsettled: int  # starts that were still moving without a period
+    unsettled: int  # starts that were still moving without a period: of these nothing is known but the bound
+    steps: int  # for which each start was followed
 
     def as_dict(self) -> dict[str, object]:
         """Return the entry of proof.json."""
@@ -65,6 +69,7 @@ class ZeroInput:
             "starts": self.starts,
             "exhaustive": self.exhaustive,
             "unsettled": self.unsettled,
+            "steps": self.steps,
             "outputs": {
                 r.output: {"bound": r.bound, "cycle": r.cycle, "offset": r.offset, "unit": r.unit} for r in self.outputs
             },
@@ -78,17 +83,17 @@ def zero_input(program: Program) -> ZeroInput | None:
     machine = Machine(program)
     rest = _rest(program, machine)
     model = _linear(program, machine, rest)
-    spread, bounds = _bounds(program, model) if model is not None else (np.zeros(len(rest)), None)
+    spread, slowest, bounds = _bounds(program, model) if model is not None else (np.zeros(len(rest)), 0.0, None)
     if bounds is None:
         unknown = tuple(AtRest(value.name, value.unit, None, 0.0, 0.0) for value in program.outputs)
-        return ZeroInput(unknown, 0, False, 0)
+        return ZeroInput(unknown, 0, False, 0, 0)
     starts, exhaustive = _starts(program, rest, spread)
-    cycle, offset, unsettled = _search(program, machine, starts)
+    cycle, offset, unsettled, steps = _search(program, machine, starts, _patience(spread, slowest))
     outputs = tuple(
         AtRest(value.name, value.unit, float(bounds[j]), float(cycle[j]), float(offset[j]))
         for j, value in enumerate(program.outputs)
     )
-    return ZeroInput(outputs, len(starts), exhaustive, unsettled)
+    return ZeroInput(outputs, len(starts), exhaustive, unsettled, steps)
 
 
 # -- the linear program -----------------------------------------------------------------------------------------------
@@ -220,8 +225,11 @@ def _kept(a: Array, values: list[float], function: str, conditions: list[tuple[A
     return a if margin > 0 else np.zeros_like(a)
 
 
-def _bounds(program: Program, model: _Model) -> tuple[Array, Array | None]:
-    """Return the raw bound of each state and the physical one of each output; none where it cannot be given."""
+def _bounds(program: Program, model: _Model) -> tuple[Array, float, Array | None]:
+    """Return the raw bound of each state, the slowest pole's distance from 0, and the physical bound of each output.
+
+    There is none where it cannot be given.
+    """
     order = len(model.a)
     held = np.array(
         [not np.any(model.e[j]) and np.array_equal(model.a[j], np.eye(order)[j]) for j in range(order)], dtype=bool
@@ -230,14 +238,15 @@ def _bounds(program: Program, model: _Model) -> tuple[Array, Array | None]:
     a, e = model.a[np.ix_(free, free)], model.e[free]
     spread = np.zeros(order)
     if not within(a, 1 - ON_CIRCLE):
-        return np.zeros(order), None
+        return np.zeros(order), 0.0, None
     half = np.full(e.shape[1], 0.5)
     spread[free] = reach(a, e, -half, half)[1]
     for row, margin in model.conditions:
         if np.abs(row[:order]) @ spread + np.abs(row[order:]) @ half >= margin:
-            return np.zeros(order), None
+            return np.zeros(order), 0.0, None
     scale = np.array([2.0**-v.number.fraction for v in program.outputs])
-    return spread, (np.abs(model.c) @ spread + np.abs(model.f) @ half) * scale
+    slowest = float(np.max(np.abs(poles(a)), initial=0.0))
+    return spread, slowest, (np.abs(model.c) @ spread + np.abs(model.f) @ half) * scale
 
 
 # -- the search -------------------------------------------------------------------------------------------------------
@@ -273,31 +282,36 @@ def _inside(program: Program, states: States) -> States:
     return np.clip(states, low, high) if states.shape[1] else states
 
 
-def _search(program: Program, machine: Machine, starts: States) -> tuple[Array, Array, int]:
-    """Return the largest swing and the farthest rest of every output, and how many starts did neither."""
-    lanes = len(starts)
-    inputs = _still(program, lanes)
+def _patience(spread: Array, slowest: float) -> int:
+    """Return the steps in which the linear program forgets a start: the slowest pole brings it within half a unit."""
+    far = 4.0 * float(np.max(spread, initial=0.0))  # a start is within twice the spread; half a unit is rest
+    steps = math.log(far) / -math.log(slowest) if far > 1 and 0 < slowest < 1 else 0.0
+    return SETTLING + math.ceil(min(steps, MOST_SETTLING - SETTLING))
+
+
+def _search(program: Program, machine: Machine, starts: States, patience: int) -> tuple[Array, Array, int, int]:
+    """Return the largest swing and the farthest rest of every output, how many starts did neither, and the steps.
+
+    A lane has come to rest, or cycles, where it returns to the state that a window of steps began with; windows grow
+    (R. P. Brent, BIT 20 (1980) 176-184), so that a long cycle is seen too.
+    """
+    lanes, width = starts.shape
     state = [np.array(column, dtype=working_type(program)) for column in starts.T]
-    for _ in range(SETTLING if state else 1):
-        values = machine.step(inputs, state)
-        following = [np.broadcast_to(values[s], lanes) for s in machine.next]
-        settled = all(np.array_equal(one, other) for one, other in zip(state, following, strict=True))
-        state = following
-        if settled:
+    steps, window, most = 0, LONGEST, max(LONGEST, HELD // (lanes * (width + len(program.outputs))))
+    while True:
+        still = np.array(_still(program, lanes), dtype=np.int64).T[:, None, :]
+        trace = run(program, np.broadcast_to(still, (lanes, window + 1, still.shape[2])), start=state)
+        states = np.asarray(trace.state)  # (lanes, steps, n)
+        returned = np.any(np.all(states[:, 1:] == states[:, :1], axis=2), axis=1)
+        settled, steps = steps >= patience, steps + window
+        if settled or np.all(returned):
             break
-    first = np.array(state).reshape(len(state), lanes)
-    returned = np.zeros(lanes, dtype=bool)
-    seen = []
-    for _ in range(LONGEST):
-        values = machine.step(inputs, state)
-        state = [np.broadcast_to(values[s], lanes) for s in machine.next]
-        seen.append([np.broadcast_to(values[s], lanes) for s in machine.results])
-        returned |= np.all(np.array(state).reshape(first.shape) == first, axis=0)
-    outputs = np.array(seen, dtype=np.float64)  # (steps, r, lanes)
+        state, window = list(states[:, -1].T), min(2 * window, most)
     scale = np.array([2.0**-v.number.fraction for v in program.outputs])
     at_start = machine.step(_still(program, 1), _rest(program, machine))
     origin = np.array([_one(at_start[s]) for s in machine.results])
-    low, high = outputs.min(axis=0)[:, returned], outputs.max(axis=0)[:, returned]
-    swing = np.max(high - low, axis=1, initial=0.0) * scale
-    away = np.where(high == low, np.abs(high - origin[:, None]), 0.0)
-    return swing, np.max(away, axis=1, initial=0.0) * scale, int(np.count_nonzero(~returned))
+    outputs = np.asarray(trace.outputs, dtype=np.float64)[returned]  # (lanes, steps, r)
+    low, high = outputs.min(axis=1), outputs.max(axis=1)
+    swing = np.max(high - low, axis=0, initial=0.0) * scale
+    away = np.where(high == low, np.abs(high - origin), 0.0)
+    return swing, np.max(away, axis=0, initial=0.0) * scale, int(np.count_nonzero(~returned)), steps

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from firmloop.cli import main
 from firmloop.design.design import Request
 from firmloop.design.kinds import design, kinds
 from firmloop.identify.signal import Signal
+from firmloop.presentation.code_words import about_still
 from firmloop.quantize.lower.lower import lower
-from firmloop.verify.proofs.limit_cycles import ZeroInput, zero_input
+from firmloop.verify.proofs.limit_cycles import AtRest, ZeroInput, zero_input
 from firmloop.verify.reference import run
 from tests.verify.test_tunable import PROJECT
 
@@ -110,6 +112,46 @@ def test_generate_prints_the_bound_at_rest(tmp_path: Path, capsys: pytest.Captur
     assert "inputs still: output: no limit cycle" in said and "rounding, proven: at most output" in said
     entry = json.loads((out / "proof.json").read_text())["zero_input"]
     assert entry["exhaustive"] and entry["outputs"]["output"]["bound"] == 0.0  # a PI rounds nothing at rest
+
+
+def generated_still(folder: Path, table: str, capsys: pytest.CaptureFixture[str]) -> tuple[str, dict[str, Any]]:
+    """Return the line on still inputs of a law of one input in 32 bits, and its entry in proof.json."""
+    path = folder / "slow.toml"
+    path.write_text(
+        f'schema = 1\nname = "slow"\n[controller]\nperiod_s = 0.001\n{table}\n[signals]\nx = {{ unit = "V", low = -10, '
+        'high = 10 }\noutput = { unit = "V", low = -20, high = 20 }\n[arithmetic]\nnumber = "fixed"\nbits = 32\n'
+    )
+    assert main(["generate", str(path), "--out", str(folder / "out")]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "inputs still" in line]
+    return line, json.loads((folder / "out" / "proof.json").read_text())["zero_input"]
+
+
+def test_a_slow_filter_is_followed_until_its_dead_band_is_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two poles at radius 0.9962 need thousands of steps from 128 starts to where roundings hold them."""
+    section = "[0.001, 0.0, 0.0, 1.0, -1.989599859318349, 0.9923293511531972]"
+    line, entry = generated_still(tmp_path, f'kind = "transfer_function"\ndomain = "z"\nsections = [{section}]', capsys)
+    assert "rests up to" in line and "no dead band" not in line and "not found out" not in line
+    assert entry["unsettled"] == 0 and 0 < entry["outputs"]["output"]["offset"] <= entry["outputs"]["output"]["bound"]
+
+
+def test_what_still_moves_after_the_search_is_told_as_not_found_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At a pole of 0.99999 a start falls by one unit a step, and has up to 50,000 to fall."""
+    line, entry = generated_still(
+        tmp_path, 'kind = "state_space"\nA = [[0.99999]]\nB = [[1e-5]]\nC = [[1.0]]\nD = [[0.0]]', capsys
+    )
+    assert 0 < entry["unsettled"] < entry["starts"]
+    assert f"not found out for {entry['unsettled']} of them, still moving after {entry['steps']} steps" in line
+    assert "no limit cycle found, rests up to" in line
+
+
+def test_nothing_is_claimed_where_every_start_still_moves() -> None:
+    (line,) = about_still(ZeroInput((AtRest("output", "V", 2e-4, 0.0, 0.0),), 128, False, 128, 10_000))
+    assert "no limit cycle" not in line and "no dead band" not in line
+    assert "not found out (128 starts, all still moving after 10000 steps)" in line
 
 
 @pytest.mark.parametrize(("most", "bits"), [("0.01", 16), ("1e-4", 32)])
